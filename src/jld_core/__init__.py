@@ -1,0 +1,29 @@
+"""One assembly, one labelling → λ, with proof."""
+
+from __future__ import annotations
+
+from jld_core._version import __version__
+from jld_core.assembly import DRY, INNER, Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError, RouteError
+from jld_core.limit import LimitAnalysis, solve
+from jld_core.result import LimitAnalysisResult
+from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core.solvers.status import Status
+
+__all__ = [
+    "DRY",
+    "INNER",
+    "Assembly",
+    "InputError",
+    "LimitAnalysis",
+    "LimitAnalysisResult",
+    "RouteError",
+    "Scene",
+    "Status",
+    "__version__",
+    "build_assembly",
+    "load_scene",
+    "parse_scene",
+    "solve",
+]

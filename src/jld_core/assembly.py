@@ -1,0 +1,159 @@
+"""Assembly: rigid elements and the interfaces between them, as frozen arrays.
+
+Two words before any other: an **element** is a rigid cell or block, a vertex of the graph; an **interface**
+is a plane contact of two elements, an edge of it. A **label** is what an interface is: ``DRY`` (a joint:
+no tension, Mohr–Coulomb friction) or ``INNER`` (a crack plane with finite strength).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Bits = NDArray[np.bool_]
+"""Labels of all interfaces, shape (m,), in the order of the assembly: True is dry, False is inner."""
+
+DRY: Final = True
+INNER: Final = False
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Struct of arrays over n elements; d is 2 (planar) or 3 (spatial), lengths and forces in scene units.
+
+    ids: names. blocks: the scene's block names, None where none is given. support: (n,) True where
+    equilibrium is not written. centroid: (n, d). volume: (n,) (planar: area × thickness). weight: (n, d)
+    self-weight as a force. shape: per element its boundary, planar (k, 2) counter-clockwise, spatial the
+    (k, 3) vertices. faces: per element the vertex indices of each face, outward (planar: empty).
+    """
+
+    ids: tuple[str, ...]
+    blocks: tuple[str | None, ...]
+    support: Bools
+    centroid: Floats
+    volume: Floats
+    weight: Floats
+    shape: tuple[Floats, ...]
+    faces: tuple[tuple[tuple[int, ...], ...], ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Position of each element by its id."""
+        return {name: position for position, name in enumerate(self.ids)}
+
+    @cached_property
+    def free(self) -> Ints:
+        """Indices of the elements whose equilibrium is written."""
+        return np.flatnonzero(~self.support)
+
+    @cached_property
+    def lower(self) -> Floats:
+        """(n, d) lower corner of each element's bounding box."""
+        return np.array([shape.min(axis=0) for shape in self.shape])
+
+    @cached_property
+    def upper(self) -> Floats:
+        """(n, d) upper corner of each element's bounding box."""
+        return np.array([shape.max(axis=0) for shape in self.shape])
+
+
+@dataclass(frozen=True)
+class Interfaces:
+    """Struct of arrays over m interfaces; the normal runs from element a to element b.
+
+    a, b: (m,) element indices. origin: (m, d) centroid. normal, e1, e2: (m, d) unit frame, e1 = normal
+    turned +90° in the plane; e2 is empty in planar scenes. l1, l2: (m,) sizes along e1 and e2 (planar:
+    length and thickness). area: (m,). c_t: (m,) torsion length c_T (planar: zeros). rectangle: (m,) True
+    where the polygon is a rectangle along e1, e2. polygon: per interface (k, d) corner points.
+    """
+
+    a: Ints
+    b: Ints
+    origin: Floats
+    normal: Floats
+    e1: Floats
+    e2: Floats
+    l1: Floats
+    l2: Floats
+    area: Floats
+    c_t: Floats
+    rectangle: Bools
+    polygon: tuple[Floats, ...]
+
+    def __len__(self) -> int:
+        return len(self.a)
+
+
+@dataclass(frozen=True)
+class Strengths:
+    """Struct of arrays over m interfaces: what each would be made of as dry and as inner, scene units.
+
+    friction: coefficient μ. tension, shear: σt and τ, stress. crush_dry, crush_inner: compressive
+    strength, stress, inf where none is given. A material the scene does not name is NaN.
+    """
+
+    friction: Floats
+    tension: Floats
+    shear: Floats
+    crush_dry: Floats
+    crush_inner: Floats
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """One structure, its loads and its materials, before any labelling is chosen.
+
+    dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
+    units; dead holds self-weight and is never scaled by λ. labels: (m,) the labels the scene itself gives.
+    live_points: places and vectors of the live point forces, for drawing.
+    """
+
+    name: str
+    dimension: int
+    units: tuple[str, str]
+    elements: Elements
+    interfaces: Interfaces
+    strengths: Strengths
+    dead: Floats
+    live: Floats
+    labels: Bits
+    live_points: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
+
+    @property
+    def freedoms(self) -> int:
+        """Equations per element and resultants per interface: 3 planar, 6 spatial."""
+        return 3 if self.dimension == 2 else 6
+
+    @cached_property
+    def free_faces(self) -> Bools:
+        """(m,) True where the interface joins two free elements."""
+        support = self.elements.support
+        faces = self.interfaces
+        return ~(support[faces.a] | support[faces.b])
+
+    @cached_property
+    def size(self) -> float:
+        """Largest side of the bounding box, the length that geometric tolerances refer to."""
+        return float(np.max(self.elements.upper.max(axis=0) - self.elements.lower.min(axis=0)))
+
+    @cached_property
+    def total_dead(self) -> float:
+        """Sum of the magnitudes of the dead forces on free elements."""
+        return float(np.linalg.norm(self.dead[self.elements.free, : self.dimension], axis=1).sum())
+
+    @cached_property
+    def total_live(self) -> float:
+        """Sum of the magnitudes of the live forces on free elements; of moments / size where there are none."""
+        live = self.live[self.elements.free]
+        forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
+        return forces or float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size

@@ -1,0 +1,203 @@
+"""Two-sided bounds on λ computed by us from whatever a solver returned (METHOD §3).
+
+A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set; an upper bound is the
+work balance of velocities whose dissipation is finite on every face. Neither needs the solver to be right: its
+answer is repaired, checked, and bounds nothing if the check fails. All quantities here are scaled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from jld_core import tolerances
+from jld_core.assembly import Bits, Floats
+from jld_core.program import Template
+
+_DENSE = 700  # equations up to which a stored dense projector beats sparse triangular solves
+
+
+@dataclass(frozen=True)
+class State:
+    """Forces (m, q) and λ, scaled, with the least slack in the yield sets and the error left in equilibrium."""
+
+    forces: Floats
+    load: float
+    slack: float
+    error: float
+
+    @property
+    def admissible(self) -> bool:
+        """The exact solution next to these rounded numbers is inside every yield set."""
+        return self.slack >= 2.0 * self.error
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Velocities (q·free,) with b_λ·u = work, scaled; their least margin, dissipation minus dead work, and jumps.
+
+    bound: Σ D(J) − b·u, meaningful where margin ≥ 0.
+    """
+
+    velocity: Floats
+    jumps: Floats
+    work: float
+    margin: float
+    bound: float
+
+
+class Projector:
+    """Nearest solution of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), with A restricted to the active resultants."""
+
+    def __init__(self, matrix: sp.csc_array) -> None:
+        self.matrix = matrix
+        self.rows = sp.csr_array(matrix)
+        self._dense: Floats | None = None
+        if matrix.shape[0] <= _DENSE:
+            self._dense = np.linalg.pinv(matrix.toarray())
+        else:
+            normal = (matrix @ matrix.T).tocsc()
+            # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
+            normal = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
+            self._solver = spla.splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+
+    def correction(self, residual: Floats) -> Floats:
+        """Least change of F that removes a residual (q·free,); shape (q·m,)."""
+        if self._dense is not None:
+            return self._dense @ residual
+        return np.asarray(self.matrix.T @ self._solver.solve(residual))
+
+
+class Prover:
+    """Turns raw points and multipliers of one template into checked bounds."""
+
+    def __init__(self, template: Template) -> None:
+        self.template = template
+        self.transposed = sp.csr_array(template.matrix.T)
+        self._projectors: dict[bytes, Projector] = {}
+        self._columns = template.matrix.shape[1]
+        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+
+    def projector(self, labels: Bits) -> tuple[Projector, Floats | None]:
+        """The projector for the resultants that a labelling keeps, and their 0/1 mask (None: all)."""
+        active = self.template.yield_set.active(labels)
+        if active.all():
+            active = self._everything
+        key = np.packbits(active).tobytes()
+        mask = None if active is self._everything else active.ravel().astype(float)
+        if key not in self._projectors:
+            matrix = self.template.matrix if mask is None else self.template.matrix @ sp.diags_array(mask)
+            if len(self._projectors) >= 16:
+                self._projectors.pop(next(iter(self._projectors)))
+            self._projectors[key] = Projector(sp.csc_array(matrix))
+        return self._projectors[key], mask
+
+    def state(self, point: Floats, labels: Bits, passes: int = 2) -> State:
+        """Project y = (F, …, λ) onto equilibrium and measure its slack; λ is kept as it is.
+
+        point: (≥ q·m + 1,), λ last. labels: (m,).
+        """
+        load = float(point[-1])
+        if not np.all(np.isfinite(point)):
+            return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        return self._settle(point[: self._columns], -(self.template.dead + load * self.template.live), load, labels, passes)
+
+    def ray(self, point: Floats, labels: Bits) -> State:
+        """The same for a ray: A R + b_λ = 0 with R in the recession cones; `slack` refers to those."""
+        if not np.all(np.isfinite(point)) or not point[-1] > 0.0:
+            return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        return self._settle(point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True)
+
+    def _settle(
+        self, forces: Floats, target: Floats, load: float, labels: Bits, passes: int, recession: bool = False
+    ) -> State:
+        projector, mask = self.projector(labels)
+        if recession:
+            # shear strength is bounded, so a ray has none on inner faces: project without it
+            active = self.template.yield_set.active(labels).copy()
+            active[~labels, 1 : self.template.assembly.dimension] = False
+            if self.template.assembly.dimension == 3:
+                active[~labels, 5] = False
+            mask = active.ravel().astype(float)
+            projector = Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)))
+        if mask is not None:
+            forces = forces * mask
+        for _ in range(passes):
+            forces = forces - projector.correction(projector.rows @ forces - target)
+        left = projector.rows @ forces - target
+        error = float(abs(projector.correction(left)).max())
+        if mask is not None and float(abs(left).max()) > 1e-9:
+            error = np.inf  # without the dropped resultants this λ has no equilibrium at all
+        table = forces.reshape(self._everything.shape)
+        sets = self.template.yield_set
+        if recession:
+            slack = sets.recession_slack(table, labels)
+        else:
+            slack = sets.slack(table, labels)
+        return State(table, load, float(slack.min()), error)
+
+    def blend(self, state: State, inside: State, labels: Bits) -> State:
+        """Move a state towards one well inside, just far enough to become admissible.
+
+        Yield sets are convex and equilibrium is linear, λ included, so every blend is a state.
+        """
+        need = 4.0 * max(state.error, inside.error)
+        if state.slack >= need or inside.slack <= need:
+            return state
+        share = min(1.0, (need - state.slack) / (inside.slack - state.slack))
+        for _ in range(4):
+            forces = (1.0 - share) * state.forces + share * inside.forces
+            load = (1.0 - share) * state.load + share * inside.load
+            mixed = self._settle(forces.ravel(), -(self.template.dead + load * self.template.live), load, labels, 1)
+            if mixed.admissible:
+                return mixed
+            share = min(1.0, 2.0 * share)
+        return mixed
+
+    def motion(self, velocity: Floats, labels: Bits, normalise: bool = True) -> Motion:
+        """Jumps, margin and bound of velocities (q·free,); normalised to b_λ·u = 1 where their work allows."""
+        template = self.template
+        velocity = velocity[: template.matrix.shape[0]]
+        if not np.all(np.isfinite(velocity)):
+            return Motion(velocity, np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        work = float(template.live @ velocity)
+        if normalise and work > 0.0:
+            velocity, work = velocity / work, 1.0
+        jumps = (self.transposed @ velocity).reshape(self._everything.shape)
+        return self.measure(velocity, jumps, work, labels)
+
+    def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
+        """Margin and bound of velocities whose jumps are known."""
+        sets = self.template.yield_set
+        margin = float(sets.margin(jumps, labels).min())
+        bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
+        return Motion(velocity, jumps, work, margin, bound)
+
+    def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
+        """Add just enough of a strictly opening motion for the dissipation to become finite."""
+        if motion.margin >= 0.0 or not opening.margin > 0.0:
+            return motion
+        share = -motion.margin / opening.margin
+        for _ in range(4):
+            mixed = self.motion(motion.velocity + share * opening.velocity, labels, normalise=motion.work > 0.0)
+            if mixed.margin >= 0.0:
+                return mixed
+            share *= 2.0
+        return mixed
+
+
+def relative_width(low: float, high: float, floor: float) -> float:
+    """Width of a bracket over max(|lo|, |hi|, floor); inf where an end is missing (METHOD §3)."""
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return np.inf
+    size = max(abs(low), abs(high), floor)
+    return (high - low) / size if size > 0.0 else float(high > low)
+
+
+def load_floor(template: Template) -> float:
+    """1e-3 · total weight / total live load, in scene units of λ."""
+    assembly = template.assembly
+    return tolerances.GAP_FLOOR * assembly.total_dead / assembly.total_live

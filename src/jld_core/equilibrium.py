@@ -1,0 +1,58 @@
+"""Equilibrium of free elements, A_eq F + b + λ b_λ = 0: the only place that builds its matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.assembly import Assembly, Floats
+
+
+def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
+    """A_eq, shape (q·free, q·m) with q = 3 (planar) or 6 (spatial); forces row then moments about the centroid.
+
+    Column q·f + j is resultant j of interface f — planar (N, V, M), spatial (N, V1, V2, M1, M2, MT) — acting
+    as +F on element b and −F on element a. Scene units. Supports have no rows.
+    Source: Iannuzzo et al. 2024, eq. (2); METHOD §1.
+    """
+    faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
+    count = len(faces)
+    row_of = np.full(len(elements), -1, dtype=np.int64)
+    row_of[elements.free] = np.arange(len(elements.free))
+    directions = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
+    couples = [None] if d == 2 else [faces.e1, faces.e2, faces.normal]
+    rows, columns, values = [], [], []
+    for element, sign in ((faces.a, -1.0), (faces.b, 1.0)):
+        free = row_of[element] >= 0
+        base = q * row_of[element[free]]
+        arm = faces.origin[free] - elements.centroid[element[free]]
+        for j in range(q):
+            column = q * np.flatnonzero(free) + j
+            block = np.zeros((len(base), q))
+            if j < d:
+                along = directions[j][free]
+                block[:, :d] = along
+                block[:, d:] = _cross(arm, along)
+            elif d == 2:
+                block[:, 2] = 1.0
+            else:
+                block[:, 3:] = couples[j - d][free]  # type: ignore[index]
+            rows.append((base[:, None] + np.arange(q)).ravel())
+            columns.append(np.repeat(column, q))
+            values.append((sign * block).ravel())
+    row, column, value = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+    kept = value != 0.0
+    shape = (q * len(elements.free), q * count)
+    return sp.csc_array((value[kept], (row[kept], column[kept])), shape=shape)
+
+
+def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
+    """b and b_λ on the free elements, each (q·free,), scene units: dead loads with self-weight, and live loads."""
+    free = assembly.elements.free
+    return assembly.dead[free].ravel(), assembly.live[free].ravel()
+
+
+def _cross(arm: Floats, along: Floats) -> Floats:
+    if arm.shape[1] == 2:
+        return (arm[:, 0] * along[:, 1] - arm[:, 1] * along[:, 0])[:, None]
+    return np.cross(arm, along)

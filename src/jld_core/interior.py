@@ -1,0 +1,279 @@
+"""States well inside all yield sets, motions that open every joint they may, rays: what repairs are made with.
+
+These are small programs of their own, solved only where the first answer does not prove itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from jld_core import tolerances
+from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.bracket import Motion, Prover, State
+from jld_core.program import ConicProgram, Structure, Template
+from jld_core.solvers.clarabel_ import ClarabelRoute
+from jld_core.solvers.status import RawSolution
+
+_DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
+
+
+class Interior:
+    """Auxiliary programs of one template."""
+
+    def __init__(self, template: Template, prover: Prover) -> None:
+        self.template, self.prover = template, prover
+        self._opening: Motion | None = None
+        self._opening_known = False
+        self._deepest_key: bytes | None = None
+        self._deepest: RawSolution | None = None
+
+    # --- states -----------------------------------------------------------------------------------------
+
+    def state(self, labels: Bits) -> State | None:
+        """The state of largest slack at any λ, or None where it is not admissible."""
+        state = self.prover.state(self._deepest_answer(labels).point[: self.template.columns], labels, passes=3)
+        return state if state.admissible else None
+
+    def phase_one(self, labels: Bits) -> Floats:
+        """Multipliers of the program that seeks the largest slack: negative slack makes them an instability proof."""
+        return self._deepest_answer(labels).dual
+
+    def stands(self, labels: Bits) -> bool | None:
+        """Is λ = 0 admissible? True with a state, False with a motion that gains energy, None if neither is found."""
+        raw = ClarabelRoute().solve(_with_slack(self.template.program(labels), load_fixed=True))
+        point = np.append(raw.point[: self.template.columns - 1], 0.0)
+        if self.prover.state(point, labels, passes=3).admissible:
+            return True
+        motion = self.prover.motion(raw.dual, labels, normalise=False)
+        opening = self.opening()
+        if motion.margin < 0.0 and opening is not None:
+            motion = self.prover.open_up(motion, opening, labels)
+        if motion.margin < 0.0:
+            motion = self.reduced(motion, labels, normalise=False) or motion
+        return False if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING else None
+
+    def _deepest_answer(self, labels: Bits) -> RawSolution:
+        key = np.packbits(labels).tobytes()
+        if self._deepest is None or key != self._deepest_key:
+            self._deepest = ClarabelRoute().solve(_with_slack(self.template.program(labels)))
+            self._deepest_key = key
+        return self._deepest
+
+    # --- rays and self-stress ---------------------------------------------------------------------------
+
+    def ray(self, labels: Bits) -> State | None:
+        """A way to carry ever more live load: A R + b_λ = 0 with R inside the recession cones; None without proof."""
+        program = self.template.program(labels)
+        target = np.concatenate([-self.template.live, np.zeros(len(program.rhs) - len(self.template.live))])
+        answer, _ = self._spread(program, target)
+        ray = self.prover.ray(np.append(answer.point[: self.template.matrix.shape[1]], 1.0), labels)
+        return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
+
+    def _spread(self, program: ConicProgram, target: Floats) -> tuple[RawSolution, Floats]:
+        """A point of the recession cones with as many yield rows slack as can be, and that slack in [0, 1] per row.
+
+        program: supplies the rows. target: (rows,) right-hand side, zero below equilibrium.
+        """
+        s = program.structure
+        matrix = program.matrix[:, : s.shape[1] - 1].tocsr()
+        tips = _tips(s)
+        count = len(tips)
+        pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count))
+        fixed, linear = s.equalities, s.equalities + s.linear
+        bound = sp.hstack([sp.csr_array((count, matrix.shape[1])), sp.eye_array(count)])
+        rows = sp.vstack(
+            [
+                sp.hstack([matrix[:fixed], sp.csr_array((fixed, count))]),
+                sp.hstack([matrix[fixed + 1 : linear], pick[fixed + 1 : linear]]),
+                bound,
+                -bound,
+                sp.hstack([matrix[linear:], pick[linear:]]),
+            ]
+        )
+        rhs = np.concatenate([target[: s.equalities], np.zeros(s.linear - 1), np.ones(count), np.zeros(count), target[linear:]])
+        objective = np.concatenate([np.zeros(matrix.shape[1]), -np.ones(count)])
+        raw = ClarabelRoute().solve(_pack(rows, rhs, objective, s.equalities, s.linear - 1 + 2 * count, s.cones))
+        return raw, raw.point[matrix.shape[1] :]
+
+    # --- motions ----------------------------------------------------------------------------------------
+
+    def opening(self) -> Motion | None:
+        """A motion that strictly opens every face taken as dry: it does for every labelling. None if confined.
+
+        A dry face asks more of a jump than an inner one (δ ≥ |θ| l/2 + μ|s| against δ ≥ |θ| l/6), so one such
+        motion serves all labellings of the assembly.
+        """
+        if not self._opening_known:
+            every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
+            rows = np.ones(len(_tips(self.template.structure)), dtype=bool)
+            motion = self._relative_interior(self.template.program(every), rows, every)
+            self._opening = motion if motion is not None and motion.margin > 0.0 else None
+            self._opening_known = True
+        return self._opening
+
+    def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
+        """Add a little opening to a motion whose work of the live load is negative by rounding."""
+        opening = self.opening()
+        if opening is None or opening.work <= 0.0:
+            return motion
+        share = -2.0 * motion.work / opening.work
+        return self.prover.motion(motion.velocity + share * opening.velocity, labels, normalise=False)
+
+    def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
+        """Repair a motion of a confined assembly by facial reduction (METHOD §3).
+
+        Where a self-stress lies inside the recession cone of a row, no finite dissipation lets that row's
+        multiplier be other than zero; the motion is projected on the jumps that the other rows allow, then
+        blended with one from the relative interior of those.
+        """
+        template = self.template
+        if template.matrix.shape[0] > _DENSE:
+            return None
+        program = template.program(labels)
+        _, slack = self._spread(program, np.zeros(len(program.rhs)))
+        moving = slack < 0.5
+        inside = self._relative_interior(program, moving, labels)
+        if inside is None:
+            return None
+        bases = self._allowed_jumps(program, moving)
+        forbid = self._forbidden(bases)
+        inverse = np.linalg.pinv(forbid) if len(forbid) else np.zeros((template.matrix.shape[0], 0))
+
+        def project(velocity: Floats) -> Floats:
+            for _ in range(2):
+                velocity = velocity - inverse @ (forbid @ velocity)
+            return velocity
+
+        start, step = project(motion.velocity), project(inside.velocity)
+        size = float(abs(start).max()) / max(float(abs(step).max()), 1e-300)
+        for share in (0.0, *np.logspace(-14.0, -3.0, 23)):
+            velocity = start + share * size * step
+            work = float(template.live @ velocity)
+            if normalise:
+                if not work > 0.0:
+                    continue
+                velocity, work = velocity / work, 1.0
+            found = self._measure_reduced(velocity, work, labels, bases)
+            if found.margin >= 0.0:
+                return found
+        return None
+
+    def _relative_interior(self, program: ConicProgram, moving: Bools, labels: Bits) -> Motion | None:
+        """Velocities whose jumps are −Gᵀz with z ≥ 1 on the moving rows and 0 on the others; None if there are none."""
+        s = program.structure
+        matrix = program.matrix.tocsr()[:, : s.shape[1] - 1]
+        tips = _tips(s)
+        linear_rows = tips[: s.linear - 1]
+        cone_starts = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
+        kept_linear = linear_rows[moving[: len(linear_rows)]]
+        kept_cones = [
+            (start, size)
+            for start, size, use in zip(cone_starts, s.cones, moving[len(linear_rows) :], strict=True)
+            if use
+        ]
+        cone_rows = np.concatenate([np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]).astype(int)
+        chosen = np.concatenate([kept_linear, cone_rows])
+        balance = sp.hstack([matrix[: s.equalities].T, matrix[chosen].T]).tocsr()
+        velocities, multipliers = s.equalities, len(chosen)
+        identity = sp.hstack([sp.csr_array((multipliers, velocities)), sp.eye_array(multipliers)]).tocsr()
+        floor = np.zeros(multipliers)
+        floor[: len(kept_linear)] = 1.0
+        starts = len(kept_linear) + np.cumsum([0, *(k for _, k in kept_cones)])[: len(kept_cones)]
+        floor[starts] = 1.0
+        rows = sp.vstack([balance, -identity])
+        rhs = np.concatenate([np.zeros(balance.shape[0]), -floor])
+        objective = np.concatenate([np.zeros(velocities), floor])
+        raw = ClarabelRoute().solve(
+            _pack(rows, rhs, objective, balance.shape[0], len(kept_linear), tuple(k for _, k in kept_cones))
+        )
+        left = balance @ raw.point
+        if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(raw.point[velocities:][starts] < 0.5):
+            return None
+        if np.any(raw.point[velocities : velocities + len(kept_linear)] < 0.5):
+            return None
+        return self.prover.motion(raw.point[:velocities], labels, normalise=False)
+
+    def _allowed_jumps(self, program: ConicProgram, moving: Bools) -> dict[int, Floats]:
+        """Per face that may not move freely: an orthonormal basis (q, k) of the jumps its moving rows span."""
+        s, q = program.structure, self.template.assembly.freedoms
+        pattern = self.template.yield_set.pattern
+        yields = program.matrix.tocsr()[s.equalities + 1 :].toarray()
+        own = q * len(self.template.assembly.interfaces)
+        row_moves = np.concatenate(
+            [moving[: pattern.linear], np.repeat(moving[pattern.linear :], np.array(s.cones, dtype=int))]
+        ).astype(bool)
+        bases: dict[int, Floats] = {}
+        for face in range(len(self.template.assembly.interfaces)):
+            rows = np.flatnonzero(pattern.row_face == face)
+            if row_moves[rows].all():
+                continue
+            table = yields[rows[row_moves[rows]]]
+            extra = table[:, own:]
+            extra = extra[:, np.any(extra != 0.0, axis=0)]
+            free = la.null_space(extra.T) if extra.size else np.eye(len(table))
+            bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
+        return bases
+
+    def _forbidden(self, bases: dict[int, Floats]) -> Floats:
+        """Rows E with E u = 0 ⇔ every reduced face jumps within its basis."""
+        q = self.template.assembly.freedoms
+        parts = []
+        for face, basis in bases.items():
+            jumps = self.prover.transposed[q * face : q * face + q].toarray()
+            parts.append(jumps - basis @ (basis.T @ jumps))
+        if not parts:
+            return np.zeros((0, self.template.matrix.shape[0]))
+        stacked = np.concatenate(parts)
+        return stacked[abs(stacked).max(axis=1) > 1e-12]
+
+    def _measure_reduced(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
+        """Margin and bound, the jumps of reduced faces taken on their bases, where they lie but for rounding."""
+        jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
+        noise = tolerances.ROUNDING * max(float(abs(velocity).max()), 1.0)
+        for face, basis in bases.items():
+            snapped = basis @ (basis.T @ jumps[face])
+            if abs(snapped - jumps[face]).max() > noise:
+                return Motion(velocity, jumps, work, -np.inf, np.inf)
+            jumps[face] = snapped
+        sets = self.template.yield_set
+        margin = sets.margin(jumps, labels)
+        edge: Ints = np.array(sorted(bases), dtype=np.int64)
+        margin[edge] = np.where(abs(margin[edge]) <= noise, 0.0, margin[edge])
+        bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
+        return Motion(velocity, jumps, work, float(margin.min()), bound)
+
+
+def _tips(structure: Structure) -> Ints:
+    """Rows that carry a slack: every linear yield row (the first linear row bounds λ), then the head of each cone."""
+    linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
+    heads = structure.equalities + structure.linear + np.concatenate([[0], np.cumsum(structure.cones)])
+    return np.concatenate([linear, heads[: len(structure.cones)]]).astype(np.int64)
+
+
+def _with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
+    """The program that maximises the least slack t ≤ 1 of all yield rows, over λ too unless it is fixed at 0."""
+    s = program.structure
+    matrix = program.matrix.tocsr()
+    column = np.zeros(s.shape[0])
+    column[_tips(s)] = 1.0
+    kept = matrix[:, :-1] if load_fixed else matrix
+    edge = s.equalities + s.linear
+    last = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
+    wide = sp.hstack([kept, sp.csr_array(column[:, None])]).tocsr()
+    rows = sp.vstack([wide[:edge], last, wide[edge:]])
+    rhs = np.concatenate([program.rhs[:edge], [1.0], program.rhs[edge:]])
+    objective = np.zeros(wide.shape[1])
+    objective[-1] = -1.0
+    return _pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones)
+
+
+def _pack(
+    rows: sp.sparray, rhs: Floats, objective: Floats, equalities: int, linear: int, cones: tuple[int, ...]
+) -> ConicProgram:
+    matrix = sp.csc_array(rows)
+    matrix.sort_indices()
+    shape = (int(matrix.shape[0]), int(matrix.shape[1]))
+    structure = Structure(matrix.indices, matrix.indptr, shape, equalities, linear, cones)
+    return ConicProgram(structure, matrix.data, rhs, objective)

@@ -1,0 +1,275 @@
+"""Limit analysis of one labelling: solve, repair, prove; other routes only where the first does not prove."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.bracket import Motion, Prover, State, load_floor, relative_width
+from jld_core.interior import Interior
+from jld_core.program import Template
+from jld_core.result import LimitAnalysisResult
+from jld_core.solvers import HighsRoute, RawStatus, Route, make_route
+from jld_core.solvers.status import RawSolution, Status
+from jld_core.yield_sets import require_materials
+
+
+@dataclass
+class Proof:
+    """What has been proven so far about one labelling, and by what."""
+
+    state: State | None = None
+    motion: Motion | None = None
+    ray: State | None = None
+    collapse_below_zero: Motion | None = None
+    route: list[str] = field(default_factory=list)
+    solves: int = 0
+    guess: float = math.nan
+
+    def offer_state(self, state: State) -> None:
+        """Keep an admissible state if its λ is the highest so far."""
+        if state.admissible and (self.state is None or state.load > self.state.load):
+            self.state = state
+
+    def offer_motion(self, motion: Motion) -> None:
+        """Keep a motion with finite dissipation if its bound is the lowest so far."""
+        if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
+            self.motion = motion
+
+    @property
+    def low(self) -> float:
+        return self.state.load if self.state is not None else -math.inf
+
+    @property
+    def high(self) -> float:
+        return self.motion.bound if self.motion is not None else math.inf
+
+
+class LimitAnalysis:
+    """Limit analysis of one assembly under any of its labellings.
+
+    assembly: the structure. gap: relative width of the bracket that counts as solved. solver: name of the
+    first route. margin: see `Template.program`. Structure, scaling and projectors are built once; the answer
+    for a labelling does not depend on what was solved before it.
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        *,
+        solver: str = "clarabel",
+        gap: float = tolerances.GAP,
+        margin: float = tolerances.MARGIN,
+        reference: Bits | None = None,
+        template: Template | None = None,
+    ) -> None:
+        start = time.perf_counter()
+        self.assembly = assembly
+        self.template = template or Template(assembly)
+        self.prover = Prover(self.template)
+        self.route: Route = make_route(solver)
+        self.interior = Interior(self.template, self.prover)
+        self.gap, self.margin = gap, margin
+        self._floor = load_floor(self.template) / self.template.scaling.load
+        self._reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
+        self._reference_known = False
+        self.seconds = time.perf_counter() - start
+
+    def prove(self, labels: Bits) -> tuple[Status, Proof]:
+        """Status and proof of one labelling, by as many routes as it takes.
+
+        labels: (m,) True dry.
+        """
+        proof = Proof()
+        if not self._reference_known and hasattr(self.route, "rebuilds"):
+            self.route.solve(self.template.program(self._reference, self.margin))
+            self._reference_known = True
+        raw = self._attempt(proof, self.route, labels, self.margin)
+        status = self._judge(proof)
+        if status is Status.UNCERTIFIED:
+            status = self._try_harder(proof, raw, labels)
+        return status, proof
+
+    def _attempt(self, proof: Proof, route: Route, labels: Bits, margin: float) -> RawSolution:
+        raw = route.solve(self.template.program(labels, margin))
+        proof.solves += 1
+        proof.route.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
+        self._harvest(proof, raw, labels)
+        return raw
+
+    def _harvest(self, proof: Proof, raw: RawSolution, labels: Bits) -> None:
+        """Take from a raw answer whatever it proves, in the order its status makes likely."""
+        if raw.status is RawStatus.INFEASIBLE:
+            self._offer_instability(proof, raw.dual, labels)
+            return
+        if raw.status is RawStatus.UNBOUNDED:
+            proof.ray = self._checked_ray(raw.point, labels)
+            return
+        proof.guess = float(raw.point[-1])
+        proof.offer_state(self.prover.state(raw.point, labels))
+        proof.offer_motion(self.prover.motion(raw.dual, labels))
+
+    def _checked_ray(self, point: Floats, labels: Bits) -> State | None:
+        ray = self.prover.ray(point, labels)
+        return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
+
+    def _offer_instability(self, proof: Proof, dual: Floats, labels: Bits) -> None:
+        """Σ D − b·u < 0 with b_λ·u ≥ 0 proves that no λ ≥ 0 is admissible."""
+        velocity = dual[: self.template.matrix.shape[0]]
+        size = float(abs(velocity).max())
+        if not (np.isfinite(size) and size > 0.0):
+            return
+        motion = self.prover.motion(velocity / size, labels, normalise=False)
+        if motion.margin < 0.0:
+            opening = self.interior.opening()
+            if opening is None:
+                return
+            motion = self.prover.open_up(motion, opening, labels)
+        if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING:
+            if motion.work < 0.0:
+                motion = self.interior.make_work_positive(motion, labels)
+            if motion.work >= 0.0 and motion.bound < -tolerances.ROUNDING:
+                proof.collapse_below_zero = motion
+
+    def _judge(self, proof: Proof) -> Status:
+        if proof.collapse_below_zero is not None or proof.high < 0.0:
+            return Status.UNSTABLE
+        if proof.ray is not None and proof.state is not None:
+            return Status.LOCKED
+        if relative_width(proof.low, proof.high, self._floor) <= self.gap:
+            return Status.COLLAPSE
+        return Status.UNCERTIFIED
+
+    def _try_harder(self, proof: Proof, raw: RawSolution, labels: Bits) -> Status:
+        """Repairs by interior points, then other routes; each step is named in the route."""
+        for step in (self._repair, self._crossover, self._phase_one, self._unshrunk):
+            raw = step(proof, raw, labels)
+            status = self._judge(proof)
+            if status is not Status.UNCERTIFIED:
+                return status
+        return Status.UNCERTIFIED
+
+    def _repair(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
+        """Blend the answer at hand with states well inside and motions that open everywhere they may."""
+        if raw.status is RawStatus.INFEASIBLE:
+            return raw
+        state = self.prover.state(raw.point, labels, passes=3)
+        if raw.status is RawStatus.UNBOUNDED or not state.admissible:
+            inside = self.interior.state(labels)
+            proof.solves += 1
+            proof.route.append("state inside")
+            if inside is not None:
+                proof.offer_state(inside)
+                if raw.status is not RawStatus.UNBOUNDED:
+                    proof.offer_state(self.prover.blend(state, inside, labels))
+        if raw.status is RawStatus.UNBOUNDED:
+            if proof.ray is None:
+                proof.ray = self.interior.ray(labels)
+                proof.solves += 1
+                proof.route.append("ray inside")
+            return raw
+        motion = self.prover.motion(raw.dual, labels)
+        if motion.margin < 0.0:
+            opening = self.interior.opening()
+            if opening is not None:
+                proof.route.append("opened")
+                proof.offer_motion(self.prover.open_up(motion, opening, labels))
+            else:
+                proof.route.append("facial reduction")
+                proof.solves += 2
+                reduced = self.interior.reduced(motion, labels)
+                if reduced is not None:
+                    proof.offer_motion(reduced)
+        return raw
+
+    def _crossover(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
+        """A vertex by dual simplex, exact to rounding, where the program is linear."""
+        if self.template.structure.cones or self.template.structure.shape[1] > 6000:
+            return raw
+        found = self._attempt(proof, HighsRoute(), labels, 0.0)
+        return self._repair(proof, found, labels)
+
+    def _phase_one(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
+        """Least shrinkage under which any λ ≥ −c is admissible; its multipliers prove instability."""
+        answer = self.interior.phase_one(labels)
+        proof.solves += 1
+        proof.route.append("phase one")
+        self._offer_instability(proof, answer, labels)
+        return raw
+
+    def _unshrunk(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
+        """The interior-point route again without margins, for yield sets that leave none."""
+        return self._repair(proof, self._attempt(proof, self.route, labels, 0.0), labels)
+
+    def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
+        """Limit analysis of one labelling, in full.
+
+        labels: (m,) True dry; default the assembly's own. stands: also decide whether it stands at λ = 0.
+        Raises InputError where a material that the labelling needs is missing.
+        """
+        start = time.perf_counter()
+        labels = self.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+        require_materials(self.assembly, labels, ~labels)
+        status, proof = self.prove(labels)
+        solved = time.perf_counter() - start
+        at_zero = self._stands(status, proof, labels) if stands else None
+        return self._result(labels, status, proof, at_zero, solved, time.perf_counter() - start)
+
+    def _stands(self, status: Status, proof: Proof, labels: Bits) -> bool | None:
+        """Is λ = 0 admissible? The admissible λ are an interval, so a proven state below 0 would do too."""
+        if status is Status.UNSTABLE:
+            return False
+        if not self.template.dead.any():
+            return True
+        proof.solves += 1
+        return self.interior.stands(labels)
+
+    def _result(
+        self, labels: Bits, status: Status, proof: Proof, at_zero: bool | None, solved: float, total: float
+    ) -> LimitAnalysisResult:
+        scaling, nan = self.template.scaling, math.nan
+        low, high = proof.low * scaling.load, proof.high * scaling.load
+        bracket = (low if math.isfinite(low) else nan, high if math.isfinite(high) else nan)
+        gap = relative_width(proof.low, proof.high, self._floor)
+        forces = None if proof.state is None else proof.state.forces * scaling.face
+        mechanism = None
+        if proof.motion is not None:
+            mechanism = np.zeros((len(self.assembly.elements), self.assembly.freedoms))
+            free = scaling.load * proof.motion.velocity / scaling.row.ravel()
+            mechanism[self.assembly.elements.free] = free.reshape(-1, self.assembly.freedoms)
+        load_factor = 0.5 * (low + high)
+        if status is Status.UNSTABLE:
+            load_factor, bracket, gap, forces, mechanism = nan, (nan, nan), nan, None, None
+        elif status is Status.LOCKED:
+            load_factor, bracket, gap, mechanism = nan, (bracket[0], nan), nan, None
+        elif status is Status.UNCERTIFIED and not math.isfinite(load_factor):
+            load_factor = proof.guess * scaling.load
+        return LimitAnalysisResult(
+            assembly=self.assembly,
+            labels=labels,
+            status=status,
+            load_factor=load_factor,
+            bracket=bracket,
+            gap=gap,
+            stands_at_zero=at_zero,
+            forces=forces,
+            mechanism=mechanism,
+            iterations=proof.solves,
+            route=tuple(proof.route),
+            seconds={"assemble": self.seconds, "solve": solved, "total": self.seconds + total},
+        )
+
+
+def solve(assembly: Assembly, labels: Bits | None = None, **options: object) -> LimitAnalysisResult:
+    """Limit analysis of one assembly in one call; options as for `LimitAnalysis`.
+
+    Raises InputError where a needed material is missing or the solver's name is unknown.
+    """
+    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    require_materials(assembly, own, ~own)
+    return LimitAnalysis(assembly, reference=own, **options).solve(own)  # type: ignore[arg-type]

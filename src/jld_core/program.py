@@ -1,0 +1,136 @@
+"""The conic program of one labelling, and what a relabelling changes in it.
+
+minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones,   y = (F, extra, λ)
+
+The rows are equilibrium, then λ ≥ −c (which keeps the program feasible near zero and gives proofs of
+instability the right sign), then the yield rows. Structure is built once per assembly; a labelling only
+chooses, entry by entry, between two arrays of numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.assembly import Assembly, Bits, Floats, Ints
+from jld_core.equilibrium import equilibrium_matrix, load_vectors
+from jld_core.scaling import Scaling, scaling_of
+from jld_core.yield_sets import YieldSet, planar_yield
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What all programs of one template share: sparsity of M (csc) and the cones.
+
+    shape: (rows, columns) of M. equalities: rows with s = 0. linear: rows with s ≥ 0 that follow. cones:
+    sizes of the second-order cones that follow.
+    """
+
+    indices: Ints
+    indptr: Ints
+    shape: tuple[int, int]
+    equalities: int
+    linear: int
+    cones: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ConicProgram:
+    """Numbers of one program: M's data in the structure's order, right-hand side r, objective q."""
+
+    structure: Structure
+    data: Floats
+    rhs: Floats
+    objective: Floats
+
+    @cached_property
+    def matrix(self) -> sp.csc_array:
+        """M as a sparse array."""
+        s = self.structure
+        return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)
+
+
+class Template:
+    """Everything about an assembly that does not depend on the labelling, scaled.
+
+    Attributes: assembly, scaling, yield_set; matrix A_eq (scaled, all resultants active), dead and live (the
+    scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
+    """
+
+    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None) -> None:
+        self.assembly = assembly
+        self.scaling = scaling or scaling_of(assembly)
+        if yield_set is None:
+            yield_set = planar_yield(assembly, self.scaling)
+        self.yield_set = yield_set
+        row, face = self.scaling.row.ravel(), self.scaling.face.ravel()
+        matrix = equilibrium_matrix(assembly)
+        self.matrix = sp.csc_array(sp.diags_array(1.0 / row) @ matrix @ sp.diags_array(face))
+        self.matrix.sort_indices()
+        dead, live = load_vectors(assembly)
+        self.dead = dead / row
+        self.live = self.scaling.load * live / row
+        self.floor = max(1.0, assembly.total_dead / self.scaling.force)
+        self._lay_out()
+
+    @property
+    def columns(self) -> int:
+        """Columns of the program: resultants, extra ones, λ."""
+        return self.structure.shape[1]
+
+    def _lay_out(self) -> None:
+        pattern, matrix, q = self.yield_set.pattern, self.matrix, self.assembly.freedoms
+        equalities, resultants = matrix.shape
+        every = np.ones(len(self.assembly.interfaces), dtype=bool)
+        on_dry, on_inner = self.yield_set.active(every), self.yield_set.active(~every)
+        coo = matrix.tocoo()
+        row, column = coo.coords
+        keep_dry, keep_inner = on_dry.ravel()[column], on_inner.ravel()[column]
+        live = np.flatnonzero(self.live)
+        last = resultants + pattern.extra
+        rows = np.concatenate([row, live, [equalities], pattern.row + equalities + 1])
+        columns = np.concatenate([column, np.full(live.size, last), [last], pattern.column])
+        dry = np.concatenate([coo.data * keep_dry, self.live[live], [-1.0], pattern.dry])
+        inner = np.concatenate([coo.data * keep_inner, self.live[live], [-1.0], pattern.inner])
+        face = np.concatenate([column // q, np.zeros(live.size + 1, dtype=np.int64), pattern.face])
+        order = np.lexsort((rows, columns))
+        self._dry, self._inner, self._face = dry[order], inner[order], face[order]
+        count = equalities + 1 + len(pattern.h_dry)
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=last + 1))])
+        self.structure = Structure(
+            indices=rows[order],
+            indptr=indptr,
+            shape=(count, last + 1),
+            equalities=equalities,
+            linear=1 + pattern.linear,
+            cones=pattern.cones,
+        )
+        head = np.concatenate([-self.dead, [self.floor]])
+        self._rhs_dry = np.concatenate([head, pattern.h_dry])
+        self._rhs_inner = np.concatenate([head, pattern.h_inner])
+        self._row_face = np.concatenate([np.zeros(len(head), dtype=np.int64), pattern.row_face])
+        self._tips = np.zeros(count)
+        self._tips[len(head) : len(head) + pattern.linear] = 1.0
+        tips = len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]]) if pattern.cones else np.array([])
+        self._tips[tips.astype(np.int64)] = 1.0
+        self._objective = np.zeros(last + 1)
+        self._objective[-1] = -1.0
+        self._pressure = np.zeros(last + 1)
+        self._pressure[np.arange(0, resultants, q)] = -1.0
+
+    def program(self, labels: Bits, margin: float = 0.0) -> ConicProgram:
+        """The program of one labelling: max λ over admissible forces.
+
+        labels: (m,) True dry. margin: every yield row keeps this slack and every normal force earns this
+        much, so that forces come out inside the yield sets and jumps come out opening (both scaled).
+        """
+        data = np.where(labels[self._face], self._dry, self._inner)
+        rhs = np.where(labels[self._row_face], self._rhs_dry, self._rhs_inner)
+        objective = self._objective
+        if margin:
+            rhs = rhs - margin * self._tips
+            objective = objective + margin * self._pressure
+        return ConicProgram(self.structure, data, rhs, objective)

@@ -1,0 +1,68 @@
+"""Non-dimensional scaling: what the solver sees is of order one whatever the scene's units.
+
+Accuracy on large assemblies is a matter of scaling (METHOD §8): with forces divided by the weight of a course
+pile and live work normalised to the sum of live loads, velocities come out of order one, so that the
+solver's relative residuals speak about λ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.csgraph import shortest_path
+from scipy.sparse import csr_array
+
+from jld_core.assembly import Assembly, Floats
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """Scene value = factor × scaled value.
+
+    force: one scale for all forces. face: (m, q) factors of the resultants, moments over the half-sizes of
+    their interface. row: (free, q) factors of the equilibrium rows, moments over the radius of the element.
+    load: λ = load × scaled λ.
+    """
+
+    force: float
+    face: Floats
+    row: Floats
+    load: float
+
+
+def scaling_of(assembly: Assembly) -> Scaling:
+    """Scales of an assembly, computed from its loads, strengths and sizes only (never from a labelling)."""
+    faces, elements = assembly.interfaces, assembly.elements
+    force = _force_scale(assembly)
+    ones = np.ones(len(faces))
+    if assembly.dimension == 2:
+        face = np.column_stack([ones, ones, 0.5 * faces.l1])
+    else:
+        face = np.column_stack([ones, ones, ones, 0.5 * faces.l2, 0.5 * faces.l1, faces.c_t])
+    free = elements.free
+    radius = 0.5 * np.linalg.norm(elements.upper[free] - elements.lower[free], axis=1)
+    row = np.repeat(
+        np.column_stack([np.ones(len(free)), radius]), [assembly.dimension, assembly.freedoms - assembly.dimension], axis=1
+    )
+    return Scaling(force=force, face=force * face, row=force * row, load=force / assembly.total_live)
+
+
+def _force_scale(assembly: Assembly) -> float:
+    """Weight of a pile of elements from the supports up; without weight, the strengths; else the live load."""
+    elements, faces = assembly.elements, assembly.interfaces
+    free = elements.free
+    weights = np.linalg.norm(assembly.dead[free, : assembly.dimension], axis=1)
+    if weights.any():
+        count = len(elements)
+        links = csr_array((np.ones(len(faces)), (faces.a, faces.b)), shape=(count + 1, count + 1))
+        ground = csr_array(
+            (np.ones(int(elements.support.sum())), (np.full(int(elements.support.sum()), count), np.flatnonzero(elements.support))),
+            shape=(count + 1, count + 1),
+        )
+        steps = shortest_path(links + ground, directed=False, unweighted=True, indices=count)
+        depth = float(steps[free].max()) - 1.0
+        return float(weights.mean()) * max(depth, 1.0)
+    strength = np.concatenate([assembly.strengths.tension, assembly.strengths.shear]) * np.tile(faces.area, 2)
+    usable = strength[np.isfinite(strength) & (strength > 0.0)]
+    return float(np.median(usable)) if usable.size else assembly.total_live

@@ -1,0 +1,28 @@
+"""Routes to a raw solution, behind one interface and chosen by name. Nothing here is believed."""
+
+from __future__ import annotations
+
+from jld_core.errors import InputError
+from jld_core.solvers.clarabel_ import ClarabelRoute
+from jld_core.solvers.cvxpy_ import CvxpyRoute
+from jld_core.solvers.highs_ import HighsRoute
+from jld_core.solvers.status import RawSolution, RawStatus, Route
+
+ROUTES = ("clarabel", "highs", "highs-ipm", "cvxpy")
+
+
+def make_route(name: str, threads: int = 1) -> Route:
+    """A fresh route by name: clarabel (default), highs (dual simplex), highs-ipm, cvxpy (reference).
+
+    Raises InputError for an unknown name.
+    """
+    if name == "clarabel":
+        return ClarabelRoute(threads=threads)
+    if name in ("highs", "highs-ipm"):
+        return HighsRoute(name, threads=threads)
+    if name == "cvxpy":
+        return CvxpyRoute()
+    raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))
+
+
+__all__ = ["ROUTES", "ClarabelRoute", "CvxpyRoute", "HighsRoute", "RawSolution", "RawStatus", "Route", "make_route"]

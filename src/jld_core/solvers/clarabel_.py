@@ -1,0 +1,86 @@
+"""Clarabel called directly, set up once per structure and updated with new numbers."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import clarabel
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core import tolerances
+from jld_core.program import ConicProgram, Structure
+from jld_core.solvers.status import RawSolution, RawStatus
+
+_STATUS = {
+    "Solved": RawStatus.OPTIMAL,
+    "AlmostSolved": RawStatus.ALMOST,
+    "PrimalInfeasible": RawStatus.INFEASIBLE,
+    "AlmostPrimalInfeasible": RawStatus.INFEASIBLE,
+    "DualInfeasible": RawStatus.UNBOUNDED,
+    "AlmostDualInfeasible": RawStatus.UNBOUNDED,
+    "MaxIterations": RawStatus.LIMIT,
+    "MaxTime": RawStatus.LIMIT,
+}
+
+
+class ClarabelRoute:
+    """Interior point on the program as it stands; updates and rebuilds are counted.
+
+    The equilibration that a set-up computes stays in force under updates, so a set-up is always made on the
+    first program of a structure that this route is given (a template's reference): answers then do not depend
+    on what was solved in between.
+    """
+
+    name = "clarabel"
+
+    def __init__(self, tolerance: float = tolerances.SOLVER, threads: int = 1, **options: Any) -> None:
+        self._settings = clarabel.DefaultSettings()
+        choices = {
+            "verbose": False,
+            "tol_gap_abs": tolerance,
+            "tol_gap_rel": tolerance,
+            "tol_feas": tolerance,
+            "max_threads": threads,
+            # `update` needs the program kept as it was given
+            "presolve_enable": False,
+            "input_sparse_dropzeros": False,
+            "chordal_decomposition_enable": False,
+            **options,
+        }
+        for key, value in choices.items():
+            if not hasattr(self._settings, key):
+                raise AttributeError(f"clarabel has no setting {key!r}")
+            setattr(self._settings, key, value)
+        self._structure: Structure | None = None
+        self._solver: Any = None
+        self.updates = self.rebuilds = 0
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        start = time.perf_counter()
+        if self._structure is program.structure:
+            self._solver.update(A=program.data, b=program.rhs, q=program.objective)
+            self.updates += 1
+        else:
+            self._set_up(program)
+            self.rebuilds += 1
+        answer = self._solver.solve()
+        name = str(answer.status)
+        return RawSolution(
+            status=_STATUS.get(name, RawStatus.FAILED),
+            point=np.array(answer.x),
+            dual=np.array(answer.z),
+            iterations=int(answer.iterations),
+            seconds=time.perf_counter() - start,
+            note=name,
+        )
+
+    def _set_up(self, program: ConicProgram) -> None:
+        s = program.structure
+        cones = [clarabel.ZeroConeT(s.equalities), clarabel.NonnegativeConeT(s.linear)]
+        cones += [clarabel.SecondOrderConeT(size) for size in s.cones]
+        nothing = sp.csc_matrix((s.shape[1], s.shape[1]))
+        matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
+        self._solver = clarabel.DefaultSolver(nothing, program.objective, matrix, program.rhs, cones, self._settings)
+        self._structure = s
