@@ -57,7 +57,7 @@ class Projector:
         self.rows = sp.csr_array(matrix)
         self._dense: Floats | None = None
         if matrix.shape[0] <= _DENSE:
-            self._dense = np.linalg.pinv(matrix.toarray())
+            self._dense = np.linalg.pinv(matrix.toarray(), rcond=1e-12)
         else:
             normal = (matrix @ matrix.T).tocsc()
             # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
@@ -89,7 +89,9 @@ class Prover:
         key = np.packbits(active).tobytes()
         mask = None if active is self._everything else active.ravel().astype(float)
         if key not in self._projectors:
-            matrix = self.template.matrix if mask is None else self.template.matrix @ sp.diags_array(mask)
+            matrix = self.template.matrix
+            if mask is not None:
+                matrix = sp.hstack([matrix @ sp.diags_array(mask), self.template.live[:, None]])
             if len(self._projectors) >= 16:
                 self._projectors.pop(next(iter(self._projectors)))
             self._projectors[key] = Projector(sp.csc_array(matrix))
@@ -114,23 +116,27 @@ class Prover:
     def _settle(
         self, forces: Floats, target: Floats, load: float, labels: Bits, passes: int, recession: bool = False
     ) -> State:
-        projector, mask = self.projector(labels)
         if recession:
-            # shear strength is bounded, so a ray has none on inner faces: project without it
-            active = self.template.yield_set.active(labels).copy()
-            active[~labels, 1 : self.template.assembly.dimension] = False
-            if self.template.assembly.dimension == 3:
-                active[~labels, 5] = False
-            mask = active.ravel().astype(float)
+            mask = self.template.yield_set.recession_active(labels).ravel().astype(float)
             projector = Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)))
-        if mask is not None:
-            forces = forces * mask
-        for _ in range(passes):
-            forces = forces - projector.correction(projector.rows @ forces - target)
-        left = projector.rows @ forces - target
-        error = float(abs(projector.correction(left)).max())
-        if mask is not None and float(abs(left).max()) > 1e-9:
-            error = np.inf  # without the dropped resultants this λ has no equilibrium at all
+        else:
+            projector, mask = self.projector(labels)
+        if mask is None or recession:
+            forces = forces if mask is None else forces * mask
+            for _ in range(passes):
+                forces = forces - projector.correction(projector.rows @ forces - target)
+            left = projector.rows @ forces - target
+            error = float(abs(projector.correction(left)).max())
+        else:
+            # with resultants dropped, equilibrium may hold at one λ alone: λ is projected with the forces
+            joint = np.append(forces * mask, load)
+            for _ in range(passes + 1):
+                joint = joint - projector.correction(projector.rows @ joint + self.template.dead)
+            left = projector.rows @ joint + self.template.dead
+            error = float(abs(projector.correction(left)).max())
+            forces, load = joint[:-1], float(joint[-1])
+        if mask is not None and float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max())):
+            error = np.inf  # without the dropped resultants there is no equilibrium here at all
         table = forces.reshape(self._everything.shape)
         sets = self.template.yield_set
         if recession:
@@ -178,6 +184,7 @@ class Prover:
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of a strictly opening motion for the dissipation to become finite."""
+        opening = self.measure(opening.velocity, opening.jumps, opening.work, labels)
         if motion.margin >= 0.0 or not opening.margin > 0.0:
             return motion
         share = -motion.margin / opening.margin

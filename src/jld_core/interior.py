@@ -61,41 +61,82 @@ class Interior:
             self._deepest_key = key
         return self._deepest
 
+    def edge_state(self, point: Floats, labels: Bits) -> State | None:
+        """A state where some yield rows are equations in disguise (no admissible force leaves them any slack).
+
+        The point is projected on equilibrium and those equations together, then blended with a state that
+        leaves all other rows slack; on the faces of the equations a slack of rounding size counts as zero.
+        """
+        program = self.template.program(labels)
+        s = program.structure
+        if s.cones or s.shape[1] > _DENSE:
+            return None
+        answer, slack = self._spread(program, program.rhs, s.shape[1])
+        tight = _tips(s)[slack < 1e-7]
+        rows = np.concatenate([np.arange(s.equalities), tight])
+        equations = program.matrix.tocsr()[rows].toarray()
+        inverse = np.linalg.pinv(equations, rcond=1e-12)
+
+        def project(y: Floats) -> Floats:
+            for _ in range(3):
+                y = y - inverse @ (equations @ y - program.rhs[rows])
+            return y
+
+        if not (np.all(np.isfinite(point)) and np.all(np.isfinite(answer.point))):
+            return None
+        start, inside = project(point[: s.shape[1]]), project(answer.point[: s.shape[1]])
+        sets = self.template.yield_set
+        edge = np.isin(np.arange(len(labels)), sets.pattern.row_face[tight - s.equalities - 1])
+        for share in (0.0, *np.logspace(-13.0, -3.0, 11)):
+            y = (1.0 - share) * start + share * inside
+            forces = y[: self.template.matrix.shape[1]].reshape(len(labels), -1)
+            forces = np.where(sets.active(labels), forces, 0.0)
+            left = self.template.matrix @ forces.ravel() + self.template.dead + y[-1] * self.template.live
+            noise = tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
+            room = sets.slack(forces, labels)
+            room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
+            if abs(left).max() <= noise and room.min() >= 0.0:
+                return State(forces, float(y[-1]), float(max(room.min(), 0.0)), 0.0)
+        return None
+
     # --- rays and self-stress ---------------------------------------------------------------------------
 
     def ray(self, labels: Bits) -> State | None:
         """A way to carry ever more live load: A R + b_λ = 0 with R inside the recession cones; None without proof."""
         program = self.template.program(labels)
         target = np.concatenate([-self.template.live, np.zeros(len(program.rhs) - len(self.template.live))])
-        answer, _ = self._spread(program, target)
-        ray = self.prover.ray(np.append(answer.point[: self.template.matrix.shape[1]], 1.0), labels)
+        answer, slack = self._spread(program, target, program.structure.shape[1] - 1)
+        s, columns = program.structure, self.template.matrix.shape[1]
+        point = answer.point[:columns]
+        if columns <= _DENSE and not s.cones:
+            # rows that no ray leaves slack are equations: a solver meets them to its residual only
+            tight = _tips(s)[slack < 1e-6 * max(1.0, float(slack.max()))]
+            equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][:, :columns].toarray()
+            wanted = np.concatenate([-self.template.live, np.zeros(len(tight))])
+            for _ in range(2):
+                point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
+        ray = self.prover.ray(np.append(point, 1.0), labels)
         return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
 
-    def _spread(self, program: ConicProgram, target: Floats) -> tuple[RawSolution, Floats]:
-        """A point of the recession cones with as many yield rows slack as can be, and that slack in [0, 1] per row.
+    def _spread(self, program: ConicProgram, rhs: Floats, columns: int) -> tuple[RawSolution, Floats]:
+        """A point with as many yield rows slack as can be, and that slack in [0, 1] per row.
 
-        program: supplies the rows. target: (rows,) right-hand side, zero below equilibrium.
+        program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
+        rhs: (rows,) right-hand side, zero below equilibrium for recession cones.
         """
         s = program.structure
-        matrix = program.matrix[:, : s.shape[1] - 1].tocsr()
+        matrix = program.matrix[:, :columns].tocsr()
         tips = _tips(s)
         count = len(tips)
         pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count))
-        fixed, linear = s.equalities, s.equalities + s.linear
-        bound = sp.hstack([sp.csr_array((count, matrix.shape[1])), sp.eye_array(count)])
-        rows = sp.vstack(
-            [
-                sp.hstack([matrix[:fixed], sp.csr_array((fixed, count))]),
-                sp.hstack([matrix[fixed + 1 : linear], pick[fixed + 1 : linear]]),
-                bound,
-                -bound,
-                sp.hstack([matrix[linear:], pick[linear:]]),
-            ]
-        )
-        rhs = np.concatenate([target[: s.equalities], np.zeros(s.linear - 1), np.ones(count), np.zeros(count), target[linear:]])
-        objective = np.concatenate([np.zeros(matrix.shape[1]), -np.ones(count)])
-        raw = ClarabelRoute().solve(_pack(rows, rhs, objective, s.equalities, s.linear - 1 + 2 * count, s.cones))
-        return raw, raw.point[matrix.shape[1] :]
+        linear = s.equalities + s.linear
+        bound = sp.hstack([sp.csr_array((count, columns)), sp.eye_array(count)])
+        wide = sp.hstack([matrix, pick]).tocsr()
+        rows = sp.vstack([wide[:linear], bound, -bound, wide[linear:]])
+        ends = np.concatenate([rhs[:linear], np.ones(count), np.zeros(count), rhs[linear:]])
+        objective = np.concatenate([np.zeros(columns), -np.ones(count)])
+        raw = ClarabelRoute().solve(_pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones))
+        return raw, raw.point[columns:]
 
     # --- motions ----------------------------------------------------------------------------------------
 
@@ -108,8 +149,8 @@ class Interior:
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
             rows = np.ones(len(_tips(self.template.structure)), dtype=bool)
-            motion = self._relative_interior(self.template.program(every), rows, every)
-            self._opening = motion if motion is not None and motion.margin > 0.0 else None
+            rows[self.template.structure.linear - 1 :] = False  # cones of compressive strength open nothing
+            self._opening = self._relative_interior(self.template.program(every), rows, every)
             self._opening_known = True
         return self._opening
 
@@ -132,7 +173,7 @@ class Interior:
         if template.matrix.shape[0] > _DENSE:
             return None
         program = template.program(labels)
-        _, slack = self._spread(program, np.zeros(len(program.rhs)))
+        _, slack = self._spread(program, np.zeros(len(program.rhs)), program.structure.shape[1] - 1)
         moving = slack < 0.5
         inside = self._relative_interior(program, moving, labels)
         if inside is None:

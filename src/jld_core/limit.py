@@ -126,10 +126,7 @@ class LimitAnalysis:
             return
         motion = self.prover.motion(velocity / size, labels, normalise=False)
         if motion.margin < 0.0:
-            opening = self.interior.opening()
-            if opening is None:
-                return
-            motion = self.prover.open_up(motion, opening, labels)
+            motion = self._opened(proof, motion, labels, normalise=False)
         if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING:
             if motion.work < 0.0:
                 motion = self.interior.make_work_positive(motion, labels)
@@ -147,7 +144,7 @@ class LimitAnalysis:
 
     def _try_harder(self, proof: Proof, raw: RawSolution, labels: Bits) -> Status:
         """Repairs by interior points, then other routes; each step is named in the route."""
-        for step in (self._repair, self._crossover, self._phase_one, self._unshrunk):
+        for step in (self._repair, self._at_the_edge, self._crossover, self._phase_one, self._unshrunk):
             raw = step(proof, raw, labels)
             status = self._judge(proof)
             if status is not Status.UNCERTIFIED:
@@ -175,16 +172,27 @@ class LimitAnalysis:
             return raw
         motion = self.prover.motion(raw.dual, labels)
         if motion.margin < 0.0:
-            opening = self.interior.opening()
-            if opening is not None:
-                proof.route.append("opened")
-                proof.offer_motion(self.prover.open_up(motion, opening, labels))
-            else:
-                proof.route.append("facial reduction")
-                proof.solves += 2
-                reduced = self.interior.reduced(motion, labels)
-                if reduced is not None:
-                    proof.offer_motion(reduced)
+            proof.offer_motion(self._opened(proof, motion, labels))
+        return raw
+
+    def _opened(self, proof: Proof, motion: Motion, labels: Bits, normalise: bool = True) -> Motion:
+        """A motion made to have finite dissipation: by opening all joints, or where they cannot, by facial reduction."""
+        opening = self.interior.opening()
+        if opening is not None:
+            proof.route.append("opened")
+            return self.prover.open_up(motion, opening, labels)
+        proof.route.append("facial reduction")
+        proof.solves += 2
+        return self.interior.reduced(motion, labels, normalise) or motion
+
+    def _at_the_edge(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
+        """A state in yield sets that leave no room, where nothing else gave one."""
+        if proof.state is None and raw.status is not RawStatus.INFEASIBLE:
+            proof.solves += 1
+            proof.route.append("edge")
+            state = self.interior.edge_state(raw.point, labels)
+            if state is not None:
+                proof.offer_state(state)
         return raw
 
     def _crossover(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:

@@ -73,7 +73,9 @@ class Template:
         dead, live = load_vectors(assembly)
         self.dead = dead / row
         self.live = self.scaling.load * live / row
-        self.floor = max(1.0, assembly.total_dead / self.scaling.force)
+        # a fraction of the weight, and not a round one: live loads that mirror the dead ones would otherwise
+        # make λ = −floor the edge of admissibility itself
+        self.floor = 0.3 * (assembly.total_dead / self.scaling.force or 1.0)
         self._lay_out()
 
     @property

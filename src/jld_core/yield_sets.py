@@ -53,7 +53,13 @@ class YieldSet(Protocol):
         """(m,) least distance of scaled resultants (m, q) to the boundary, negative outside."""
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """(m,) the same for the recession cone: the directions in which a face can be loaded for ever."""
+        """(m,) the same for the recession cone: the directions in which a face can be loaded for ever.
+
+        Resultants outside `recession_active` are taken as zero.
+        """
+
+    def recession_active(self, labels: Bits) -> Bools:
+        """(m, q) False where a resultant is bounded, so that it is zero in every direction of recession."""
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         """(m,) D(J) = sup −F·J for scaled jumps (m, q) whose `margin` is not negative."""
@@ -103,18 +109,25 @@ class PlanarYield:
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
-        dry = np.minimum(n - n * n / self.crush_dry - m, self.friction * n - v)
+        # a resultant that a label drops is zero by construction and limits nothing
+        slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
+        dry = np.minimum(n - n * n / self.crush_dry - m, slide - v)
         rest = np.minimum(n + self.tension, self.crush_inner - n) / 3.0 - m
-        inner = np.minimum(rest, self.shear - v)
+        inner = np.minimum(rest, np.where(self.shear > 0.0, self.shear, np.inf) - v)
         return np.where(labels, dry, inner)
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
-        dry = np.minimum(n - m, self.friction * n - v)
-        dry = np.where(np.isfinite(self.crush_dry), -np.maximum(abs(n), np.maximum(v, m)), dry)
-        inner = np.minimum(n / 3.0 - m, -v)
-        inner = np.where(np.isfinite(self.crush_inner), -np.maximum(abs(n), np.maximum(v, m)), inner)
+        slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
+        dry = np.where(np.isfinite(self.crush_dry), np.inf, np.minimum(n - m, slide - v))
+        inner = np.where(np.isfinite(self.crush_inner), np.inf, n / 3.0 - m)
         return np.where(labels, dry, inner)
+
+    def recession_active(self, labels: Bits) -> Bools:
+        mask = self.active(labels)
+        mask[~labels, 1] = False
+        mask[np.isfinite(np.where(labels, self.crush_dry, self.crush_inner))] = False
+        return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
