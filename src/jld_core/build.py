@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from jld_core import loads, materials
 from jld_core.assembly import DRY, INNER, Assembly, Bits, Elements, Floats, Interfaces
@@ -230,14 +232,10 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
 
 def _check_paths(elements: Elements, interfaces: Interfaces) -> None:
     """Every free element must reach a support through interfaces, or its equilibrium has no solution."""
-    reached = elements.support.copy()
-    while True:
-        grown = reached.copy()
-        grown[interfaces.b] |= reached[interfaces.a]
-        grown[interfaces.a] |= reached[interfaces.b]
-        if np.array_equal(grown, reached):
-            break
-        reached = grown
+    count = len(elements)
+    links = coo_array((np.ones(len(interfaces)), (interfaces.a, interfaces.b)), shape=(count, count))
+    _, part = connected_components(links, directed=False)
+    reached = np.isin(part, part[elements.support])
     if not reached.all():
         lost = elements.ids[int(np.flatnonzero(~reached)[0])]
         raise InputError(
@@ -247,7 +245,8 @@ def _check_paths(elements: Elements, interfaces: Interfaces) -> None:
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
     """Labels by the scene's precedence: interface, lists, default, then block membership."""
-    block = np.array([-1 if name is None else hash_index(name, elements.blocks) for name in elements.blocks])
+    number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
+    block = np.array([-1 if name is None else number[name] for name in elements.blocks])
     same = (block[interfaces.a] == block[interfaces.b]) & (block[interfaces.a] >= 0)
     support = elements.support[interfaces.a] | elements.support[interfaces.b]
     labels = np.where(same & ~support, INNER, DRY)
@@ -264,11 +263,6 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
         if contact is not None and contact.label is not None:
             labels[face] = LABELS[contact.label]
     return labels.astype(bool)
-
-
-def hash_index(name: str, names: tuple[str | None, ...]) -> int:
-    """Position of the first equal name: a number that stands for a block."""
-    return names.index(name)
 
 
 def _points(scene: Scene, elements: Elements) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]:

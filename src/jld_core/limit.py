@@ -64,7 +64,7 @@ class LimitAnalysis:
         *,
         solver: str = "clarabel",
         gap: float = tolerances.GAP,
-        margin: float = tolerances.MARGIN,
+        margin: float | None = None,
         reference: Bits | None = None,
         template: Template | None = None,
     ) -> None:
@@ -74,7 +74,8 @@ class LimitAnalysis:
         self.prover = Prover(self.template)
         self.route: Route = make_route(solver)
         self.interior = Interior(self.template, self.prover)
-        self.gap, self.margin = gap, margin
+        usual = tolerances.CONIC if self.template.structure.cones else tolerances.LINEAR
+        self.gap, self.margin = gap, usual if margin is None else margin
         self._floor = load_floor(self.template) / self.template.scaling.load
         self._reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self._reference_known = False
@@ -128,9 +129,10 @@ class LimitAnalysis:
         if motion.margin < 0.0:
             motion = self._opened(proof, motion, labels, normalise=False)
         if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING:
-            if motion.work < 0.0:
+            idle = -tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
+            if motion.work < idle:
                 motion = self.interior.make_work_positive(motion, labels)
-            if motion.work >= 0.0 and motion.bound < -tolerances.ROUNDING:
+            if motion.work >= idle and motion.bound < -tolerances.ROUNDING:
                 proof.collapse_below_zero = motion
 
     def _judge(self, proof: Proof) -> Status:
@@ -144,7 +146,8 @@ class LimitAnalysis:
 
     def _try_harder(self, proof: Proof, raw: RawSolution, labels: Bits) -> Status:
         """Repairs by interior points, then other routes; each step is named in the route."""
-        for step in (self._repair, self._at_the_edge, self._crossover, self._phase_one, self._unshrunk):
+        steps = (self._repair, self._at_the_edge, self._crossover, self._at_the_edge, self._phase_one, self._unshrunk)
+        for step in steps:
             raw = step(proof, raw, labels)
             status = self._judge(proof)
             if status is not Status.UNCERTIFIED:

@@ -7,12 +7,13 @@ from typing import Final
 GAP: Final = 1e-6
 """Width of the bracket, relative, above which a result is called `uncertified` (default of --gap)."""
 
-SOLVER: Final = 1e-11
-"""Residual and gap asked of the interior-point route, on the scaled program; see benchmarks/tolerance.py."""
+LINEAR: Final = 1e-12
+"""Residual and gap asked of the interior-point route on a scaled linear program, and at once the distance kept
+from the boundary of every yield set and the opening kept at every joint: what comes back with a residual of
+this size is admissible after projection. See benchmarks/tolerance.py for what other sizes cost."""
 
-MARGIN: Final = 1e-11
-"""Distance kept from the boundary of every yield set, and opening kept at every joint, in the scaled program.
-It is of the size of the solver's residual, so that what comes back is admissible after projection."""
+CONIC: Final = 1e-9
+"""The same on a scaled second-order cone program, where smaller residuals are not reached."""
 
 ROUNDING: Final = 1e-12
 """What a jump or a force that is zero by construction may show in floating point, relative to its vector."""
@@ -28,3 +29,8 @@ SYMMETRY: Final = 1e-8
 
 GAP_FLOOR: Final = 1e-3
 """Share of total weight / total live load below which a load factor counts as zero in a relative width."""
+
+FACE: Final = 1e-5
+"""Gap between two faces of polyhedra, relative to the smaller of the two, at which they still touch; deviation
+of a given contact from a plane, and of a contact from a rectangle, relative to its size. It stands above what
+single-precision coordinates leave (6e-8 of a coordinate, so some 1e-6 of a face) and far below any real joint."""

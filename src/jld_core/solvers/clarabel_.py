@@ -35,13 +35,11 @@ class ClarabelRoute:
 
     name = "clarabel"
 
-    def __init__(self, tolerance: float = tolerances.SOLVER, threads: int = 1, **options: Any) -> None:
+    def __init__(self, tolerance: float | None = None, threads: int = 1, **options: Any) -> None:
+        self._tolerance = tolerance
         self._settings = clarabel.DefaultSettings()
         choices = {
             "verbose": False,
-            "tol_gap_abs": tolerance,
-            "tol_gap_rel": tolerance,
-            "tol_feas": tolerance,
             "max_threads": threads,
             # `update` needs the program kept as it was given
             "presolve_enable": False,
@@ -78,6 +76,9 @@ class ClarabelRoute:
 
     def _set_up(self, program: ConicProgram) -> None:
         s = program.structure
+        tolerance = self._tolerance or (tolerances.CONIC if s.cones else tolerances.LINEAR)
+        for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+            setattr(self._settings, key, tolerance)
         cones = [clarabel.ZeroConeT(s.equalities), clarabel.NonnegativeConeT(s.linear)]
         cones += [clarabel.SecondOrderConeT(size) for size in s.cones]
         nothing = sp.csc_matrix((s.shape[1], s.shape[1]))

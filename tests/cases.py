@@ -1,0 +1,69 @@
+"""Small planar grids that between them meet every status and every way to a proof."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from jld_core import Assembly, Scene, build_assembly, parse_scene
+
+Document = dict[str, Any]
+ROOT_CELL = 0.1
+
+
+def grid_document(
+    rows: list[str],
+    *,
+    tension: float = 2e4,
+    shear: float = 2e4,
+    friction: float = 0.75,
+    live: list[Document] | None = None,
+    crush_dry: float | None = None,
+    crush_inner: float | None = None,
+    **search: Any,
+) -> Document:
+    """A scene document: cells of 0.1 m, 1400 kg/m³, horizontal body load unless said otherwise."""
+    dry: Document = {"friction_coefficient": friction}
+    inner: Document = {"tensile_strength": tension, "shear_strength": shear}
+    if crush_dry is not None:
+        dry["compressive_strength"] = crush_dry
+    if crush_inner is not None:
+        inner["compressive_strength"] = crush_inner
+    document: Document = {
+        "name": "grid",
+        "grid": {"cell": [ROOT_CELL, ROOT_CELL], "thickness": 0.1, "rows": rows},
+        "materials": {"density": 1400, "dry": dry, "inner": inner},
+        "loads": {"live": live or [{"body": [1, 0]}]},
+    }
+    if search:
+        document["search"] = search
+    return document
+
+
+def grid_scene(rows: list[str], **kwargs: Any) -> Scene:
+    """The same, validated."""
+    return parse_scene(grid_document(rows, **kwargs))
+
+
+def grid_assembly(rows: list[str], **kwargs: Any) -> Assembly:
+    """The same, as an assembly."""
+    return build_assembly(grid_scene(rows, **kwargs))
+
+
+DOWN = [{"element": "c2r0", "force": [0, -1]}]
+CASES: dict[str, tuple[list[str], Document]] = {
+    "wall": (["aaaa", "aaaa", "aaaa", "####"], {}),
+    "beam": (["aaaaa", "aaaaa", "#...#"], {"live": DOWN}),
+    "arch": (["#aaaaa#", "#aaaaa#"], {"live": DOWN}),
+    "weak arch": (["#aaaaa#", "#aaaaa#"], {"tension": 1e3, "shear": 1e3, "live": DOWN}),
+    "crushable arch": (["#aaaaa#", "#aaaaa#"], {"crush_dry": 5e4, "crush_inner": 5e4, "live": DOWN}),
+    "arch with crushable joints": (["#aaaaa#", "#aaaaa#"], {"crush_dry": 5e4, "live": DOWN}),
+    "crushable wall": (["aaaa", "aaaa", "aaaa", "####"], {"crush_dry": 1e4, "crush_inner": 1e5}),
+    "no friction": (["aaa", "aaa", "###"], {"friction": 0.0}),
+    "no shear strength": (["aaa", "aaa", "###"], {"shear": 0.0}),
+    "no tensile strength": (["aaa", "aaa", "###"], {"tension": 0.0}),
+    "overhang": (["aaaa", "a...", "#..."], {"live": [{"body": [0, -1]}]}),
+    "lifted": (["aaa", "aaa", "###"], {"live": [{"body": [0, 1]}]}),
+    "pressed": (["aaa", "aaa", "###"], {"live": [{"body": [0, -1]}]}),
+    "very strong": (["aaa", "aaa", "###"], {"tension": 1e9, "shear": 1e9}),
+    "cantilever": (["#aaa", "#aaa"], {"tension": 3e5, "shear": 3e5, "live": [{"body": [0, -1]}]}),
+}
