@@ -70,7 +70,7 @@ def stools(outlines: list[Array], height: float = 1.5, **keys: Any) -> Assembly:
     """Prisms side by side on one slab: as many interfaces as outlines, nothing else touching."""
     shift, elements = 0.0, []
     for position, outline in enumerate(outlines):
-        placed = outline + [shift - outline[:, 0].min(), 0.0]
+        placed = outline + np.array([shift - outline[:, 0].min(), 0.0])
         elements.append(prism(f"p{position}", placed, 0.0, height))
         shift += float(np.ptp(outline[:, 0])) + 1.0
     elements.append(box("slab", [-5, -5, -1], [shift + 5, 8, 0], support=True))

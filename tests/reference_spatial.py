@@ -1,7 +1,8 @@
 """Spatial limit analysis stated a second time, in CVXPY and in scene units, from the scene document alone.
 
-Nothing of jld_core is used: frames, areas, torsion lengths, sides of normals and equilibrium are worked out here
-in other ways (centre of pressure as a mean of corners, stress as a linear field, normals by a point in a body).
+Nothing of jld_core is used: frames, areas, torsion lengths, sides of normals and equilibrium are worked out
+here in other ways (centre of pressure as a mean of corners, stress as a linear field, normals by a point in a
+body).
 """
 
 from __future__ import annotations
@@ -47,7 +48,10 @@ def make_face(polygon: Array, normal: Array) -> Face:
     keep = [k for k in range(len(corners)) if _bend(corners, k) > 1e-6]
     corners = corners[keep]
     sides = np.roll(corners, -1, axis=0) - corners
-    cosines = [abs(sides[k - 1] @ sides[k]) / np.prod(np.linalg.norm(sides[[k - 1, k]], axis=1)) for k in range(len(sides))]
+    cosines = [
+        abs(sides[k - 1] @ sides[k]) / np.prod(np.linalg.norm(sides[[k - 1, k]], axis=1))
+        for k in range(len(sides))
+    ]
     moments, torsion = _integrals(corners)
     return Face(
         origin=polygon[0] + centre @ frame[1:] + height * normal,
@@ -66,7 +70,7 @@ def _bend(corners: Array, k: int) -> float:
 
 
 def _integrals(corners: Array) -> tuple[Array, float]:
-    """∫ x xᵀ and ∫ r over a polygon about the origin: signed triangles from there, Gauss points in a collapsed square."""
+    """∫ x xᵀ and ∫ r over a polygon about the origin: signed triangles from there, Gauss points on edges."""
     node, weight = np.polynomial.legendre.leggauss(60)
     node, weight = 0.5 * (node + 1.0), 0.5 * weight
     moments, total = np.zeros((2, 2)), 0.0
@@ -136,10 +140,12 @@ def inside(point: Array, vertices: Array, faces: list[list[int]]) -> bool:
 
 
 def load_factor(document: dict[str, Any], concave: bool = False, kern: bool = False) -> float:
-    """Greatest λ of a spatial scene with given interfaces and body loads, every face as its own label says."""
+    """Greatest λ of a spatial scene with given interfaces and body loads, faces labelled one by one."""
     elements = {e["id"]: e for e in document["elements"]}
     gravity = document["materials"].get("gravity", 9.81)
-    weight = {k: e.get("density", 1.0) * e["volume"] * gravity for k, e in elements.items() if not e["support"]}
+    weight = {
+        k: e.get("density", 1.0) * e["volume"] * gravity for k, e in elements.items() if not e["support"]
+    }
     unit = sum(weight.values()) / len(weight)
     body = np.sum([np.array(load["body"], dtype=float) for load in document["loads"]["live"]], axis=0)
     force = {k: [] for k in weight}

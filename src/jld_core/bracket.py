@@ -103,13 +103,13 @@ class Prover:
         point: (≥ q·m + 1,), λ last. labels: (m,).
         """
         load = float(point[-1])
-        if not np.all(np.isfinite(point)):
+        if not usable(point):
             return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
         return self._settle(point[: self._columns], -(self.template.dead + load * self.template.live), load, labels, passes)
 
     def ray(self, point: Floats, labels: Bits) -> State:
         """The same for a ray: A R + b_λ = 0 with R in the recession cones; `slack` refers to those."""
-        if not np.all(np.isfinite(point)) or not point[-1] > 0.0:
+        if not usable(point) or not point[-1] > 0.0:
             return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
         return self._settle(point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True)
 
@@ -167,7 +167,7 @@ class Prover:
         """Jumps, margin and bound of velocities (q·free,); normalised to b_λ·u = 1 where their work allows."""
         template = self.template
         velocity = velocity[: template.matrix.shape[0]]
-        if not np.all(np.isfinite(velocity)):
+        if not usable(velocity):
             return Motion(velocity, np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
         work = float(template.live @ velocity)
         if normalise and work > 0.0:
@@ -185,7 +185,7 @@ class Prover:
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of a strictly opening motion for the dissipation to become finite."""
         opening = self.measure(opening.velocity, opening.jumps, opening.work, labels)
-        if motion.margin >= 0.0 or not opening.margin > 0.0:
+        if not np.isfinite(motion.margin) or motion.margin >= 0.0 or not opening.margin > 0.0:
             return motion
         share = -motion.margin / opening.margin
         for _ in range(4):
@@ -194,6 +194,11 @@ class Prover:
                 return mixed
             share *= 2.0
         return mixed
+
+
+def usable(vector: Floats) -> bool:
+    """Scaled answers are of order one; what a failed solve leaves behind may be anything."""
+    return bool(np.all(abs(vector) < 1e30))
 
 
 def relative_width(low: float, high: float, floor: float) -> float:

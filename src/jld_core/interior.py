@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.assembly import Bits, Bools, Floats, Ints
-from jld_core.bracket import Motion, Prover, State
+from jld_core.bracket import Motion, Prover, State, usable
 from jld_core.program import ConicProgram, Structure, Template
 from jld_core.solvers.clarabel_ import ClarabelRoute
 from jld_core.solvers.status import RawSolution
@@ -82,7 +82,7 @@ class Interior:
                 y = y - inverse @ (equations @ y - program.rhs[rows])
             return y
 
-        if not (np.all(np.isfinite(point)) and np.all(np.isfinite(answer.point))):
+        if not (usable(point) and usable(answer.point)):
             return None
         start, inside = project(point[: s.shape[1]]), project(answer.point[: s.shape[1]])
         sets = self.template.yield_set

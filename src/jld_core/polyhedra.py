@@ -1,0 +1,352 @@
+"""Closed polyhedra: orientation, volume, centroid, and their plane facets.
+
+A **face** is a loop of vertices as the scene gives it; a **facet** is a whole plane piece of the surface,
+several faces where a file splits its quadrilaterals. Everything is laid out flat over all elements of a
+scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.spatial import cKDTree
+
+from jld_core import tolerances
+from jld_core.assembly import Bools, Floats, Ints
+from jld_core.errors import InputError
+
+Faces = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Struct of arrays over f plane facets of all elements, in the order of the elements, lengths in scene
+    units.
+
+    element: (f,) owner. normal: (f, 3) unit, outward. origin: (f, 3) a point of the plane, the mean of the
+    outer corners. size: (f,) largest extent. lower, upper: (f, 3) bounding boxes. loops: per facet its
+    boundary, (k, 3) counter-clockwise about the normal, then the boundaries of its holes, clockwise.
+    """
+
+    element: Ints
+    normal: Floats
+    origin: Floats
+    size: Floats
+    lower: Floats
+    upper: Floats
+    loops: tuple[tuple[Floats, ...], ...]
+
+    def __len__(self) -> int:
+        return len(self.element)
+
+
+def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
+    """Owners and positions of ragged ranges: owner i has positions start[i] … start[i] + count[i] − 1."""
+    owner = np.repeat(np.arange(len(count)), count)
+    first = np.concatenate([[0], np.cumsum(count)])[:-1]
+    return owner, start[owner] + np.arange(len(owner)) - first[owner]
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """All faces of all elements, flat: corner c of face `face[c]` is vertex `vertex[c]`, then `after[c]`."""
+
+    points: Floats
+    vertex: Ints
+    after: Ints
+    face: Ints
+    start: Ints
+    count: Ints
+    element: Ints
+
+
+def _lay_out(vertices: list[Floats], faces: list[Faces]) -> _Surface:
+    shift = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1].astype(np.int64)
+    element = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
+    count = np.array([len(loop) for loops in faces for loop in loops], dtype=np.int64)
+    local = np.array([index for loops in faces for loop in loops for index in loop], dtype=np.int64)
+    start = np.concatenate([[0], np.cumsum(count)])[:-1].astype(np.int64)
+    face = np.repeat(np.arange(len(count)), count)
+    vertex = local + shift[element[face]]
+    following = np.arange(len(vertex)) + 1
+    last = start + count - 1
+    following[last] = start
+    return _Surface(np.concatenate(vertices), vertex, vertex[following], face, start, count, element)
+
+
+def solids(
+    ids: list[str], vertices: list[Floats], faces: list[Faces]
+) -> tuple[list[Floats], list[Faces], Floats, Floats]:
+    """Polyhedra with their faces outward, volumes and centroids.
+
+    ids: (n,) names; vertices: n arrays (k, 3); faces: loops of vertex indices, in any sense of rotation.
+    Returns vertices, faces, volume (n,), centroid (n, 3). Vertices that coincide are made one where the
+    surface would be open otherwise. Volumes by the divergence theorem on fans of triangles, which need no
+    plane faces.
+    Raises InputError naming the element: surface not closed, or no volume.
+    """
+    vertices, faces = list(vertices), list(faces)
+    surface = _lay_out(vertices, faces)
+    torn = np.flatnonzero(~_closed(surface, len(ids)))
+    for index in torn:
+        vertices[index], faces[index] = _mend(ids[index], vertices[index], faces[index])
+    if torn.size:
+        surface = _lay_out(vertices, faces)
+    volume, centroid = _divergence(surface, vertices)
+    spans = np.array([np.ptp(v, axis=0).max() for v in vertices])
+    flat = np.flatnonzero(~(np.abs(volume) > 1e-12 * spans**3))
+    if flat.size:
+        raise InputError(
+            f"element {ids[flat[0]]!r}", "its faces enclose no volume", "a polyhedron with a volume"
+        )
+    for index in np.flatnonzero(volume < 0.0):
+        faces[index] = tuple(loop[::-1] for loop in faces[index])
+    return vertices, faces, np.abs(volume), centroid
+
+
+def _closed(surface: _Surface, count: int) -> Bools:
+    """(n,) True where every edge is run through as often one way as the other."""
+    width = len(surface.points)
+    low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
+    _, edge = np.unique(low * width + high, return_inverse=True)
+    balance = np.bincount(edge, weights=np.where(surface.vertex < surface.after, 1.0, -1.0))
+    good = np.ones(count, dtype=bool)
+    owner = surface.element[surface.face]
+    good[owner[(balance[edge] != 0.0) | (low == high)]] = False
+    return good
+
+
+def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
+    """Weld coinciding vertices and turn faces until neighbours agree.
+
+    Raises InputError where that closes nothing.
+    """
+    tree = cKDTree(vertices)
+    near = tree.query_pairs(
+        1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray"
+    )
+    size = len(vertices)
+    links = csr_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(size, size))
+    _, group = connected_components(links, directed=False)
+    first = np.full(size, size, dtype=np.int64)
+    np.minimum.at(first, group, np.arange(size))
+    welded = []
+    for loop in faces:
+        named = [int(first[group[index]]) for index in loop]
+        kept = tuple(index for position, index in enumerate(named) if index != named[position - 1])
+        if len(kept) > 2:
+            welded.append(kept)
+    users: dict[tuple[int, int], list[tuple[int, bool]]] = {}
+    for position, loop in enumerate(welded):
+        for u, v in zip(loop, loop[1:] + loop[:1], strict=True):
+            users.setdefault((min(u, v), max(u, v)), []).append((position, u < v))
+    refusal = InputError(
+        f"element {name!r}", "its faces do not close", "faces that meet in pairs along every edge"
+    )
+    if not welded or any(len(pair) != 2 for pair in users.values()):
+        raise refusal
+    pairs = np.array([[one[0], other[0]] for one, other in users.values()])
+    agree = {(one[0], other[0]): one[1] != other[1] for one, other in users.values()}
+    graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(welded), len(welded)))
+    _, shell = connected_components(graph, directed=False)
+    turned = np.zeros(len(welded), dtype=bool)
+    for root in np.unique(shell, return_index=True)[1]:
+        order, parent = breadth_first_order(graph, int(root), directed=False)
+        for child in order[1:]:
+            above = int(parent[child])
+            same = agree.get((above, int(child)), agree.get((int(child), above)))
+            turned[child] = turned[above] if same else not turned[above]
+    oriented = tuple(loop[::-1] if turn else loop for loop, turn in zip(welded, turned, strict=True))
+    if not _closed(_lay_out([vertices], [oriented]), 1)[0]:
+        raise refusal
+    return vertices, oriented
+
+
+def _divergence(surface: _Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
+    """Signed volumes (n,) and centroids (n, 3), summed about the first vertex of each element."""
+    base = np.array([v[0] for v in vertices])
+    owner = surface.element[surface.face]
+    about = base[owner]
+    first = surface.points[surface.vertex[surface.start[surface.face]]] - about
+    one, two = surface.points[surface.vertex] - about, surface.points[surface.after] - about
+    share = np.einsum("ij,ij->i", first, np.cross(one, two)) / 6.0
+    count = len(vertices)
+    volume = np.bincount(owner, weights=share, minlength=count)
+    moment = 0.25 * share[:, None] * (first + one + two)
+    total = np.column_stack([np.bincount(owner, weights=moment[:, k], minlength=count) for k in range(3)])
+    safe = np.where(volume == 0.0, 1.0, volume)
+    return np.asarray(volume), np.asarray(base + total / safe[:, None])
+
+
+def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
+    """Plane facets of outward oriented polyhedra; neighbouring faces of one plane are one facet.
+
+    vertices, faces: as `solids` returns them.
+    """
+    surface = _lay_out(vertices, faces)
+    corner = surface.points[surface.vertex]
+    # about a corner of the face: far from the origin the plain sum loses digits
+    arm = corner - corner[surface.start[surface.face]]
+    doubled = np.cross(arm, surface.points[surface.after] - corner[surface.start[surface.face]])
+    count = len(surface.count)
+    vector = np.zeros((count, 3))
+    np.add.at(vector, surface.face, 0.5 * doubled)
+    extent = np.maximum.reduceat(corner, surface.start) - np.minimum.reduceat(corner, surface.start)
+    group, alone = _join_coplanar(surface, vector, np.asarray(extent.max(axis=1)))
+    total = np.zeros((int(group.max()) + 1, 3))
+    np.add.at(total, group, vector)
+    flat = np.linalg.norm(total, axis=1) > 0.0
+    loops: list[tuple[Floats, ...]] = []
+    element = np.zeros(len(total), dtype=np.int64)
+    element[group] = surface.element
+    members = np.argsort(group, kind="stable")
+    first = np.searchsorted(group[members], np.arange(len(total)))
+    for index, position in enumerate(first):
+        face = members[position]
+        if alone[face]:
+            loops.append((corner[surface.start[face] : surface.start[face] + surface.count[face]],))
+        else:
+            last = first[index + 1] if index + 1 < len(first) else len(members)
+            loops.append(_boundary(surface, members[position:last], total[index]))
+    kept = [index for index in range(len(loops)) if flat[index] and loops[index]]
+    outer = np.concatenate([loops[index][0] for index in kept])
+    counts = np.array([len(loops[index][0]) for index in kept])
+    begin = np.concatenate([[0], np.cumsum(counts)])[:-1]
+    lower, upper = np.minimum.reduceat(outer, begin), np.maximum.reduceat(outer, begin)
+    return Facets(
+        element=element[kept],
+        normal=total[kept] / np.linalg.norm(total[kept], axis=1)[:, None],
+        origin=np.add.reduceat(outer, begin) / counts[:, None],
+        size=(upper - lower).max(axis=1),
+        lower=lower,
+        upper=upper,
+        loops=tuple(loops[index] for index in kept),
+    )
+
+
+def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
+    """Facet of each face, numbered by first face, and True where a face is a facet by itself."""
+    width = len(surface.points)
+    low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
+    key = low * width + high
+    order = np.argsort(key, kind="stable")
+    neighbours = np.flatnonzero(key[order][1:] == key[order][:-1])
+    one, two = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
+    norm = np.linalg.norm(vector, axis=1)
+    # the normal of the larger face is the one to be trusted
+    swap = norm[one] < norm[two]
+    one, two = np.where(swap, two, one), np.where(swap, one, two)
+    straight = np.einsum("ij,ij->i", vector[one], vector[two]) > 0.99 * norm[one] * norm[two]
+    one, two = one[straight], two[straight]
+    count = len(norm)
+    if len(one):
+        owner, position = spread(surface.start[two], surface.count[two])
+        arm = (
+            surface.points[surface.vertex[position]]
+            - surface.points[surface.vertex[surface.start[one[owner]]]]
+        )
+        height = np.abs(np.einsum("ij,ij->i", arm, vector[one[owner]])) / norm[one[owner]]
+        off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[two])])[:-1])
+        plane = off <= tolerances.FACE * np.maximum(size[one], size[two])
+        one, two = one[plane], two[plane]
+    links = csr_array((np.ones(len(one)), (one, two)), shape=(count, count))
+    _, label = connected_components(links, directed=False)
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    group = rank[inverse]
+    return group, np.bincount(group)[group] == 1
+
+
+def _boundary(surface: _Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
+    """Boundary loops of joined faces, the outer one first. Edges run through both ways are inside."""
+    _, position = spread(surface.start[members], surface.count[members])
+    edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))
+    inside = set(edges)
+    onward: dict[int, list[int]] = {}
+    for u, v in edges:
+        if (v, u) not in inside:
+            onward.setdefault(u, []).append(v)
+    found: list[tuple[float, Floats]] = []
+    for begin in list(onward):
+        while onward[begin]:
+            loop, here = [begin], onward[begin].pop()
+            while here != begin:
+                loop.append(here)
+                here = onward[here].pop()
+            points = surface.points[loop]
+            arm = points - points[0]
+            found.append((float(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0) @ vector), points))
+    found.sort(key=lambda entry: -entry[0])
+    return tuple(points for _, points in found)
+
+
+def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints]) -> None:
+    """Refuse convex polyhedra that share a volume; pairs with one that is not convex are not looked at.
+
+    ids: (n,) names; vertices: n arrays (k, 3); facets: of all elements; pairs: elements whose boxes touch,
+    each (p,). A pair is apart where a facet of either has the whole of the other in front of it; the few
+    pairs this leaves are settled by the largest ball that fits into both.
+    Raises InputError naming the pair.
+    """
+    lower = np.array([v.min(axis=0) for v in vertices])
+    upper = np.array([v.max(axis=0) for v in vertices])
+    span = (upper - lower).max(axis=1)
+    a, b = pairs
+    reach = tolerances.FACE * np.minimum(span[a], span[b])
+    deep = np.all(np.minimum(upper[a], upper[b]) - np.maximum(lower[a], lower[b]) > reach[:, None], axis=1)
+    a, b, reach = a[deep], b[deep], reach[deep]
+    if not len(a):
+        return
+    points = np.concatenate(vertices)
+    corners = np.array([len(v) for v in vertices])
+    first_corner = np.concatenate([[0], np.cumsum(corners)])[:-1]
+    count = np.bincount(facets.element, minlength=len(ids))
+    start = np.concatenate([[0], np.cumsum(count)])[:-1]
+
+    def heights(facet: Ints, other: Ints) -> tuple[Floats, Floats]:
+        """Least and greatest height over each facet's plane of the vertices of an element."""
+        owner, corner = spread(first_corner[other], corners[other])
+        height = np.einsum(
+            "ij,ij->i", points[corner] - facets.origin[facet[owner]], facets.normal[facet[owner]]
+        )
+        begin = np.concatenate([[0], np.cumsum(corners[other])])[:-1]
+        return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
+
+    bulge = np.concatenate(
+        [
+            heights(part, facets.element[part])[1]
+            for part in np.array_split(np.arange(len(facets)), 1 + len(facets) // 50_000)
+        ]
+    )
+    convex = np.maximum.reduceat(bulge, start) <= tolerances.FACE * span
+    both = convex[a] & convex[b]
+    a, b, reach = a[both], b[both], reach[both]
+    for part in np.array_split(np.arange(len(a)), 1 + len(a) // 10_000):
+        apart = np.zeros(len(part), dtype=bool)
+        for one, two in ((a[part], b[part]), (b[part], a[part])):
+            if len(part):
+                owner, facet = spread(start[one], count[one])
+                lowest = heights(facet, two[owner])[0]
+                apart |= np.bincount(owner, weights=lowest >= -reach[part][owner], minlength=len(part)) > 0.0
+        for index in part[~apart].tolist():
+            planes = np.flatnonzero((facets.element == a[index]) | (facets.element == b[index]))
+            if _ball(facets, planes) > 0.5 * reach[index]:
+                raise InputError(
+                    f"elements {ids[a[index]]!r} and {ids[b[index]]!r}",
+                    "they overlap",
+                    "elements that touch along faces at the most",
+                )
+
+
+def _ball(facets: Facets, planes: Ints) -> float:
+    """Radius of the largest ball behind all planes, negative where there is none."""
+    normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
+    behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
+    rows = np.column_stack([normal, np.ones(len(planes))])
+    answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=behind, bounds=[(None, None)] * 4)
+    return -float(answer.fun or 0.0)

@@ -1,0 +1,214 @@
+"""Plane sections: what the polygon of an interface is worth, in its own frame (x1 along e1, x2 along e2).
+
+Functions take stacks of polygons with equally many corners, so that a wall of rectangles costs no loop;
+`by_corner_count` makes the stacks. Lengths are in scene units throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from jld_core.assembly import Bools, Floats, Ints
+
+
+def by_corner_count(polygons: Sequence[Floats]) -> Iterator[tuple[Ints, Floats]]:
+    """Stacks of polygons with equally many corners, fewest first.
+
+    polygons: m arrays (k, d). Yields positions (n,) in the sequence and the stack (n, k, d).
+    """
+    counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    for count in np.unique(counts):
+        chosen = np.flatnonzero(counts == count)
+        yield chosen, np.array([polygons[i] for i in chosen.tolist()])
+
+
+def area(polygons: Floats) -> Floats:
+    """Signed areas (n,) of polygons (n, k, 2), positive when counter-clockwise."""
+    # about a corner: far from the origin the plain sum loses digits
+    p = polygons - polygons[:, :1]
+    q = np.roll(p, -1, axis=1)
+    return np.asarray(0.5 * (p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]).sum(axis=1))
+
+
+def centroid(polygons: Floats) -> Floats:
+    """Centroids (n, 2) of simple polygons (n, k, 2) with an area, either sense of rotation."""
+    p = polygons - polygons[:, :1]
+    q = np.roll(p, -1, axis=1)
+    cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
+    return np.asarray(
+        polygons[:, 0] + ((p + q) * cross[..., None]).sum(axis=1) / (3.0 * cross.sum(axis=1))[:, None]
+    )
+
+
+def second_moments(polygons: Floats) -> Floats:
+    """Second moments (n, 2, 2) about the centroid, ∫ x xᵀ dA, of counter-clockwise polygons (n, k, 2)."""
+    p = polygons - centroid(polygons)[:, None]
+    q = np.roll(p, -1, axis=1)
+    cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
+    total = p + q
+    outer = np.einsum("nk,nki,nkj->nij", cross, p, p) + np.einsum("nk,nki,nkj->nij", cross, q, q)
+    return np.asarray((outer + np.einsum("nk,nki,nkj->nij", cross, total, total)) / 24.0)
+
+
+def torsion_length(polygons: Floats) -> Floats:
+    """c_T = (1/A) ∫ r dA about the centroid, (n,), of counter-clockwise simple polygons (n, k, 2); exact.
+
+    The triangle from the centroid to an edge at signed distance d, its ends at s0 and s1 along the edge, has
+    ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)] from s0 to s1.
+    Source: METHOD §2.
+    """
+    p = polygons - centroid(polygons)[:, None]
+    edge = np.roll(p, -1, axis=1) - p
+    length = np.hypot(edge[..., 0], edge[..., 1])
+    along = edge / np.where(length > 0.0, length, 1.0)[..., None]
+    distance = p[..., 0] * along[..., 1] - p[..., 1] * along[..., 0]
+    start = p[..., 0] * along[..., 0] + p[..., 1] * along[..., 1]
+    total = _radial(distance, start + length) - _radial(distance, start)
+    return np.asarray((distance * total).sum(axis=1) / (6.0 * area(polygons)))
+
+
+def _radial(d: Floats, s: Floats) -> Floats:
+    """s √(s² + d²) + d² asinh(s/|d|), which tends to s |s| as the edge passes through the centroid."""
+    apart = np.abs(d)
+    through = apart <= 1e-150 * np.abs(s)
+    ratio = s / np.where(through | (apart == 0.0), 1.0, apart)
+    return np.asarray(s * np.hypot(s, d) + np.where(through, 0.0, d * d * np.arcsinh(ratio)))
+
+
+def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
+    """c_T (n,) of rectangles l1 × l2 in closed form; the unit square has 0.382598. Source: METHOD §2."""
+    diagonal = np.hypot(l1, l2)
+    ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
+    return np.asarray(diagonal / 6.0 + ends)
+
+
+def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
+    """(n,) True for rectangles among polygons (n, k, d) without corners in line: equal halved diagonals.
+
+    tolerance: what the diagonals may differ by, relative to their length.
+    """
+    if polygons.shape[1] != 4:
+        return np.zeros(len(polygons), dtype=bool)
+    first, second = polygons[:, 2] - polygons[:, 0], polygons[:, 3] - polygons[:, 1]
+    long, other = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
+    middle = np.linalg.norm(polygons[:, 0] + polygons[:, 2] - polygons[:, 1] - polygons[:, 3], axis=1)
+    return np.asarray((middle <= tolerance * long) & (np.abs(long - other) <= tolerance * long))
+
+
+def sizes(polygons: Floats) -> Floats:
+    """Extents (n, 2) of polygons (n, k, 2) along e1 and e2: l1 and l2."""
+    return np.asarray(np.ptp(polygons, axis=1))
+
+
+def corners(polygon: Floats, tolerance: float) -> Floats:
+    """A polygon (k, d) without the points that are no corners, order kept.
+
+    tolerance: length within which a point lies on the line of its neighbours.
+    """
+    points = [np.asarray(point) for point in polygon]
+    index, settled = 0, 0
+    while len(points) > 3 and settled < len(points):
+        index %= len(points)
+        before, here, after = points[index - 1], points[index], points[(index + 1) % len(points)]
+        if _off_line(before, here, after) <= tolerance:
+            del points[index]
+            # the neighbour before it may have become idle only now
+            index, settled = index - 1, 0
+        else:
+            index, settled = index + 1, settled + 1
+    return np.array(points)
+
+
+def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
+    """Polygons (k, d) reduced to their true corners; those without idle corners, the common case, pass in
+    stacks.
+
+    tolerance: relative to each polygon's largest extent.
+    """
+    plain = list(polygons)
+    for chosen, stack in by_corner_count(polygons):
+        size = np.ptp(stack, axis=1).max(axis=1)
+        chord = np.roll(stack, -1, axis=1) - np.roll(stack, 1, axis=1)
+        arm = stack - np.roll(stack, 1, axis=1)
+        length = np.linalg.norm(chord, axis=2)
+        along = np.einsum("nkj,nkj->nk", arm, chord) / np.where(length > 0.0, length, 1.0)
+        off = np.sqrt(np.maximum(np.einsum("nkj,nkj->nk", arm, arm) - along**2, 0.0))
+        # a first look that lets rounding of the root through to the exact one
+        for index in chosen[np.any(off <= 2.0 * max(tolerance, 1e-7) * size[:, None], axis=1)].tolist():
+            plain[index] = corners(polygons[index], tolerance * float(np.ptp(polygons[index], axis=0).max()))
+    return plain
+
+
+def _off_line(before: Floats, here: Floats, after: Floats) -> float:
+    chord, arm = after - before, here - before
+    length = float(np.linalg.norm(chord))
+    if length == 0.0:
+        return float(np.linalg.norm(arm))
+    share = min(max(float(arm @ chord) / length**2, 0.0), 1.0)
+    return float(np.linalg.norm(arm - share * chord))
+
+
+def hull(polygon: Floats) -> Floats:
+    """Convex hull (h, 2) of points (k, 2), counter-clockwise, without points on its edges.
+
+    It starts at the point of least x1 (then x2).
+    """
+    ordered = polygon[np.lexsort((polygon[:, 1], polygon[:, 0]))]
+    # a corner turned by less than this is rounding
+    sliver = 1e-12 * float(np.ptp(polygon, axis=0).max()) ** 2
+
+    def chain(points: Floats) -> list[Floats]:
+        kept: list[Floats] = []
+        for point in points:
+            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= sliver:
+                kept.pop()
+            kept.append(point)
+        return kept[:-1]
+
+    return np.array(chain(ordered) + chain(ordered[::-1]))
+
+
+def hulls(polygons: Sequence[Floats]) -> list[Floats]:
+    """Convex hulls of counter-clockwise polygons (k, 2); convex ones, the common case, pass in stacks."""
+    found = list(polygons)
+    for chosen, stack in by_corner_count(polygons):
+        edge = np.roll(stack, -1, axis=1) - stack
+        onward = np.roll(edge, -1, axis=1)
+        turn = edge[..., 0] * onward[..., 1] - edge[..., 1] * onward[..., 0]
+        size = np.ptp(stack, axis=1).max(axis=1)
+        # left turns all the way also wind twice around a star; once around they sum to one turn
+        angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, onward)).sum(axis=1)
+        convex = np.all(turn > 1e-12 * size[:, None] ** 2, axis=1) & (angle < 3.0 * np.pi)
+        for index in chosen[~convex].tolist():
+            found[index] = hull(polygons[index])
+    return found
+
+
+def _turn(first: Floats, second: Floats, third: Floats) -> float:
+    one, two = second - first, third - second
+    return float(one[0] * two[1] - one[1] * two[0])
+
+
+def hull_rows(hull_: Floats) -> Floats:
+    """Rows (h, 3) on (N, M1, M2), all ≥ 0 when the centre of pressure lies within the hull, one per edge.
+
+    hull_: (h, 2) counter-clockwise about the section's centroid. With x1 = −M2/N, x2 = M1/N the condition
+    a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: METHOD §2.
+    """
+    edge = np.roll(hull_, -1, axis=0) - hull_
+    outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
+    distance = np.einsum("hi,hi->h", hull_, outward)
+    return np.column_stack([distance, -outward[:, 1], outward[:, 0]])
+
+
+def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
+    """Rows (h, 3) on (N, M1, M2): A times the elastic normal stress at each hull corner, compression
+    positive.
+
+    hull_: (h, 2) about the centroid; moments: (2, 2) full tensor, so that e1, e2 need not be principal.
+    σ(x) A = N + A x·S⁻¹(−M2, M1); the kern form of an inner face asks for rows ≥ −σt A. Source: METHOD §2.
+    """
+    slope = area_ * np.linalg.solve(moments, hull_.T).T
+    return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])

@@ -1,0 +1,1 @@
+"""Many labellings of one assembly: which to try, what they must satisfy, and what was found."""

@@ -1,0 +1,207 @@
+"""The command line: jld check, solve, explore, plot."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import click
+import typer
+
+from jld_core import plotting
+from jld_core._version import __version__
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError, RouteError
+from jld_core.limit import solve as solve_assembly
+from jld_core.result import LimitAnalysisResult
+from jld_core.scene import Scene, load_scene
+from jld_core.solvers import ROUTES
+from jld_core.solvers.status import Status
+from jld_explore import describe
+from jld_explore.candidates import search_space
+from jld_explore.explore import ExploreSettings, Interrupted, explore, read_folder, write_pictures, write_text
+from jld_explore.progress import ProgressBar
+
+INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
+
+app = typer.Typer(
+    name="jld",
+    help="Joint Layout Design: find the strongest way to cut a structure into dry-jointed blocks, with proof.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
+
+
+class Friction(StrEnum):
+    ASSOCIATIVE = "associative"
+    ZERO_DILATION = "zero-dilation"
+
+
+def _load(path: Path) -> tuple[Scene, Assembly]:
+    scene = load_scene(path)
+    try:
+        return scene, build_assembly(scene)
+    except InputError as error:
+        raise error.within(str(path)) from None
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+@app.command()
+def check(scene: SceneFile) -> None:
+    """Parse a scene, find its interfaces, and print what will be modelled."""
+    parsed, assembly = _load(scene)
+    try:
+        _say(describe.assembly(parsed, assembly, search_space(parsed, assembly)))
+    except InputError as error:
+        raise error.within(str(scene)) from None
+
+
+@app.command()
+def solve(
+    scene: SceneFile,
+    solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "clarabel",
+    gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
+    out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
+    _, assembly = _load(scene)
+    if not gap > 0.0:
+        raise InputError("--gap", f"{gap:g} is no width", "a number above 0")
+    try:
+        result = solve_assembly(assembly, solver=solver, gap=gap)
+    except InputError as error:
+        raise (error if error.where.startswith("--") else error.within(str(scene))) from None
+    except RouteError as error:
+        raise InputError("--solver", str(error), "a solver that takes this scene") from None
+    if out is not None:
+        _write_result(result, out)
+    _say(json.dumps(result.to_json(), indent=1) if as_json else describe.result(result))
+    if result.status is Status.UNCERTIFIED:
+        raise typer.Exit(UNCERTIFIED)
+
+
+def _write_result(result: LimitAnalysisResult, out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise InputError(str(out), "it is a file", "a folder")
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
+    figure = plotting.figure_of_result(result)
+    for ending in ("png", "svg"):
+        plotting.save_figure(figure, out / f"result.{ending}")
+
+
+@app.command(name="explore")
+def explore_command(
+    scene: SceneFile,
+    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
+    driver: Annotated[str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")] = None,
+    objective: Annotated[Friction, typer.Option(help="λ that is maximised.")] = Friction.ASSOCIATIVE,
+    budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")] = False,
+) -> None:
+    """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
+    parsed = load_scene(scene)
+    _raise_on_signals()
+    settings = ExploreSettings(
+        driver=driver,
+        objective=str(objective),
+        budget=budget,
+        seconds=seconds,
+        jobs=jobs or os.cpu_count() or 1,
+        seed=seed,
+        resume=resume,
+    )
+    announce = None if as_json else _say
+    with ProgressBar(parsed.name) as bar:
+        try:
+            done = explore(parsed, out, settings, report=bar, announce=announce)
+        except InputError as error:
+            outside = error.where.startswith("--") or error.where.startswith(str(out))
+            raise (error if outside else error.within(str(scene))) from None
+    _say(json.dumps(done.summary, indent=1) if as_json else describe.exploration(done))
+
+
+@app.command()
+def plot(
+    source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
+) -> None:
+    """Draw a scene with its own labels, or draw a study's pictures again."""
+    if source.is_dir():
+        done = read_folder(source)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            done = type(done)(**{**done.__dict__, "folder": out})
+        for path in write_pictures(done):
+            _say(str(path))
+        return
+    _, assembly = _load(source)
+    target = out or source.with_suffix(".png")
+    if target.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
+    plotting.save_figure(plotting.figure_of_assembly(assembly), target)
+    _say(str(target))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        _say(f"jld {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _raise_on_signals() -> None:
+    def stop(number: int, frame: object) -> NoReturn:
+        raise Interrupted
+
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+
+
+def main() -> None:
+    """Entry point: one clear line and an exit code for whatever goes wrong."""
+    try:
+        code = app(standalone_mode=False)
+    except InputError as error:
+        _complain(str(error))
+    except click.ClickException as error:
+        _complain(" ".join(error.format_message().split()) + "; expected what --help lists")
+    except (Interrupted, KeyboardInterrupt, click.Abort):
+        sys.stderr.write("stopped; everything finished is on disk, go on with --resume\n")
+        sys.exit(STOPPED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _complain(line: str) -> NoReturn:
+    sys.stderr.write(f"jld: {line}\n")
+    sys.exit(INPUT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""What a labelling must satisfy under "search", and the counts of tables and fronts; many rows at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_explore.candidates import SearchSpace
+from jld_explore.labelling import Connectivity, above, below, block_sizes, blocks_of, connectivity
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Per labelling, (k,) each; faces between two free elements and blocks with a free element only.
+
+    dry_faces: number of dry faces. dry_length: their length, in spatial scenes their area. blocks: number of
+    blocks. largest_block_cells: free elements in the largest block.
+    """
+
+    dry_faces: Ints
+    dry_length: Floats
+    blocks: Ints
+    largest_block_cells: Ints
+
+
+def counts(assembly: Assembly, labellings: Bits, graph: Connectivity | None = None) -> Counts:
+    """Counts of labellings (k, m), scene units; graph: the assembly's, made where it is not given."""
+    free = assembly.free_faces
+    measure = assembly.interfaces.l1 if assembly.dimension == 2 else assembly.interfaces.area
+    blocks = blocks_of(graph or connectivity(assembly), labellings)
+    cells = block_sizes(assembly, blocks).cells
+    dry = labellings[:, free]
+    return Counts(
+        dry_faces=dry.sum(axis=1, dtype=np.int64),
+        # summed row by row in one order, so that a labelling has one length whatever batch it came in
+        dry_length=np.where(dry, measure[free], 0.0).sum(axis=1),
+        blocks=(cells > 0).sum(axis=1, dtype=np.int64),
+        largest_block_cells=cells.max(axis=1, initial=0),
+    )
+
+
+def feasible(space: SearchSpace, labellings: Bits) -> Bools:
+    """(k,) True for labellings (k, m) that are in the space: fixed labels, segmentation and all limits."""
+    blocks = blocks_of(space.graph, labellings)
+    good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
+    if space.search.segmentation:
+        good &= ~np.any(labellings & (blocks[:, space.graph.a] == blocks[:, space.graph.b]), axis=1)
+    return np.asarray(good & within_limits(space, labellings, blocks))
+
+
+def within_limits(space: SearchSpace, labellings: Bits, blocks: Ints) -> Bools:
+    """(k,) True where block sizes, number of blocks and number of dry faces are within their limits.
+
+    labellings: (k, m); blocks: (k, n), their blocks as `blocks_of` names them. Bounds are inclusive, and
+    lengths and weights may pass them by ROUNDING. A block without a free element has no size.
+    """
+    search = space.search
+    sizes = block_sizes(space.assembly, blocks)
+    holds = sizes.cells > 0
+    good = np.ones(len(labellings), dtype=bool)
+    for values, (low, high) in (
+        (sizes.cells, search.block_cells),
+        (sizes.weight, search.block_weight),
+        (sizes.extent, search.block_extent),
+    ):
+        good &= ~np.any(holds & (above(values, high) | below(values, low)), axis=1)
+    dry = labellings[:, space.assembly.free_faces].sum(axis=1)
+    for values, (low, high) in ((holds.sum(axis=1), search.blocks), (dry, search.dry_faces)):
+        good &= ~(above(values, high) | below(values, low))
+    return good

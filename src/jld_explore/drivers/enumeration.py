@@ -1,0 +1,314 @@
+"""Every labelling of a search space, one class after the other, built face by face.
+
+Nothing is filtered out of 2^m. Faces are decided in an order that finishes one element after the other. A
+row of the frontier is a partial labelling, held as the block of each element so far. In a segmentation a face
+inside a block is inner, and a face between two blocks is dry, or else merges them, which a dry face decided
+before between the two forbids; so every row without limits on sizes has a completion, and the work is
+proportional to what is found.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_explore.candidates import SearchSpace
+from jld_explore.constraints import within_limits
+from jld_explore.drivers.base import Driver
+from jld_explore.evaluator import Evaluation
+from jld_explore.labelling import above, below, representatives
+
+Names = NDArray[np.unsignedinteger[Any]]
+
+PORTION: Final = 1024
+"""Labellings handed out by one `ask` at the most."""
+
+_BYTES: Final = 256 << 20
+"""Memory the stack of frontiers may take."""
+
+_ROWS: Final = 16384
+"""Rows of a frontier at the most: what stays in a cache level while a face is decided."""
+
+_SLACK: Final = 1e-9
+"""Rounding allowed, beyond that of the limits, where partial sums decide that a row is hopeless."""
+
+
+@dataclass(frozen=True)
+class Tally:
+    """labellings: how many there are; classes: how many of them differ by more than symmetry."""
+
+    labellings: int
+    classes: int
+
+
+@dataclass(frozen=True)
+class _Frontier:
+    """Rows at one level, as columns of arrays.
+
+    block: (n, r) name of each place's block, its smallest place. label: (c, r) decided labels, only where
+    they do not follow from the blocks. closed: (r,) blocks that can no longer grow. dry: (r,) dry faces.
+    """
+
+    level: int
+    block: Names
+    label: Bits
+    closed: Ints
+    dry: Ints
+
+    def take(self, rows: Ints | slice) -> _Frontier:
+        return _Frontier(
+            self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[rows]
+        )
+
+
+class Enumeration(Driver):
+    """All classes of a search space, in an order that depends on the space alone.
+
+    space: the search space. rows: size of a frontier; it changes memory and speed, never the order.
+    """
+
+    name = "enumeration"
+
+    def __init__(self, space: SearchSpace, rows: int | None = None) -> None:
+        self.space, self.search = space, space.search
+        graph, elements = space.graph, space.assembly.elements
+        # places: free elements in the order of decision, then supports, so that a block holds a free element
+        # exactly where its name, the smallest place in it, is below the number of free elements
+        self._order = np.concatenate([_order(space), np.flatnonzero(elements.support)])
+        place = np.argsort(self._order)
+        self._free = len(elements.free)
+        ends = np.sort(np.column_stack([place[graph.a], place[graph.b]]), axis=1)
+        rank = np.where(ends < self._free, ends, -1)
+        rank = np.sort(rank, axis=1)
+        candidates = np.flatnonzero(space.candidates)
+        self._faces = candidates[np.lexsort((candidates, rank[candidates, 0], rank[candidates, 1]))]
+        self._ends = ends[self._faces]
+        walls = ends[~space.candidates & space.fixed]
+        self._decided = np.concatenate([walls, self._ends])
+        self._walls = len(walls)
+        self._counted = space.assembly.free_faces[self._faces]
+        self._dry_at_start = int((space.assembly.free_faces & ~space.candidates & space.fixed).sum())
+        free = self._order[: self._free]
+        self._weight = np.linalg.norm(elements.weight[free], axis=1)
+        self._corner = np.hstack([elements.upper[free], -elements.lower[free]])
+        least = space.least[self._order]
+        first = np.full(len(elements), len(elements))
+        np.minimum.at(first, least, np.arange(len(elements)))
+        self._start = first[least]
+        share = _BYTES // max(1, (2 * len(elements) + len(candidates)) * (len(candidates) + 1))
+        self._rows = rows or int(np.clip(share, 64, _ROWS))
+        self._portions = self.batches()
+        self._held = np.empty((0, len(space.fixed)), dtype=bool)
+
+    def ask(self, limit: int | None = None) -> Bits:
+        """The next classes, (k, m), in portions that do not keep evaluation waiting for the whole limit."""
+        wanted = PORTION if limit is None else min(limit, PORTION)
+        while len(self._held) < wanted and (portion := next(self._portions, None)) is not None:
+            self._held = np.concatenate([self._held, portion[0]])
+        given, self._held = self._held[:wanted], self._held[wanted:]
+        return given
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Nothing to learn: what comes next is settled."""
+
+    def batches(self) -> Iterator[tuple[Bits, Ints]]:
+        """Canonical labellings (k, m) with their multiplicities (k,), from the start."""
+        for rows in self._walk():
+            if rows is not None:
+                kept, multiplicity = representatives(rows, self.space.group)
+                if kept.size:
+                    yield rows[kept], multiplicity
+
+    def count(self) -> Tally:
+        """How many labellings and classes the space has, by going through all of them."""
+        labellings = classes = 0
+        for _, multiplicity in self.batches():
+            labellings += int(multiplicity.sum())
+            classes += len(multiplicity)
+        return Tally(labellings, classes)
+
+    def size_up_to(self, limit: int, work: int = 2000) -> int | None:
+        """The number of classes if it is at most `limit`, else None.
+
+        work: frontiers looked at before giving up, which is None too: a space that hides few labellings
+        behind many dead ends is not a small one.
+        """
+        classes = 0
+        for looked, rows in enumerate(self._walk()):
+            if rows is not None:
+                classes += len(representatives(rows, self.space.group)[0])
+            if classes > limit or looked >= work:
+                return None
+        return classes
+
+    def _walk(self) -> Iterator[Bits | None]:
+        """Labellings (k, m) of each frontier that is complete, None for each that is not, depth first."""
+        start = np.ascontiguousarray(self._start[:, None])
+        name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
+        tall = 0 if self.search.segmentation else len(self._faces)
+        zero = np.zeros(1, dtype=np.int64)
+        stack = [
+            _Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, zero + self._dry_at_start)
+        ]
+        while stack:
+            frontier = stack.pop()
+            if frontier.level == len(self._faces):
+                yield self._complete(frontier)
+                continue
+            frontier = self._decide(frontier)
+            total = len(frontier.dry)
+            cuts = range(0, total, self._rows)
+            stack += [frontier.take(slice(i, i + self._rows)) for i in reversed(cuts)]
+            yield None
+
+    def _complete(self, frontier: _Frontier) -> Bits:
+        """Labellings (k, m) of complete rows within all limits."""
+        labels = np.repeat(self.space.fixed[None], len(frontier.dry), axis=0)
+        if self.search.segmentation:
+            labels[:, self._faces] = (frontier.block[self._ends[:, 0]] != frontier.block[self._ends[:, 1]]).T
+        else:
+            labels[:, self._faces] = frontier.label.T
+        if self._limited:
+            blocks = np.empty((len(labels), len(self._order)), dtype=np.int64)
+            blocks[:, self._order] = self._order[frontier.block.T.astype(np.int64)]
+            labels = labels[within_limits(self.space, labels, blocks)]
+        return labels
+
+    @property
+    def _limited(self) -> bool:
+        s = self.search
+        bounds = [*s.block_cells, *s.block_weight, *s.block_extent, *s.blocks, *s.dry_faces]
+        return any(bound is not None for bound in bounds)
+
+    def _decide(self, rows: _Frontier) -> _Frontier:
+        """The rows one face further: each as inner, then as dry, where that is not hopeless."""
+        level, search = rows.level, self.search
+        i, j = self._ends[level]
+        p, q = rows.block[i], rows.block[j]
+        apart = p != q
+        inner = ~apart | ~self._hopeless(rows, (p, q), most=True)
+        dry = np.ones_like(apart)
+        if search.segmentation:
+            inner &= ~apart | ~self._separated(rows, p, q)
+            dry = apart
+        least, most = search.dry_faces
+        counted = bool(self._counted[level])
+        if most is not None:
+            dry = dry & (rows.dry + counted <= most)
+        if least is not None:
+            inner = inner & (rows.dry + int(self._counted[level + 1 :].sum()) >= least)
+        child = np.flatnonzero(np.column_stack([inner, dry]))
+        parent, is_dry = child >> 1, (child & 1).astype(bool)
+        new = rows.take(parent)
+        label = new.label
+        if not search.segmentation:
+            label[level] = is_dry
+        p, q, apart = p[parent], q[parent], apart[parent]
+        low = np.minimum(p, q)
+        merged = np.where(is_dry, p, np.maximum(p, q))
+        into = np.where(is_dry, p, low)
+        block = np.where(new.block == merged, into, new.block)
+        new = _Frontier(level + 1, block, label, new.closed, new.dry + (is_dry & counted))
+        return self._prune(new, np.where(is_dry, p, low), np.where(is_dry & apart, q, low), apart, is_dry)
+
+    def _separated(self, rows: _Frontier, p: Names, q: Names) -> Bools:
+        """(r,) True where a dry face decided before lies between blocks p and q."""
+        before = self._decided[: self._walls + rows.level]
+        first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]
+        return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
+
+    def _hopeless(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
+        """(r,) True where the union of the named blocks is above the most (or below the least) of a limit."""
+        search, free = self.search, rows.block[: self._free]
+        side = 1 if most else 0
+        bad = np.zeros(rows.block.shape[1], dtype=bool)
+        cells, weight, extent = search.block_cells[side], search.block_weight[side], search.block_extent[side]
+        if cells is None and weight is None and extent is None:
+            return bad
+        members = np.zeros(free.shape, dtype=bool)
+        for name in names:
+            members |= free == name
+        beyond, scale = (above, 1.0 + _SLACK) if most else (below, 1.0 - _SLACK)
+        if cells is not None:
+            bad |= beyond(members.sum(axis=0), cells)
+        if weight is not None:
+            bad |= beyond(self._weight @ members, weight * scale)
+        if extent is not None:
+            bad |= beyond(self._extent(members), extent * scale)
+        return np.asarray(bad & members.any(axis=0))
+
+    def _extent(self, members: Bools) -> Floats:
+        """(r,) longest side of the box around the members (free, r)."""
+        corner = np.array([np.where(members, c[:, None], -np.inf).max(axis=0) for c in self._corner.T])
+        d = len(corner) // 2
+        with np.errstate(invalid="ignore"):
+            return np.asarray((corner[:d] + corner[d:]).max(axis=0))
+
+    def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
+        """Rows without a block, of the two beside the face just decided, that is closed and too small, and
+        within what numbers of blocks allow."""
+        search = self.search
+        small = any(b[0] is not None for b in (search.block_cells, search.block_weight, search.block_extent))
+        good = np.ones(len(apart), dtype=bool)
+        closed = rows.closed
+        fewest, greatest = search.blocks
+        if small or greatest is not None:
+            shut_p = apart & self._shut(rows, p)
+            shut_q = apart & is_dry & self._shut(rows, q)
+            if small:
+                good &= ~(shut_p & self._hopeless(rows, (p,), most=False))
+                good &= ~(shut_q & self._hopeless(rows, (q,), most=False))
+            closed = closed + (shut_p & (p < self._free)) + (shut_q & (q < self._free))
+            if greatest is not None:
+                good &= closed <= greatest
+        if fewest is not None:
+            free = rows.block[: self._free]
+            good &= (free == np.arange(self._free)[:, None]).sum(axis=0) >= fewest
+        rows = _Frontier(rows.level, rows.block, rows.label, closed, rows.dry)
+        return rows if good.all() else rows.take(np.flatnonzero(good))
+
+    def _shut(self, rows: _Frontier, name: Names) -> Bools:
+        """(r,) True where no undecided face leaves the named block."""
+        after = self._ends[rows.level :]
+        leaves = (rows.block[after[:, 0]] == name) != (rows.block[after[:, 1]] == name)
+        return np.asarray(~leaves.any(axis=0))
+
+
+def size_up_to(space: SearchSpace, limit: int) -> int | None:
+    """The number of classes of a space if it is at most `limit` and soon found, else None."""
+    return Enumeration(space).size_up_to(limit)
+
+
+def _order(space: SearchSpace) -> Ints:
+    """Free elements breadth first, each part of the structure from one of its far ends."""
+    assembly, graph = space.assembly, space.graph
+    count = len(assembly.elements)
+    links: list[list[int]] = [[] for _ in range(count)]
+    joined = space.candidates & assembly.free_faces
+    for a, b in zip(graph.a[joined].tolist(), graph.b[joined].tolist(), strict=True):
+        links[a].append(b)
+        links[b].append(a)
+
+    def from_(start: int, seen: set[int]) -> list[int]:
+        queue, found, seen = deque([start]), [], {*seen, start}
+        while queue:
+            element = queue.popleft()
+            found.append(element)
+            for other in sorted(set(links[element])):
+                if other not in seen:
+                    seen.add(other)
+                    queue.append(other)
+        return found
+
+    order: list[int] = []
+    for element in assembly.elements.free.tolist():
+        if element not in order:
+            seen = set(order)
+            order += from_(from_(from_(element, seen)[-1], seen)[-1], seen)
+    return np.array(order, dtype=np.int64)

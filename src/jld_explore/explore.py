@@ -1,0 +1,199 @@
+"""From a scene to a finished folder: driver chosen, study run, tables and pictures written."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from jld_core import plotting as core_plotting
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import solve
+from jld_core.scene import Scene
+from jld_explore import plotting, tables
+from jld_explore.candidates import SearchSpace, search_space
+from jld_explore.drivers import DRIVERS, make_driver
+from jld_explore.drivers.enumeration import size_up_to
+from jld_explore.evaluator import EvaluatorSettings
+from jld_explore.labelling import from_string
+from jld_explore.store import NAME
+from jld_explore.study import Interrupted, Progress, StopReason, Study, versions
+
+SMALL = 20_000
+"""Classes up to which a space is enumerated when no driver is named."""
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """A finished study: its tables (columns as in results.csv), its summary and its folder."""
+
+    scene: Scene
+    assembly: Assembly
+    results: pd.DataFrame
+    front: pd.DataFrame
+    summary: dict[str, Any]
+    folder: Path
+    stop_reason: StopReason
+
+
+@dataclass(frozen=True)
+class ExploreSettings:
+    """How to search. driver: a name, or None to choose. budget: classes; seconds: time limit; seed, jobs as said.
+
+    resume: go on with a folder that holds a study.
+    """
+
+    driver: str | None = None
+    objective: str = "associative"
+    budget: int | None = None
+    seconds: float | None = None
+    jobs: int = 1
+    seed: int = 0
+    resume: bool = False
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def explore(
+    scene: Scene,
+    folder: Path,
+    settings: ExploreSettings | None = None,
+    report: Callable[[Progress], None] | None = None,
+    announce: Callable[[str], None] | None = None,
+) -> Exploration:
+    """Search the labellings of a scene and write everything SCENE.md lists into a folder.
+
+    scene: validated. folder: empty or new, unless resuming. report: called with progress. announce: told which
+    driver was chosen. Raises InputError for a folder or a search that cannot be used; Interrupted after writing
+    the tables of what was finished.
+    """
+    settings = settings or ExploreSettings()
+    check_folder(folder, settings.resume)
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    name, total = choose_driver(space, settings)
+    if announce is not None:
+        announce(f"driver: {name}" + (f", {total} classes" if total is not None else ""))
+    study = Study(
+        scene=scene,
+        assembly=assembly,
+        space=space,
+        driver=make_driver(name, space, settings.seed, **settings.options),
+        folder=folder,
+        seed=settings.seed,
+        jobs=settings.jobs,
+        budget=settings.budget,
+        seconds=settings.seconds,
+        settings=EvaluatorSettings(objective=settings.objective),
+        total=total,
+        report=report,
+    )
+    write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
+    reason = StopReason.INTERRUPTED
+    try:
+        reason = study.run()
+    finally:
+        done = _write_tables(study, name, reason, total)
+    if reason is not StopReason.INTERRUPTED:
+        write_pictures(done)
+    return done
+
+
+def check_folder(folder: Path, resume: bool) -> None:
+    """Raise InputError for a folder that may not be written into."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(str(folder), "it is a file", "a folder for the results")
+    if resume or not folder.exists() or not any(folder.iterdir()):
+        return
+    raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
+
+
+def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, int | None]:
+    """Name of the driver and the number of classes where it is known.
+
+    Raises InputError for an unknown name, and for a space that provably holds no labelling.
+    """
+    if settings.driver is not None and settings.driver not in DRIVERS:
+        raise InputError("--driver", f"no driver is named {settings.driver!r}", "one of " + ", ".join(DRIVERS))
+    known = size_up_to(space, SMALL)
+    if known == 0:
+        raise InputError("search", "no labelling satisfies the constraints", "constraints that some labelling meets")
+    return settings.driver or ("enumeration" if known is not None else "genetic"), known
+
+
+def _write_tables(study: Study, driver: str, reason: StopReason, total: int | None) -> Exploration:
+    results = tables.results_table(study.store, study.assembly, study.space, driver)
+    front_of = study.scene.search.front
+    front = tables.front_table(results, front_of.count, front_of.sense)
+    complete = reason is StopReason.EXHAUSTED and (driver == "enumeration" or total == len(results))
+    found = tables.summary(
+        results,
+        stop_reason=str(reason),
+        complete=complete,
+        classes=len(results) if complete else total,
+        solved=study.solved,
+        seconds=study.elapsed,
+        driver=driver,
+        seed=study.seed,
+        versions=versions(),
+    )
+    write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
+    write_text(study.folder / "results.csv", results.to_csv(index=False))
+    fresh = study.folder / "results.parquet.new"
+    results.to_parquet(fresh, index=False)
+    os.replace(fresh, study.folder / "results.parquet")
+    write_text(study.folder / "pareto.csv", front.to_csv(index=False))
+    write_text(study.folder / "summary.json", json.dumps(found, indent=1))
+    return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason)
+
+
+def write_pictures(done: Exploration) -> list[Path]:
+    """Draw the front with its layouts and, where one was found, the best layout. Returns what was written."""
+    front_of = done.scene.search.front
+    written = [done.folder / "pareto.png"]
+    figure = plotting.plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)
+    core_plotting.save_figure(figure, written[0])
+    best = done.summary["best_labelling"]
+    if best is not None:
+        result = solve(done.assembly, from_string(best))
+        written.append(done.folder / "best.png")
+        core_plotting.save_figure(plotting.plot_best(result), written[1])
+    return written
+
+
+def read_folder(folder: Path) -> Exploration:
+    """A finished study read back from its folder. Raises InputError where a file is missing."""
+    from jld_core.scene import load_scene
+
+    for name in (NAME, "scene.json", "results.parquet", "summary.json"):
+        if not (folder / name).exists():
+            raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
+    scene = load_scene(folder / "scene.json")
+    results = pd.read_parquet(folder / "results.parquet")
+    front_of = scene.search.front
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return Exploration(
+        scene=scene,
+        assembly=build_assembly(scene),
+        results=results,
+        front=tables.front_table(results, front_of.count, front_of.sense),
+        summary=summary,
+        folder=folder,
+        stop_reason=StopReason(summary["stop_reason"]),
+    )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    fresh = path.with_name(path.name + ".new")
+    fresh.write_text(text, encoding="utf-8")
+    os.replace(fresh, path)
+
+
+__all__ = ["Exploration", "ExploreSettings", "Interrupted", "explore", "read_folder", "write_pictures"]

@@ -1,0 +1,46 @@
+"""Progress of long work on stderr, and only on a terminal."""
+
+from __future__ import annotations
+
+import math
+import sys
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from jld_explore import study
+
+
+class ProgressBar:
+    """A bar with done, rate, best λ and time left; draws nothing where stderr is not a terminal."""
+
+    def __init__(self, label: str) -> None:
+        console = Console(file=sys.stderr)
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TextColumn("{task.fields[best]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+            transient=True,
+        )
+        self._task = self._bar.add_task(label, total=None, rate="", best="")
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._bar.stop()
+
+    def __call__(self, now: study.Progress) -> None:
+        """Show where a study stands."""
+        rate = now.solved / now.seconds if now.seconds > 0.0 else 0.0
+        best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
+        self._bar.update(self._task, completed=now.done, total=now.total, rate=f"{rate:.0f} solves/s", best=best)

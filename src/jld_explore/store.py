@@ -1,0 +1,180 @@
+"""The one record of a study: append-only, fsynced, repaired where it was torn.
+
+The file is a header, one line of JSON, followed by records of fixed size that each carry a checksum. Tables,
+fronts and pictures are pure functions of it, so to resume is to replay.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jld_core.assembly import Bits
+from jld_core.errors import InputError
+from jld_core.solvers.status import Status
+from jld_explore.evaluator import CERTIFICATE, SOLVE, Evaluation
+
+NAME = "evaluations.jld"
+_STATUSES = tuple(Status)
+_SETTLED = (SOLVE, CERTIFICATE)
+
+
+def record_type(faces: int) -> np.dtype[np.void]:
+    """Layout of one record for scenes of m faces: labelling packed to bits, numbers in scene units, checksum."""
+    return np.dtype(
+        [
+            ("labelling", "u1", ((faces + 7) // 8,)),
+            ("multiplicity", "<u4"),
+            ("status", "u1"),
+            ("settled", "u1"),
+            ("low", "<f8"),
+            ("high", "<f8"),
+            ("associative", "<f8"),
+            ("zero_dilation", "<f8"),
+            ("seconds", "<f8"),
+            ("checksum", "<u4"),
+        ]
+    )
+
+
+class Store:
+    """Evaluations of one study on disk; written by the parent process alone."""
+
+    def __init__(self, folder: Path, header: dict[str, Any], faces: int) -> None:
+        self.path = folder / NAME
+        self.faces = faces
+        self.type = record_type(faces)
+        self._chunks: list[NDArray[np.void]] = []
+        line = (json.dumps({"jld": "evaluations", "format": 1, "faces": faces, **header}, sort_keys=True) + "\n").encode()
+        self.repaired = 0
+        if self.path.exists() and self._read(line):
+            self._file = open(self.path, "r+b", buffering=0)
+            self._file.seek(0, os.SEEK_END)
+        else:
+            folder.mkdir(parents=True, exist_ok=True)
+            fresh = self.path.with_suffix(".new")
+            with open(fresh, "wb") as file:
+                file.write(line)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(fresh, self.path)
+            _sync_folder(folder)
+            self._file = open(self.path, "ab", buffering=0)
+        self._index = {row["labelling"].tobytes(): n for n, row in enumerate(self.rows)}
+
+    def _read(self, line: bytes) -> bool:
+        """Take in an existing file, cut off a torn tail; False where not even its header is whole."""
+        content = self.path.read_bytes()
+        end = content.find(b"\n") + 1
+        if end == 0:
+            return False
+        _compare_headers(str(self.path), content[:end], line)
+        size = self.type.itemsize
+        whole = np.frombuffer(content, dtype=self.type, offset=end, count=(len(content) - end) // size)
+        good = len(whole)
+        raw = memoryview(content)[end:]
+        sums = whole["checksum"]
+        for n in range(len(whole)):
+            if zlib.crc32(raw[n * size : (n + 1) * size - 4]) != sums[n]:
+                good = n
+                break
+        self._chunks = [whole[:good].copy()]
+        kept = end + good * size
+        self.repaired = len(content) - kept
+        if self.repaired:
+            with open(self.path, "r+b") as file:
+                file.truncate(kept)
+                os.fsync(file.fileno())
+        return True
+
+    @property
+    def rows(self) -> NDArray[np.void]:
+        """All records, in the order in which they were finished."""
+        if len(self._chunks) != 1:
+            self._chunks = [np.concatenate(self._chunks) if self._chunks else np.empty(0, dtype=self.type)]
+        return self._chunks[0]
+
+    def __len__(self) -> int:
+        return len(self._index)
+
+    def find(self, labelling: Bits) -> Evaluation | None:
+        """What the store knows of a labelling (m,), or None."""
+        position = self._index.get(np.packbits(labelling).tobytes())
+        return None if position is None else _evaluation(self.rows[position])
+
+    def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
+        """Write finished evaluations and wait until the disk has them.
+
+        labellings: (k, m); multiplicities: k orbit sizes.
+        """
+        rows = np.zeros(len(evaluations), dtype=self.type)
+        rows["labelling"] = np.packbits(labellings, axis=1)
+        rows["multiplicity"] = multiplicities
+        for n, found in enumerate(evaluations):
+            rows[n]["status"] = _STATUSES.index(found.status)
+            rows[n]["settled"] = _SETTLED.index(found.settled)
+            for name in ("low", "high", "associative", "zero_dilation", "seconds"):
+                rows[n][name] = getattr(found, name)
+        for n in range(len(rows)):
+            rows[n]["checksum"] = zlib.crc32(rows[n].tobytes()[:-4])
+        self._file.write(rows.tobytes())
+        os.fsync(self._file.fileno())
+        start = len(self._index)
+        self._chunks.append(rows)
+        for n, row in enumerate(rows):
+            self._index[row["labelling"].tobytes()] = start + n
+
+    def close(self) -> None:
+        """Close the file; what was appended is on disk already."""
+        self._file.close()
+
+
+def statuses(rows: NDArray[np.void]) -> list[Status]:
+    """Status of each record."""
+    return [_STATUSES[code] for code in rows["status"]]
+
+
+def settled(rows: NDArray[np.void]) -> list[str]:
+    """How each record was settled: by a solve or by a certificate."""
+    return [_SETTLED[code] for code in rows["settled"]]
+
+
+def _evaluation(row: np.void) -> Evaluation:
+    numbers = {name: float(row[name]) for name in ("low", "high", "associative", "zero_dilation", "seconds")}
+    return Evaluation(status=_STATUSES[row["status"]], settled=_SETTLED[row["settled"]], **numbers)
+
+
+def _compare_headers(path: str, found: bytes, wanted: bytes) -> None:
+    """Raise InputError naming the first entry in which a store differs from the study that wants to go on."""
+    try:
+        old, new = json.loads(found), json.loads(wanted)
+    except ValueError:
+        raise InputError(path, "its header cannot be read", "a file written by jld explore") from None
+    for key in sorted(old.keys() | new.keys()):
+        if old.get(key) != new.get(key):
+            raise InputError(
+                path, f"it was made with {key} {_shown(old.get(key))}, not {_shown(new.get(key))}", f"the same {key} to resume"
+            )
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float) and math.isnan(value):
+        return "none"
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,161 @@
+"""A study: one scene, one driver, one store; ask → evaluate → tell, until there is a reason to stop.
+
+The driver proposes and never evaluates, workers evaluate and never write, this loop alone writes the store,
+tells the driver and reports progress. To resume is to replay: the driver runs again from its seed, and what
+the store knows is told without being evaluated.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jld_core._version import __version__
+from jld_core.assembly import Assembly, Bits
+from jld_core.scene import Scene
+from jld_core.solvers.status import Status
+from jld_explore.candidates import SearchSpace
+from jld_explore.drivers.base import Driver
+from jld_explore.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.labelling import orbit_sizes
+from jld_explore.store import Store
+from jld_explore.workers import Recipe, Workers
+
+
+class StopReason(StrEnum):
+    """Why a study ended."""
+
+    EXHAUSTED = "exhausted"
+    PROVEN = "proven"
+    BUDGET = "budget"
+    TIME = "time"
+    INTERRUPTED = "interrupted"
+
+
+class Interrupted(BaseException):
+    """Raised by the signal handlers of the command line: everything finished is on disk."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a running study stands. total: None where it is not known. best: λ so far, NaN where none."""
+
+    done: int
+    total: int | None
+    solved: int
+    best: float
+    seconds: float
+
+
+@dataclass
+class Study:
+    """One search over labellings of a scene.
+
+    budget: distinct classes evaluated at the most. seconds: time limit. jobs: worker processes. report: called
+    after every batch. The same scene, driver, seed and budget give the same store rows whatever `jobs` is.
+    """
+
+    scene: Scene
+    assembly: Assembly
+    space: SearchSpace
+    driver: Driver
+    folder: Path
+    seed: int = 0
+    jobs: int = 1
+    budget: int | None = None
+    seconds: float | None = None
+    settings: EvaluatorSettings = field(default_factory=EvaluatorSettings)
+    total: int | None = None
+    report: Callable[[Progress], None] | None = None
+
+    def __post_init__(self) -> None:
+        self.started = time.perf_counter()
+        self.solved = 0
+        self.evaluated = 0
+        self._best = np.nan
+        self.store = Store(self.folder, self.header, len(self.assembly.interfaces))
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """What a store must agree with to be gone on with."""
+        return {
+            "scene": self.scene.fingerprint,
+            "driver": self.driver.name,
+            "seed": self.seed,
+            "objective": self.settings.objective,
+            "bracket width": self.settings.gap,
+            "versions": versions(),
+        }
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the study began."""
+        return time.perf_counter() - self.started
+
+    def run(self) -> StopReason:
+        """Search until the space, the budget or the time is used up; Interrupted passes through."""
+        workers = Workers(Recipe.of(self.assembly, self.settings), self.jobs, len(self.assembly.interfaces))
+        try:
+            while True:
+                left = None if self.budget is None else self.budget - self.evaluated
+                if left is not None and left <= 0:
+                    return StopReason.BUDGET
+                if self._late:
+                    return StopReason.TIME
+                labellings = self.driver.ask(left)
+                if len(labellings) == 0:
+                    return StopReason.EXHAUSTED
+                evaluations = self._evaluate(workers, labellings)
+                if evaluations is None:
+                    return StopReason.TIME
+                self.driver.tell(labellings, evaluations)
+        finally:
+            workers.close()
+            self.store.close()
+
+    @property
+    def _late(self) -> bool:
+        return self.seconds is not None and self.elapsed >= self.seconds
+
+    def _evaluate(self, workers: Workers, labellings: Bits) -> list[Evaluation] | None:
+        """Evaluations in the order asked, from the store where it has them; None where time ran out."""
+        found: list[Evaluation | None] = [self.store.find(labels) for labels in labellings]
+        known = [evaluation for evaluation in found if evaluation is not None]
+        self._count(known)
+        missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
+        if missing.size:
+            weights = orbit_sizes(labellings[missing], self.space.group)
+            for part, evaluations in workers.run(labellings[missing]):
+                self.store.append(labellings[missing[part]], weights[part].tolist(), evaluations)
+                self.solved += len(evaluations)
+                for position, evaluation in zip(missing[part], evaluations, strict=True):
+                    found[position] = evaluation
+                self._count(evaluations)
+                if self._late and any(evaluation is None for evaluation in found):
+                    return None
+        return [evaluation for evaluation in found if evaluation is not None]
+
+    def _count(self, evaluations: list[Evaluation]) -> None:
+        self.evaluated += len(evaluations)
+        values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
+        self._best = float(np.fmax(self._best, max(values, default=np.nan)))
+        if self.report is not None:
+            total = self.total if self.budget is None else min(self.budget, self.total or self.budget)
+            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed))
+
+
+def versions() -> dict[str, str]:
+    """Versions that numbers may depend on."""
+    return {
+        "jld": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "scipy", "clarabel", "highspy")},
+    }

@@ -1,0 +1,112 @@
+"""The bracket holds whatever the solver said: noise on its answer, an unconverged answer, nonsense."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cases import CASES, grid_assembly
+from jld_core import LimitAnalysis, Status
+from jld_core.limit import Proof
+from jld_core.program import ConicProgram
+from jld_core.solvers import ClarabelRoute, RawSolution
+
+NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
+ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}
+
+
+class Noisy:
+    """A route that spoils the answer of another."""
+
+    name = "noisy"
+
+    def __init__(self, level: float, seed: int) -> None:
+        self._route, self._level, self._rng = ClarabelRoute(), level, np.random.default_rng(seed)
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        raw = self._route.solve(program)
+        spoil = [v * (1.0 + self._level * self._rng.standard_normal(len(v))) for v in (raw.point, raw.dual)]
+        spoil = [v + self._level * self._rng.standard_normal(len(v)) for v in spoil]
+        return RawSolution(raw.status, spoil[0], spoil[1], raw.iterations, raw.seconds)
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(st.sampled_from(NAMES), st.sampled_from([1e-2, 1e-4, 1e-6]), st.integers(0, 2**31))
+def test_bracket_contains_the_true_value_under_noise(name: str, level: float, seed: int) -> None:
+    analysis = ANALYSES[name]
+    labels = np.random.default_rng(seed).random(len(analysis.assembly.interfaces)) < 0.5
+    truth_status, truth = analysis.prove(labels)
+    noisy = Noisy(level, seed)
+    proof = Proof()
+    raw = analysis._attempt(proof, noisy, labels, analysis.margin)
+    analysis._repair(proof, raw, labels)
+    if truth_status is Status.COLLAPSE:
+        slack = 1e-6 * max(abs(truth.high), 1e-3)
+        assert proof.low <= truth.high + slack
+        assert proof.high >= truth.low - slack
+        assert proof.collapse_below_zero is None
+    elif truth_status is Status.UNSTABLE:
+        assert proof.low < 0.0 or proof.state is None
+    elif truth_status is Status.LOCKED:
+        assert proof.motion is None or proof.high >= proof.low
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nonsense_proves_nothing(name: str) -> None:
+    analysis = ANALYSES[name]
+    labels = np.ones(len(analysis.assembly.interfaces), dtype=bool)
+    rows, columns = analysis.template.structure.shape
+    for filling in (np.nan, np.inf, 0.0):
+        assert not analysis.prover.state(np.full(columns, filling), labels).admissible or filling == 0.0
+        motion = analysis.prover.motion(np.full(rows, filling), labels)
+        assert not (motion.margin >= 0.0 and motion.work > 0.0)
+
+
+@pytest.mark.parametrize("iterations", [1, 3, 6])
+def test_an_unconverged_solver_is_overruled_or_named(iterations: int) -> None:
+    """A solver stopped early may not change λ: the ladder proves it, or the result says uncertified."""
+    assembly = grid_assembly(*CASES["wall"][:1])
+    labels = np.random.default_rng(1).random(len(assembly.interfaces)) < 0.6
+    truth = LimitAnalysis(assembly).solve(labels)
+    hasty = LimitAnalysis(assembly)
+    hasty.route = ClarabelRoute(max_iter=iterations)
+    result = hasty.solve(labels)
+    assert result.status in (Status.COLLAPSE, Status.UNCERTIFIED)
+    if result.status is Status.COLLAPSE:
+        assert result.load_factor == pytest.approx(truth.load_factor, rel=1e-6)
+    assert any("limit" in step for step in result.route)
+
+
+def test_forces_and_mechanism_prove_the_bracket_in_scene_units() -> None:
+    """What is reported is what was proven: equilibrium, yield and work balance redone from the result alone."""
+    from jld_core.equilibrium import equilibrium_matrix, load_vectors
+
+    for name in ("wall", "beam", "cantilever"):
+        assembly = grid_assembly(CASES[name][0], **CASES[name][1])
+        labels = np.arange(len(assembly.interfaces)) % 3 == 0
+        labels[~assembly.free_faces] = name != "cantilever"
+        result = LimitAnalysis(assembly).solve(labels)
+        if result.status is not Status.COLLAPSE:
+            continue
+        assert result.forces is not None
+        assert result.mechanism is not None
+        matrix, (dead, live) = equilibrium_matrix(assembly), load_vectors(assembly)
+        left = matrix @ result.forces.ravel() + dead + result.bracket[0] * live
+        assert abs(left).max() <= 1e-9 * abs(dead).max()
+        faces, s = assembly.interfaces, assembly.strengths
+        n, v, m = result.forces.T
+        dry, inner = labels, ~labels
+        assert np.all(abs(m[dry]) <= n[dry] * faces.l1[dry] / 2)
+        assert np.all(abs(v[dry]) <= s.friction[dry] * n[dry])
+        assert np.all(abs(m[inner]) <= (n + s.tension * faces.area)[inner] * faces.l1[inner] / 6)
+        assert np.all(abs(v[inner]) <= (s.shear * faces.area)[inner])
+        u = result.mechanism[assembly.elements.free].ravel()
+        assert live @ u == pytest.approx(1.0, rel=1e-9)
+        jumps = (matrix.T @ u).reshape(-1, 3)
+        opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
+        reach = faces.l1 / np.where(labels, 2.0, 6.0)
+        assert np.all(opening - reach * turn - np.where(labels, s.friction, 0.0) * slip >= -1e-12 * abs(u).max())
+        dissipated = np.where(labels, 0.0, faces.area * (s.tension * opening + s.shear * slip)).sum()
+        assert dissipated - dead @ u == pytest.approx(result.bracket[1], rel=1e-9)

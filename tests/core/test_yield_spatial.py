@@ -1,0 +1,433 @@
+"""Spatial yield sets: rows, slacks and support functions against each other and a second statement."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
+from numpy.typing import NDArray
+from reference_spatial import face_constraints, load_factor, make_face
+
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysis
+from jld_core.program import Template
+from jld_core.scaling import scaling_of
+from jld_core.scene import parse_scene
+from jld_core.solvers import ClarabelRoute
+from jld_core.solvers.status import Status
+from jld_core.yield_spatial import InnerBending, SpatialYield, point_contact_assembly, spatial_yield
+
+Array = NDArray[np.float64]
+SCENES = Path(__file__).parents[2] / "scenes"
+DIRECTIONS = {"px": [1.0, 0.0, 0.0], "mx": [-1.0, 0.0, 0.0], "py": [0.0, 1.0, 0.0], "my": [0.0, -1.0, 0.0]}
+TURNED = OBLONG @ np.array([[0.8, 0.6], [-0.6, 0.8]])
+SHAPES = [OBLONG, TRIANGLE, IRREGULAR, ELL, TURNED]
+
+MATERIALS: dict[str, dict[str, dict[str, float]]] = {
+    "plain": {},
+    "no tension": {"inner": {"tensile_strength": 0.0, "shear_strength": 0.8}},
+    "crushable inside": {
+        "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 3.0}
+    },
+    "crushable": {
+        "dry": {"friction_coefficient": 0.7, "compressive_strength": 2.0},
+        "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 3.0},
+    },
+    "no shear": {
+        "dry": {"friction_coefficient": 0.0},
+        "inner": {"tensile_strength": 0.5, "shear_strength": 0.0},
+    },
+}
+CASES = [(name, bending) for name in MATERIALS for bending in ("paper", "kern")]
+
+
+def faces_under(name: str, bending: InnerBending) -> tuple[Assembly, SpatialYield]:
+    """One prism per shape on a slab; rectangles only where dry faces can be crushed."""
+    shapes = [OBLONG, TURNED, 0.3 * OBLONG] if name == "crushable" else SHAPES
+    built = stools(shapes, materials=MATERIALS[name])
+    return built, spatial_yield(built, scaling_of(built), bending)
+
+
+def labellings(count: int) -> list[NDArray[np.bool_]]:
+    return [np.ones(count, dtype=bool), np.zeros(count, dtype=bool), np.arange(count) % 2 == 0]
+
+
+def random_forces(rng: np.random.Generator, sets: SpatialYield, labels: NDArray[np.bool_]) -> Array:
+    """Forces on either side of the boundary, dropped resultants zero."""
+    forces = rng.normal(size=(len(labels), 6)) * rng.uniform(0.02, 0.6, size=6)
+    forces[:, 0] = rng.uniform(-0.3, 2.5, size=len(labels))
+    return forces * sets.active(labels)
+
+
+def random_jumps(rng: np.random.Generator, sets: SpatialYield, labels: NDArray[np.bool_]) -> Array:
+    """Jumps of finite dissipation, some of them just."""
+    jumps = rng.normal(size=(len(labels), 6)) * rng.choice([0.0, 1.0], p=[0.2, 0.8], size=(len(labels), 6))
+    short = sets.margin(jumps, labels)
+    extra = rng.choice([0.0, 0.5], size=len(labels)) + 1e-12
+    jumps[:, 0] += np.where(np.isfinite(short), np.maximum(-short, 0.0) + extra, 0.0)
+    return jumps
+
+
+def row_slacks(sets: SpatialYield, forces: Array, labels: NDArray[np.bool_]) -> Array:
+    """(m,) least s = h − G y of the rows of each face, cones as s0 − |s1…|, extra variables at their best."""
+    p = sets.pattern
+    best = [np.hypot(forces[:, 1], forces[:, 2])[~sets.point]]
+    crushed = np.isfinite(sets.crush_dry)
+    n, m1, m2 = (np.where(labels[crushed], forces[crushed, j], 0.0) for j in (0, 3, 4))
+    one, two = n - abs(m1), n - abs(m2)
+    best += [one, two, np.sqrt(np.maximum(one * two, 0.0)), np.sqrt(np.maximum(n, 0.0))]
+    y = np.concatenate([forces.ravel(), *best])
+    assert len(y) == forces.size + p.extra
+    data = np.where(labels[p.face], p.dry, p.inner)
+    s = np.where(labels[p.row_face], p.h_dry, p.h_inner)
+    s = s - sp.coo_array((data, (p.row, p.column)), shape=(len(s), len(y))).tocsr() @ y
+    assert set(p.cones) <= {3}
+    cones = s[p.linear :].reshape(-1, 3)
+    values = np.concatenate([s[: p.linear], cones[:, 0] - np.hypot(cones[:, 1], cones[:, 2])])
+    owner = np.concatenate([p.row_face[: p.linear], p.row_face[p.linear :: 3]])
+    least = np.full(len(labels), np.inf)
+    np.minimum.at(least, owner, values)
+    return least
+
+
+@pytest.mark.parametrize(("name", "bending"), CASES)
+def test_rows_hold_exactly_where_slack_is_not_negative(name: str, bending: InnerBending) -> None:
+    built, sets = faces_under(name, bending)
+    rng = np.random.default_rng(3)
+    seen = np.zeros(2, dtype=int)
+    for labels in labellings(len(built.interfaces)):
+        for _ in range(300):
+            forces = random_forces(rng, sets, labels)
+            slack, rows = sets.slack(forces, labels), row_slacks(sets, forces, labels)
+            clear = abs(slack) > 1e-9
+            np.testing.assert_array_equal(slack[clear] > 0.0, rows[clear] >= -1e-12)
+            seen += [np.sum(slack > 0.0), np.sum(slack < 0.0)]
+    assert seen.min() > 50
+
+
+@pytest.mark.parametrize(("name", "bending"), CASES)
+def test_slack_is_concave_and_never_steeper_than_its_arguments(name: str, bending: InnerBending) -> None:
+    """What blending and the comparison with the projection error rely on."""
+    built, sets = faces_under(name, bending)
+    rng = np.random.default_rng(4)
+    for labels in labellings(len(built.interfaces)):
+        for _ in range(100):
+            one, two = random_forces(rng, sets, labels), random_forces(rng, sets, labels)
+            middle = sets.slack(0.5 * (one + two), labels)
+            assert np.all(middle >= 0.5 * (sets.slack(one, labels) + sets.slack(two, labels)) - 1e-12)
+            moved = one + 1e-6 * rng.uniform(-1.0, 1.0, size=one.shape) * sets.active(labels)
+            change = abs(sets.slack(moved, labels) - sets.slack(one, labels))
+            assert change.max() <= 1e-6 * 6.0
+
+
+@pytest.mark.parametrize(("name", "bending"), CASES)
+def test_weak_duality(name: str, bending: InnerBending) -> None:
+    """−F·J ≤ D(J) for admissible F and jumps of finite dissipation."""
+    built, sets = faces_under(name, bending)
+    rng = np.random.default_rng(5)
+    tried = 0
+    for labels in labellings(len(built.interfaces)):
+        for _ in range(300):
+            forces = random_forces(rng, sets, labels)
+            jumps = random_jumps(rng, sets, labels)
+            inside = sets.slack(forces, labels) >= 0.0
+            work = -np.einsum("ij,ij->i", forces, jumps)
+            spent = sets.dissipation(jumps, labels)
+            assert np.all(work[inside] <= spent[inside] + 1e-12)
+            tried += int(inside.sum())
+    assert tried > 200
+
+
+@pytest.mark.parametrize(("name", "bending"), CASES)
+def test_dissipation_is_the_support_function(name: str, bending: InnerBending) -> None:
+    """D(J) = sup −F·J with the set stated a second time in CVXPY; 1e-6. Beyond the margin it is unbounded."""
+    built, sets = faces_under(name, bending)
+    faces, scaling = built.interfaces, scaling_of(built)
+    rng = np.random.default_rng(6)
+    materials = {
+        "dry": {"friction_coefficient": 0.7},
+        "inner": {"tensile_strength": 0.5, "shear_strength": 0.8},
+        **MATERIALS[name],
+    }
+    for dry in (True, False):
+        labels = np.full(len(faces), dry)
+        named = materials["dry" if dry else "inner"]
+        material = {
+            "friction": named.get("friction_coefficient", 0.0),
+            "tension": named.get("tensile_strength", 0.0),
+            "shear": named.get("shear_strength", 0.0),
+        }
+        if "compressive_strength" in named:
+            material["crush"] = named["compressive_strength"]
+        jumps = [random_jumps(rng, sets, labels) for _ in range(3)]
+        beyond = jumps[0].copy()
+        beyond[:, 0] -= sets.margin(beyond, labels) + 0.05
+        for k in range(len(faces)):
+            face = make_face(faces.polygon[k], faces.normal[k])
+            f = cp.Variable(6)
+            turn = np.eye(6)
+            turn[1:3, 1:3] = turn[3:5, 3:5] = face.frame[1:] @ np.array([faces.e1[k], faces.e2[k]]).T
+            weights = cp.Parameter(6)
+            # forces in units of the force scale, so that the objective is D as the program knows it
+            constraints = face_constraints(face, f, dry, material, bending == "kern", scaling.force)
+            problem = cp.Problem(cp.Maximize(-weights @ f), constraints)
+            for table in jumps:
+                weights.value = turn @ (table[k] * scaling.force / scaling.face[k])
+                value = problem.solve(solver="CLARABEL")
+                expected = sets.dissipation(table, labels)[k]
+                assert value == pytest.approx(expected, rel=1e-6, abs=1e-6), (k, dry, table[k])
+            if np.isfinite(sets.margin(beyond, labels)[k]):
+                weights.value = turn @ (beyond[k] * scaling.force / scaling.face[k])
+                problem.solve(solver="CLARABEL")
+                assert "unbounded" in problem.status
+
+
+@pytest.mark.parametrize(("name", "bending"), CASES)
+def test_recession_cone_is_what_can_be_added_for_ever(name: str, bending: InnerBending) -> None:
+    built, sets = faces_under(name, bending)
+    rng = np.random.default_rng(7)
+    for labels in labellings(len(built.interfaces)):
+        free = sets.recession_active(labels)
+        assert not np.any(free & ~sets.active(labels))
+        for _ in range(100):
+            ray = random_forces(rng, sets, labels) * free
+            start = np.zeros((len(labels), 6))
+            slack, far = sets.recession_slack(ray, labels), sets.slack(start + 1e8 * ray, labels)
+            clear = abs(slack) > 1e-6
+            np.testing.assert_array_equal(slack[clear] > 0.0, far[clear] > -1e-3)
+
+
+def test_strengths_of_any_size_leave_rows_of_order_one() -> None:
+    for size in (1e-9, 1.0, 1e9):
+        inner = {"tensile_strength": size, "shear_strength": size, "compressive_strength": 10.0 * size}
+        dry = {"friction_coefficient": 0.7, "compressive_strength": size}
+        built = stools([OBLONG, TURNED], materials={"inner": inner, "dry": dry})
+        pattern = spatial_yield(built, scaling_of(built)).pattern
+        for values in (pattern.dry, pattern.inner, pattern.h_dry, pattern.h_inner):
+            assert abs(values).max() <= 4.0
+
+
+def test_dry_crushing_wants_rectangles() -> None:
+    dry = {"friction_coefficient": 0.5, "compressive_strength": 1.0}
+    built = stools([TRIANGLE], materials={"dry": dry})
+    with pytest.raises(InputError, match=r"p0.slab is no rectangle; expected rectangles only"):
+        spatial_yield(built, scaling_of(built))
+
+
+def template(built: Assembly, bending: InnerBending = "paper") -> Template:
+    scaling = scaling_of(built)
+    return Template(built, scaling, spatial_yield(built, scaling, bending))
+
+
+def solved(built: Assembly, bending: InnerBending = "paper") -> float:
+    """λ through the program of the package."""
+    made = template(built, bending)
+    answer = ClarabelRoute().solve(made.program(built.labels))
+    return float(answer.point[-1] * made.scaling.load)
+
+
+def document(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((SCENES / f"spatial_{name}.json").read_text(encoding="utf-8"))
+    return found
+
+
+@pytest.mark.parametrize("given", [True, False], ids=["given", "found"])
+@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize(("name", "tolerance"), [("cubes", 1e-6), ("shelf", 1e-5)])
+def test_published_assemblies(name: str, tolerance: float, direction: str, given: bool) -> None:
+    """compas_cra 0.8.0 samples: values of the files by independent implementations, and our second one."""
+    scene = document(name)
+    expected = scene["expected"]
+    convex = expected.get("load_factor_convex", expected.get("load_factor"))[direction]
+    concave = expected.get("load_factor_concave", expected.get("load_factor"))[direction]
+    scene["loads"] = {"live": [{"body": DIRECTIONS[direction]}]}
+    stated = scene if given else {key: value for key, value in scene.items() if key != "interfaces"}
+    built = build_assembly(parse_scene(stated))
+    points, parent = point_contact_assembly(built, built.labels)
+    assert np.all(np.diff(parent) >= 0)
+    values = solved(built), solved(points)
+    assert values == pytest.approx((convex, concave), abs=tolerance)
+    if given:
+        reference = load_factor(scene), load_factor(scene, concave=True)
+        assert reference == pytest.approx((convex, concave), abs=tolerance)
+        # the file's coordinates are single precision, and its rectangles are not quite
+        assert values == pytest.approx(reference, rel=1e-6)
+
+
+GLUE = {"tensile_strength": 3.0, "shear_strength": 6.0}
+VARIANTS: dict[str, tuple[list[str], dict[str, dict[str, float]], InnerBending, float | None]] = {
+    "glued": (["inner", "dry"], {"inner": GLUE}, "paper", 0.14332731),
+    "too weak": (["inner", "dry"], {"inner": GLUE}, "kern", None),
+    "glued, kern": (
+        ["inner", "inner"],
+        {"inner": {"tensile_strength": 9.0, "shear_strength": 4.0}},
+        "kern",
+        0.8,
+    ),
+    "all glued": (
+        ["inner", "inner"],
+        {"inner": {"tensile_strength": 12.0, "shear_strength": 18.0}},
+        "paper",
+        0.6,
+    ),
+    "soft": (
+        ["dry", "dry"],
+        {"dry": {"friction_coefficient": 0.84, "compressive_strength": 40.0}},
+        "paper",
+        0.28886424,
+    ),
+    "softer": (
+        ["dry", "dry"],
+        {"dry": {"friction_coefficient": 0.84, "compressive_strength": 18.0}},
+        "paper",
+        0.2,
+    ),
+    "soft and glued": (
+        ["inner", "dry"],
+        {
+            "inner": {"tensile_strength": 6.0, "shear_strength": 12.0, "compressive_strength": 72.0},
+            "dry": {"friction_coefficient": 0.84, "compressive_strength": 60.0},
+        },
+        "paper",
+        0.31901439,
+    ),
+    "soft and glued, kern": (
+        ["inner", "inner"],
+        {"inner": {"tensile_strength": 12.0, "shear_strength": 9.0, "compressive_strength": 90.0}},
+        "kern",
+        0.25479275,
+    ),
+}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_program_equals_second_statement(variant: str) -> None:
+    """Every kind of face in a solve, obliquely loaded; 1e-7 relative, values as measured."""
+    labels, materials, bending, expected = VARIANTS[variant]
+    scene = document("cubes")
+    for entry, label in zip(scene["interfaces"], labels, strict=True):
+        entry["label"] = label
+    scene["materials"] = {**scene["materials"], **materials}
+    scene["loads"] = {"live": [{"body": [0.8, 0.5, 0.1]}]}
+    built = build_assembly(parse_scene(scene))
+    if expected is None:
+        answer = ClarabelRoute().solve(template(built, bending).program(built.labels))
+        assert answer.note == "PrimalInfeasible"
+        with pytest.raises(AssertionError, match="infeasible"):
+            load_factor(scene, kern=bending == "kern")
+        return
+    value = solved(built, bending)
+    assert value == pytest.approx(load_factor(scene, kern=bending == "kern"), rel=1e-7)
+    assert value == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("bending", "expected"), [("paper", np.sqrt(2.0) / 3.0), ("kern", np.sqrt(2.0) / 6.0)]
+)
+def test_uncoupled_bending_against_kern(bending: InnerBending, expected: float) -> None:
+    """METHOD §2: two cubes loaded at 45°, inner joint without tensile strength: 0.471 against 0.236."""
+    blocks = [box("top", [0, 0, 1], [1, 1, 2]), box("low", [0, 0, 0], [1, 1, 1])]
+    built = assembly(
+        [*blocks, box("s", [-1, -1, -1], [2, 2, 0], support=True)],
+        materials={"inner": {"tensile_strength": 0.0, "shear_strength": 9.0}},
+        live=[{"body": [np.sqrt(0.5), np.sqrt(0.5), 0.0]}],
+        labels={"inner": [["top", "low"]]},
+    )
+    assert solved(built, bending) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("shape", range(len(SHAPES)))
+def test_prism_in_pure_torsion(shape: int) -> None:
+    """Closed form: MT = μ N c_T, on a shape whose prism is loaded by a couple about its axis alone."""
+    built = stools([SHAPES[shape]], live=[{"element": "p0", "moment": [0.0, 0.0, 1.0]}])
+    weight = float(built.elements.weight[0, 2])
+    expected = 0.7 * abs(weight) * float(built.interfaces.c_t[0])
+    assert solved(built) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("label", ["dry", "inner"])
+def test_without_shear_strength_any_push_moves(label: str) -> None:
+    """μ = 0 or τ = 0: shear and torsion are dropped, and sideways loads find nothing; upwards ones do."""
+    for live, expected in (([{"body": [1, 0, 0]}], 0.0), ([{"body": [0, 0, 1]}], None)):
+        built = stools([OBLONG], materials=MATERIALS["no shear"], labels={"default": label}, live=live)
+        weight, strength = abs(built.elements.weight[0, 2]), 0.5 * built.interfaces.area[0]
+        lift = 1.0 + (strength / weight if label == "inner" else 0.0)
+        value = lift if expected is None else expected
+        assert solved(built) == pytest.approx(value, abs=1e-8)
+
+
+def test_point_contact_keeps_glued_faces_and_drops_moments_of_the_rest() -> None:
+    built = stools([OBLONG, ELL, TRIANGLE], labels={"inner": [["p2", "slab"]]})
+    points, parent = point_contact_assembly(built, built.labels)
+    np.testing.assert_array_equal(parent, [0] * 4 + [1] * 5 + [2])
+    assert len(points.interfaces) == 10
+    np.testing.assert_array_equal(points.labels, parent < 2)
+    sets = spatial_yield(points, scaling_of(points))
+    active = sets.active(points.labels)
+    assert not active[:9, 3:].any()
+    assert active[9].all()
+    assert active[:9, :3].all()
+
+
+@pytest.mark.parametrize("bending", ["paper", "kern"])
+def test_updated_programs_equal_programs_set_up_anew(bending: InnerBending) -> None:
+    """One structure for all labellings, strengths of every kind: 1e-8."""
+    scene = document("cubes")
+    scene["materials"] = {
+        "gravity": 1.0,
+        "dry": {"friction_coefficient": 0.84, "compressive_strength": 60.0},
+        "inner": {"tensile_strength": 9.0, "shear_strength": 12.0, "compressive_strength": 90.0},
+    }
+    built = build_assembly(parse_scene(scene))
+    made, route = template(built, bending), ClarabelRoute()
+    for bits in ([1, 1], [0, 1], [1, 0], [0, 0], [1, 1]):
+        program = made.program(np.array(bits, dtype=bool))
+        one, two = route.solve(program).point[-1], ClarabelRoute().solve(program).point[-1]
+        assert one == pytest.approx(two, rel=1e-8)
+    assert (route.rebuilds, route.updates) == (1, 4)
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_bracket_of_the_cubes(direction: str) -> None:
+    """Slacks, margins and dissipation prove the value, convex and concave."""
+    scene = document("cubes")
+    expected = scene["expected"]["load_factor"][direction]
+    scene["loads"] = {"live": [{"body": DIRECTIONS[direction]}]}
+    built = build_assembly(parse_scene(scene))
+    for contact in (built, point_contact_assembly(built, built.labels)[0]):
+        result = LimitAnalysis(contact, template=template(contact)).solve(stands=False)
+        assert result.status is Status.COLLAPSE
+        assert result.bracket[0] - 1e-8 <= expected <= result.bracket[1] + 1e-8
+        assert result.gap <= 1e-6
+
+
+def test_points_cannot_be_crushed() -> None:
+    built = stools([OBLONG], materials=MATERIALS["crushable"])
+    with pytest.raises(InputError, match=r"p0.slab has a compressive strength"):
+        point_contact_assembly(built, built.labels)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_point_faces_have_rows_and_dissipation_of_their_cones(seed: int) -> None:
+    """Rows against slacks, and weak duality, as for the others."""
+    built = stools(SHAPES)
+    points, _ = point_contact_assembly(built, np.ones(len(built.interfaces), dtype=bool))
+    sets = spatial_yield(points, scaling_of(points))
+    rng = np.random.default_rng(seed)
+    labels = points.labels
+    for _ in range(100):
+        forces, jumps = random_forces(rng, sets, labels), random_jumps(rng, sets, labels)
+        slack, rows = sets.slack(forces, labels), row_slacks(sets, forces, labels)
+        clear = abs(slack) > 1e-9
+        np.testing.assert_array_equal(slack[clear] > 0.0, rows[clear] >= -1e-12)
+        inside = slack >= 0.0
+        work = -np.einsum("ij,ij->i", forces[:, :3], jumps[:, :3])
+        assert np.all(work[inside] <= sets.dissipation(jumps, labels)[inside] + 1e-12)
