@@ -33,7 +33,9 @@ def build_assembly(scene: Scene) -> Assembly:
     dead[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
     live = loads.generalised(scene.loads.live, elements, "loads.live")
     if not np.any(live):
-        raise InputError("loads.live", "the live load is zero", "at least one load that acts on a free element")
+        raise InputError(
+            "loads.live", "the live load is zero", "at least one load that acts on a free element"
+        )
     return Assembly(
         name=scene.name,
         dimension=scene.dimension,
@@ -69,7 +71,9 @@ def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | 
         contacts = find_planar_contacts(outlines)
         given = [None] * len(contacts)
     else:
-        contacts = [_given_contact(entry, position, elements) for position, entry in enumerate(scene.interfaces)]
+        contacts = [
+            _given_contact(entry, position, elements) for position, entry in enumerate(scene.interfaces)
+        ]
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     return elements, planar_interfaces([contacts[k] for k in kept], thickness), [given[k] for k in kept]
@@ -88,7 +92,9 @@ def collect_elements(
     centroid: (n, d); volume: (n,); shape, faces: as in Elements.
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
-    centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
+    centroid = np.array(
+        [e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)]
+    )
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [
@@ -117,7 +123,9 @@ def refuse_twins(ids: list[str]) -> None:
     seen: set[str] = set()
     for position, name in enumerate(ids):
         if name in seen:
-            raise InputError(f"elements[{position}].id", f"{name!r} is used twice", "an id of its own for each element")
+            raise InputError(
+                f"elements[{position}].id", f"{name!r} is used twice", "an id of its own for each element"
+            )
         seen.add(name)
 
 
@@ -144,7 +152,9 @@ def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Inter
         faces = (low == a) & (high == b)
         if not faces.any():
             raise InputError(
-                f"{where}[{position}]", f"{pair[0]!r} and {pair[1]!r} share no interface", "two elements that touch"
+                f"{where}[{position}]",
+                f"{pair[0]!r} and {pair[1]!r} share no interface",
+                "two elements that touch",
             )
         chosen |= faces
     return chosen
@@ -191,7 +201,8 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
                         part[cell] = number
                         queue.append(cell)
     return {
-        (r, c): rows[r][c] if parts[rows[r][c]] == 1 else f"{rows[r][c]}{number}" for (r, c), number in part.items()
+        (r, c): rows[r][c] if parts[rows[r][c]] == 1 else f"{rows[r][c]}{number}"
+        for (r, c), number in part.items()
     }
 
 
@@ -204,7 +215,9 @@ def _signed_area(outline: Floats) -> float:
 def _centroid(outline: Floats) -> Floats:
     x, y = (outline - outline[0]).T
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-    mean = np.array([np.dot(x + np.roll(x, -1), cross), np.dot(y + np.roll(y, -1), cross)]) / (3.0 * cross.sum())
+    mean = np.array([np.dot(x + np.roll(x, -1), cross), np.dot(y + np.roll(y, -1), cross)]) / (
+        3.0 * cross.sum()
+    )
     return np.asarray(outline[0] + mean)
 
 
@@ -223,7 +236,9 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
     edge /= np.hypot(*edge.T)[:, None]
     outward = np.column_stack([edge[:, 1], -edge[:, 0]])
     along = (ends[1] - ends[0]) / length
-    distance = abs(np.einsum("ij,ij->i", ends.mean(axis=0) - outline, outward)) + length * abs(outward @ along)
+    distance = abs(np.einsum("ij,ij->i", ends.mean(axis=0) - outline, outward)) + length * abs(
+        outward @ along
+    )
     normal = outward[int(np.argmin(distance))]
     # the stated line decides the direction, the element's face only on which side the other element lies
     across = np.array([along[1], -along[0]])
@@ -243,7 +258,9 @@ def _check_paths(elements: Elements, interfaces: Interfaces) -> None:
         )
 
 
-def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
+def _own_labels(
+    scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]
+) -> Bits:
     """Labels by the scene's precedence: interface, lists, default, then block membership."""
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])

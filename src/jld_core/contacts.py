@@ -48,7 +48,9 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
         shared = shapes[a].intersection(shapes[b]).area
         if shared > tolerances.OVERLAP * min(shapes[a].area, shapes[b].area):
             raise InputError(
-                f"elements {ids[a]!r} and {ids[b]!r}", "they overlap", "elements that touch along edges at the most"
+                f"elements {ids[a]!r} and {ids[b]!r}",
+                "they overlap",
+                "elements that touch along edges at the most",
             )
 
 
@@ -64,7 +66,10 @@ def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
     spans = np.array([np.ptp(p, axis=0).max() for p in polygons])
     tree = shapely.STRtree(shapes)
     boxes = shapely.box(
-        *(np.array([s.bounds for s in shapes]) + np.outer(spans, tolerances.CONTACT * np.array([-1, -1, 1, 1]))).T
+        *(
+            np.array([s.bounds for s in shapes])
+            + np.outer(spans, tolerances.CONTACT * np.array([-1, -1, 1, 1]))
+        ).T
     )
     left, right = tree.query(boxes)
     near = sorted({(int(min(a, b)), int(max(a, b))) for a, b in zip(left, right, strict=True) if a != b})
@@ -108,7 +113,9 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
     joined: list[tuple[Floats, Floats]] = []
     for ends, normal in pieces:
         for index, (others, other) in enumerate(joined):
-            reach = tolerances.CONTACT * max(np.hypot(*(ends[1] - ends[0])), np.hypot(*(others[1] - others[0])))
+            reach = tolerances.CONTACT * max(
+                np.hypot(*(ends[1] - ends[0])), np.hypot(*(others[1] - others[0]))
+            )
             if normal @ other < 1.0 - tolerances.CONTACT:
                 continue
             if np.hypot(*(others[1] - ends[0])) <= reach:

@@ -17,6 +17,7 @@ from jld_core.solvers.clarabel_ import ClarabelRoute
 from jld_core.solvers.status import RawSolution
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
+_LITTLE = 1e-5  # slack, scaled, that every row can have at once if it can have any
 
 
 class Interior:
@@ -33,7 +34,9 @@ class Interior:
 
     def state(self, labels: Bits) -> State | None:
         """The state of largest slack at any λ, or None where it is not admissible."""
-        state = self.prover.state(self._deepest_answer(labels).point[: self.template.columns], labels, passes=3)
+        state = self.prover.state(
+            self._deepest_answer(labels).point[: self.template.columns], labels, passes=3
+        )
         return state if state.admissible else None
 
     def phase_one(self, labels: Bits) -> Floats:
@@ -71,8 +74,8 @@ class Interior:
         s = program.structure
         if s.cones or s.shape[1] > _DENSE:
             return None
-        answer, slack = self._spread(program, program.rhs, s.shape[1])
-        tight = _tips(s)[slack < 1e-7]
+        answer, slack = self._spread(program, program.rhs, s.shape[1], cap=_LITTLE)
+        tight = _tips(s)[slack < 1e-3 * _LITTLE]
         rows = np.concatenate([np.arange(s.equalities), tight])
         equations = program.matrix.tocsr()[rows].toarray()
         inverse = np.linalg.pinv(equations, rcond=1e-12)
@@ -111,18 +114,23 @@ class Interior:
         if columns <= _DENSE and not s.cones:
             # rows that no ray leaves slack are equations: a solver meets them to its residual only
             tight = _tips(s)[slack < 1e-6 * max(1.0, float(slack.max()))]
-            equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][:, :columns].toarray()
+            equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][
+                :, :columns
+            ].toarray()
             wanted = np.concatenate([-self.template.live, np.zeros(len(tight))])
             for _ in range(2):
                 point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
         ray = self.prover.ray(np.append(point, 1.0), labels)
         return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
 
-    def _spread(self, program: ConicProgram, rhs: Floats, columns: int) -> tuple[RawSolution, Floats]:
-        """A point with as many yield rows slack as can be, and that slack in [0, 1] per row.
+    def _spread(
+        self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0
+    ) -> tuple[RawSolution, Floats]:
+        """A point with as many yield rows slack as can be, and that slack in [0, cap] per row.
 
         program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
-        rhs: (rows,) right-hand side, zero below equilibrium for recession cones.
+        rhs: (rows,) right-hand side, zero below equilibrium for recession cones. cap: in a cone any slack can be
+        scaled up to 1; elsewhere it must be so small that rows need not compete for slack.
         """
         s = program.structure
         matrix = program.matrix[:, :columns].tocsr()
@@ -133,7 +141,7 @@ class Interior:
         bound = sp.hstack([sp.csr_array((count, columns)), sp.eye_array(count)])
         wide = sp.hstack([matrix, pick]).tocsr()
         rows = sp.vstack([wide[:linear], bound, -bound, wide[linear:]])
-        ends = np.concatenate([rhs[:linear], np.ones(count), np.zeros(count), rhs[linear:]])
+        ends = np.concatenate([rhs[:linear], np.full(count, cap), np.zeros(count), rhs[linear:]])
         objective = np.concatenate([np.zeros(columns), -np.ones(count)])
         raw = ClarabelRoute().solve(_pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones))
         return raw, raw.point[columns:]
@@ -210,14 +218,18 @@ class Interior:
         matrix = program.matrix.tocsr()[:, : s.shape[1] - 1]
         tips = _tips(s)
         linear_rows = tips[: s.linear - 1]
-        cone_starts = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
+        cone_starts = (
+            s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
+        )
         kept_linear = linear_rows[moving[: len(linear_rows)]]
         kept_cones = [
             (start, size)
             for start, size, use in zip(cone_starts, s.cones, moving[len(linear_rows) :], strict=True)
             if use
         ]
-        cone_rows = np.concatenate([np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]).astype(int)
+        cone_rows = np.concatenate(
+            [np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]
+        ).astype(int)
         chosen = np.concatenate([kept_linear, cone_rows])
         balance = sp.hstack([matrix[: s.equalities].T, matrix[chosen].T]).tocsr()
         velocities, multipliers = s.equalities, len(chosen)
@@ -233,7 +245,11 @@ class Interior:
             _pack(rows, rhs, objective, balance.shape[0], len(kept_linear), tuple(k for _, k in kept_cones))
         )
         left = balance @ raw.point
-        if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(raw.point[velocities:][starts] < 0.5):
+        if (
+            not np.all(np.isfinite(left))
+            or abs(left).max() > 1e-6
+            or np.any(raw.point[velocities:][starts] < 0.5)
+        ):
             return None
         if np.any(raw.point[velocities : velocities + len(kept_linear)] < 0.5):
             return None
@@ -257,7 +273,9 @@ class Interior:
             extra = table[:, own:]
             extra = extra[:, np.any(extra != 0.0, axis=0)]
             free = la.null_space(extra.T) if extra.size else np.eye(len(table))
-            bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
+            bases[face] = (
+                la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
+            )
         return bases
 
     def _forbidden(self, bases: dict[int, Floats]) -> Floats:
@@ -272,7 +290,9 @@ class Interior:
         stacked = np.concatenate(parts)
         return stacked[abs(stacked).max(axis=1) > 1e-12]
 
-    def _measure_reduced(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
+    def _measure_reduced(
+        self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]
+    ) -> Motion:
         """Margin and bound, the jumps of reduced faces taken on their bases, where they lie but for rounding."""
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         noise = tolerances.ROUNDING * max(float(abs(velocity).max()), 1.0)

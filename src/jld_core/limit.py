@@ -38,7 +38,11 @@ class Proof:
 
     def offer_motion(self, motion: Motion) -> None:
         """Keep a motion with finite dissipation if its bound is the lowest so far."""
-        if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
+        if (
+            motion.margin >= 0.0
+            and motion.work > 0.0
+            and (self.motion is None or motion.bound < self.motion.bound)
+        ):
             self.motion = motion
 
     @property
@@ -146,7 +150,14 @@ class LimitAnalysis:
 
     def _try_harder(self, proof: Proof, raw: RawSolution, labels: Bits) -> Status:
         """Repairs by interior points, then other routes; each step is named in the route."""
-        steps = (self._repair, self._at_the_edge, self._crossover, self._at_the_edge, self._phase_one, self._unshrunk)
+        steps = (
+            self._repair,
+            self._at_the_edge,
+            self._crossover,
+            self._at_the_edge,
+            self._phase_one,
+            self._unshrunk,
+        )
         for step in steps:
             raw = step(proof, raw, labels)
             status = self._judge(proof)

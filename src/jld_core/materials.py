@@ -29,7 +29,9 @@ def gravity_vector(materials: Materials, dimension: int) -> Floats:
         return vector
     if len(materials.gravity) != dimension:
         raise InputError(
-            "materials.gravity", f"it has {len(materials.gravity)} numbers", f"a number or a vector of {dimension}"
+            "materials.gravity",
+            f"it has {len(materials.gravity)} numbers",
+            f"a number or a vector of {dimension}",
         )
     return np.array(materials.gravity, dtype=float)
 
@@ -43,7 +45,9 @@ def direction_of_weight(scene: Scene) -> Floats:
     return vector / length
 
 
-def self_weight(element: Element, volume: float, materials: Materials, direction: Floats, gravity: float) -> Floats:
+def self_weight(
+    element: Element, volume: float, materials: Materials, direction: Floats, gravity: float
+) -> Floats:
     """Self-weight (d,) of one element as a force: "weight" if given, else density × volume × gravity.
 
     direction: unit vector of gravity; gravity: its magnitude. Neither weight nor density means no weight.

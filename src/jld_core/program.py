@@ -60,7 +60,9 @@ class Template:
     scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
     """
 
-    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None) -> None:
+    def __init__(
+        self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None
+    ) -> None:
         self.assembly = assembly
         self.scaling = scaling or scaling_of(assembly)
         if yield_set is None:
@@ -116,7 +118,11 @@ class Template:
         self._row_face = np.concatenate([np.zeros(len(head), dtype=np.int64), pattern.row_face])
         self._tips = np.zeros(count)
         self._tips[len(head) : len(head) + pattern.linear] = 1.0
-        tips = len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]]) if pattern.cones else np.array([])
+        tips = (
+            len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]])
+            if pattern.cones
+            else np.array([])
+        )
         self._tips[tips.astype(np.int64)] = 1.0
         self._objective = np.zeros(last + 1)
         self._objective[-1] = -1.0

@@ -43,7 +43,9 @@ def scaling_of(assembly: Assembly) -> Scaling:
     free = elements.free
     radius = 0.5 * np.linalg.norm(elements.upper[free] - elements.lower[free], axis=1)
     row = np.repeat(
-        np.column_stack([np.ones(len(free)), radius]), [assembly.dimension, assembly.freedoms - assembly.dimension], axis=1
+        np.column_stack([np.ones(len(free)), radius]),
+        [assembly.dimension, assembly.freedoms - assembly.dimension],
+        axis=1,
     )
     return Scaling(force=force, face=force * face, row=force * row, load=force / assembly.total_live)
 
@@ -57,7 +59,10 @@ def _force_scale(assembly: Assembly) -> float:
         count = len(elements)
         links = csr_array((np.ones(len(faces)), (faces.a, faces.b)), shape=(count + 1, count + 1))
         ground = csr_array(
-            (np.ones(int(elements.support.sum())), (np.full(int(elements.support.sum()), count), np.flatnonzero(elements.support))),
+            (
+                np.ones(int(elements.support.sum())),
+                (np.full(int(elements.support.sum()), count), np.flatnonzero(elements.support)),
+            ),
             shape=(count + 1, count + 1),
         )
         steps = shortest_path(links + ground, directed=False, unweighted=True, indices=count)

@@ -56,8 +56,12 @@ class Element(_Part):
     """One rigid element: a polygon (planar), or vertices and faces (spatial)."""
 
     id: Annotated[str, Field(min_length=1)]
-    polygon: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None = None
-    vertices: Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=4)] | None = None
+    polygon: (
+        Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None
+    ) = None
+    vertices: (
+        Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=4)] | None
+    ) = None
     faces: Annotated[list[Annotated[list[int], Field(min_length=3)]], Field(min_length=4)] | None = None
     weight: NonNegative | None = None
     density: NonNegative | None = None
@@ -214,7 +218,9 @@ class Search(_Part):
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"
     front: Front = Front()
 
-    _in_order = field_validator("block_cells", "block_weight", "block_extent", "blocks", "dry_faces")(_ordered)
+    _in_order = field_validator("block_cells", "block_weight", "block_extent", "blocks", "dry_faces")(
+        _ordered
+    )
 
 
 class Scene(_Part):
@@ -237,7 +243,9 @@ class Scene(_Part):
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:
         if (self.grid is None) == (self.elements is None):
-            raise ValueError('the geometry is missing or given twice; expected exactly one of "grid" and "elements"')
+            raise ValueError(
+                'the geometry is missing or given twice; expected exactly one of "grid" and "elements"'
+            )
         if self.grid is not None and self.thickness is not None:
             raise ValueError('"thickness" beside a grid; expected it inside "grid"')
         if self.elements is not None:
@@ -296,7 +304,9 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     except ValidationError as error:
         where, problem = _first_complaint(error)
         wrong, _, right = problem.partition("; expected ")
-        raise InputError(f"{file}: {where}" if where else file, wrong, right or "a value as SCENE.md says") from None
+        raise InputError(
+            f"{file}: {where}" if where else file, wrong, right or "a value as docs/scene.md says"
+        ) from None
 
 
 def _refuse_constant(name: str) -> float:
@@ -343,9 +353,12 @@ def _first_complaint(error: ValidationError) -> tuple[str, str]:
     shown = shown if len(shown) <= 40 else shown[:37] + "..."
     if kind == "value_error":
         message = message.removeprefix("Value error, ")
-        return where, message if "; expected" in message else f"{message}; expected a scene as SCENE.md says"
+        return (
+            where,
+            message if "; expected" in message else f"{message}; expected a scene as docs/scene.md says",
+        )
     if kind == "extra_forbidden":
-        return where, "unknown key; expected one that SCENE.md lists"
+        return where, "unknown key; expected one that docs/scene.md lists"
     if kind == "missing":
         return where, "missing; expected this key to be given"
     expected = _EXPECTED.get(kind) or re.sub(r"^Input should (be|have) ", "", message)

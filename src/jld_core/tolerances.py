@@ -32,5 +32,6 @@ GAP_FLOOR: Final = 1e-3
 
 FACE: Final = 1e-5
 """Gap between two faces of polyhedra, relative to the smaller of the two, at which they still touch; deviation
-of a given contact from a plane, and of a contact from a rectangle, relative to its size. It stands above what
-single-precision coordinates leave (6e-8 of a coordinate, so some 1e-6 of a face) and far below any real joint."""
+of a given contact from a plane, and of a contact from a rectangle, relative to its size. It stands above
+what single-precision coordinates leave (6e-8 of a coordinate, so some 1e-6 of a face) and far below any real
+joint."""

@@ -134,9 +134,14 @@ class PlanarYield:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             p = turn + self.friction * slip - opening
             q = turn / self.crush_dry
-            crushed = np.where(p < 2.0 * q * self.crush_dry, p * p / (4.0 * q), self.crush_dry * (p - q * self.crush_dry))
+            crushed = np.where(
+                p < 2.0 * q * self.crush_dry, p * p / (4.0 * q), self.crush_dry * (p - q * self.crush_dry)
+            )
             dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed)
-            corner = 0.5 * (self.tension - self.crush_inner) * opening + (self.crush_inner + self.tension) * turn / 6.0
+            corner = (
+                0.5 * (self.tension - self.crush_inner) * opening
+                + (self.crush_inner + self.tension) * turn / 6.0
+            )
             bent = np.maximum(-self.crush_inner * opening, corner)
             normal = np.where(np.isinf(self.crush_inner), -np.inf, bent)
         inner = np.maximum(self.tension * opening, normal) + np.where(slip > 0.0, self.shear * slip, 0.0)
@@ -167,7 +172,9 @@ def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
     return PlanarYield(**sets, pattern=_planar_rows(**sets))
 
 
-def _planar_rows(friction: Floats, tension: Floats, shear: Floats, crush_dry: Floats, crush_inner: Floats) -> RowPattern:
+def _planar_rows(
+    friction: Floats, tension: Floats, shear: Floats, crush_dry: Floats, crush_inner: Floats
+) -> RowPattern:
     """Rows per face: ±m against N, ±V against N; ±m against σc where an inner σc is given; then, where a dry σc is
     given, the cones N² ≤ N_c (N ∓ m)."""
     count = len(friction)
@@ -179,7 +186,12 @@ def _planar_rows(friction: Floats, tension: Floats, shear: Floats, crush_dry: Fl
     kinds = []
     for sign in (1.0, -1.0):
         kinds.append(
-            (every, [(0, -one, -one / (3.0 * size_t)), (2, sign * one, sign / size_t)], zero, tension / (3.0 * size_t))
+            (
+                every,
+                [(0, -one, -one / (3.0 * size_t)), (2, sign * one, sign / size_t)],
+                zero,
+                tension / (3.0 * size_t),
+            )
         )
     # where a label has no shear resistance at all V is dropped from equilibrium, and its rows idle
     idle = np.where(friction > 0.0, 0.0, 1.0), np.where(shear > 0.0, shear / size_s, 1.0)
@@ -217,7 +229,13 @@ def _planar_rows(friction: Floats, tension: Floats, shear: Floats, crush_dry: Fl
             for offset, coefficients_, h in table:
                 for j, value in coefficients_:
                     entries.append(
-                        (np.array([place + offset]), np.array([3 * face + j]), np.array([face]), np.array([value]), np.zeros(1))
+                        (
+                            np.array([place + offset]),
+                            np.array([3 * face + j]),
+                            np.array([face]),
+                            np.array([value]),
+                            np.zeros(1),
+                        )
                     )
                 h_dry.append(np.array([h]))
                 h_inner.append(np.array([1.0 if offset == 0 else 0.0]))

@@ -8,9 +8,8 @@ import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
-import click
 import typer
 
 from jld_core import plotting
@@ -29,6 +28,9 @@ from jld_explore.explore import ExploreSettings, Interrupted, explore, read_fold
 from jld_explore.progress import ProgressBar
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
+
+# typer brings a click of its own in some versions; its own exceptions say which one is in force
+_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 app = typer.Typer(
     name="jld",
@@ -64,7 +66,11 @@ def check(scene: SceneFile) -> None:
     """Parse a scene, find its interfaces, and print what will be modelled."""
     parsed, assembly = _load(scene)
     try:
-        _say(describe.assembly(parsed, assembly, search_space(parsed, assembly)))
+        _say(
+            describe.assembly(
+                parsed, assembly, search_space(parsed, assembly, allow_empty=True, need_materials=False)
+            )
+        )
     except InputError as error:
         raise error.within(str(scene)) from None
 
@@ -73,7 +79,9 @@ def check(scene: SceneFile) -> None:
 def solve(
     scene: SceneFile,
     solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "clarabel",
-    gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
+    gap: Annotated[
+        float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")
+    ] = 1e-6,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -108,14 +116,18 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
 def explore_command(
     scene: SceneFile,
     out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
-    driver: Annotated[str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")] = None,
+    driver: Annotated[
+        str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")
+    ] = None,
     objective: Annotated[Friction, typer.Option(help="λ that is maximised.")] = Friction.ASSOCIATIVE,
     budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
+    ] = False,
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
     parsed = load_scene(scene)
@@ -141,7 +153,9 @@ def explore_command(
 
 @app.command()
 def plot(
-    source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)],
+    source: Annotated[
+        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
+    ],
     out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
 ) -> None:
     """Draw a scene with its own labels, or draw a study's pictures again."""
@@ -190,9 +204,9 @@ def main() -> None:
         code = app(standalone_mode=False)
     except InputError as error:
         _complain(str(error))
-    except click.ClickException as error:
+    except _UsageError as error:
         _complain(" ".join(error.format_message().split()) + "; expected what --help lists")
-    except (Interrupted, KeyboardInterrupt, click.Abort):
+    except (Interrupted, KeyboardInterrupt, typer.Abort):
         sys.stderr.write("stopped; everything finished is on disk, go on with --resume\n")
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)

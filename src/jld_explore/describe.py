@@ -58,7 +58,16 @@ def result(found: LimitAnalysisResult) -> str:
 
 def exploration(done: Exploration, top: int = 10) -> str:
     """What `jld explore` prints: the best rows, the front, and what is proven."""
-    columns = ["rank", "load_factor", "bracket_lo", "bracket_hi", "dry_faces", "blocks", "largest_block_cells", "labelling"]
+    columns = [
+        "rank",
+        "load_factor",
+        "bracket_lo",
+        "bracket_hi",
+        "dry_faces",
+        "blocks",
+        "largest_block_cells",
+        "labelling",
+    ]
     facts = done.summary
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"

@@ -67,7 +67,7 @@ def explore(
     report: Callable[[Progress], None] | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Exploration:
-    """Search the labellings of a scene and write everything SCENE.md lists into a folder.
+    """Search the labellings of a scene and write everything docs/scene.md lists into a folder.
 
     scene: validated. folder: empty or new, unless resuming. report: called with progress. announce: told which
     driver was chosen. Raises InputError for a folder or a search that cannot be used; Interrupted after writing
@@ -111,7 +111,9 @@ def check_folder(folder: Path, resume: bool) -> None:
         raise InputError(str(folder), "it is a file", "a folder for the results")
     if resume or not folder.exists() or not any(folder.iterdir()):
         return
-    raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
+    raise InputError(
+        str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it"
+    )
 
 
 def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, int | None]:
@@ -120,10 +122,14 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, i
     Raises InputError for an unknown name, and for a space that provably holds no labelling.
     """
     if settings.driver is not None and settings.driver not in DRIVERS:
-        raise InputError("--driver", f"no driver is named {settings.driver!r}", "one of " + ", ".join(DRIVERS))
+        raise InputError(
+            "--driver", f"no driver is named {settings.driver!r}", "one of " + ", ".join(DRIVERS)
+        )
     known = size_up_to(space, SMALL)
     if known == 0:
-        raise InputError("search", "no labelling satisfies the constraints", "constraints that some labelling meets")
+        raise InputError(
+            "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
+        )
     return settings.driver or ("enumeration" if known is not None else "genetic"), known
 
 
@@ -143,7 +149,9 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
         seed=study.seed,
         versions=versions(),
     )
-    write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
+    write_text(
+        study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False)
+    )
     write_text(study.folder / "results.csv", results.to_csv(index=False))
     fresh = study.folder / "results.parquet.new"
     results.to_parquet(fresh, index=False)
@@ -157,7 +165,9 @@ def write_pictures(done: Exploration) -> list[Path]:
     """Draw the front with its layouts and, where one was found, the best layout. Returns what was written."""
     front_of = done.scene.search.front
     written = [done.folder / "pareto.png"]
-    figure = plotting.plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)
+    figure = plotting.plot_pareto(
+        done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense
+    )
     core_plotting.save_figure(figure, written[0])
     best = done.summary["best_labelling"]
     if best is not None:

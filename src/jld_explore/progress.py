@@ -8,7 +8,14 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from jld_explore import study
 
@@ -36,11 +43,15 @@ class ProgressBar:
         self._bar.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._bar.stop()
 
     def __call__(self, now: study.Progress) -> None:
         """Show where a study stands."""
         rate = now.solved / now.seconds if now.seconds > 0.0 else 0.0
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
-        self._bar.update(self._task, completed=now.done, total=now.total, rate=f"{rate:.0f} solves/s", best=best)
+        self._bar.update(
+            self._task, completed=now.done, total=now.total, rate=f"{rate:.0f} solves/s", best=best
+        )

@@ -53,7 +53,9 @@ class Store:
         self.faces = faces
         self.type = record_type(faces)
         self._chunks: list[NDArray[np.void]] = []
-        line = (json.dumps({"jld": "evaluations", "format": 1, "faces": faces, **header}, sort_keys=True) + "\n").encode()
+        line = (
+            json.dumps({"jld": "evaluations", "format": 1, "faces": faces, **header}, sort_keys=True) + "\n"
+        ).encode()
         self.repaired = 0
         if self.path.exists() and self._read(line):
             self._file = open(self.path, "r+b", buffering=0)
@@ -110,7 +112,9 @@ class Store:
         position = self._index.get(np.packbits(labelling).tobytes())
         return None if position is None else _evaluation(self.rows[position])
 
-    def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
+    def append(
+        self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]
+    ) -> None:
         """Write finished evaluations and wait until the disk has them.
 
         labellings: (k, m); multiplicities: k orbit sizes.
@@ -161,7 +165,9 @@ def _compare_headers(path: str, found: bytes, wanted: bytes) -> None:
     for key in sorted(old.keys() | new.keys()):
         if old.get(key) != new.get(key):
             raise InputError(
-                path, f"it was made with {key} {_shown(old.get(key))}, not {_shown(new.get(key))}", f"the same {key} to resume"
+                path,
+                f"it was made with {key} {_shown(old.get(key))}, not {_shown(new.get(key))}",
+                f"the same {key} to resume",
             )
 
 

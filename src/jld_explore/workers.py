@@ -71,7 +71,9 @@ class Workers:
 
     def run(self, labellings: Bits) -> Iterator[tuple[slice, list[Evaluation]]]:
         """Evaluate (k, m) labellings; yields (where they stand, their evaluations) as batches finish."""
-        slices = [slice(low, min(low + self.size, len(labellings))) for low in range(0, len(labellings), self.size)]
+        slices = [
+            slice(low, min(low + self.size, len(labellings))) for low in range(0, len(labellings), self.size)
+        ]
         if self.jobs == 1:
             for number, part in enumerate(slices):
                 yield part, evaluate_batch(self.recipe, number, labellings[part])[1]

@@ -39,7 +39,7 @@ def described(built: Assembly) -> list[tuple[Any, ...]]:
 
 @pytest.mark.parametrize("name", ["cubes", "shelf"])
 def test_interfaces_found_equal_those_given(name: str) -> None:
-    """Data of compas_cra: areas, centroids, normals, rectangles; 1e-7 (its coordinates are single precision)."""
+    """Data of compas_cra: areas, centroids, normals, rectangles; 1e-7, coordinates being single precision."""
     given = document(name)
     found = {key: value for key, value in given.items() if key != "interfaces"}
     one, two = build_assembly(parse_scene(given)), build_assembly(parse_scene(found))

@@ -11,18 +11,29 @@ from cases import grid_assembly
 from jld_core import LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 
 
-def column(width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]) -> LimitAnalysisResult:
+def column(
+    width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]
+) -> LimitAnalysisResult:
     elements: list[dict[str, Any]] = [
         {
             "id": f"b{k}",
-            "polygon": [[0, k * height], [width, k * height], [width, (k + 1) * height], [0, (k + 1) * height]],
+            "polygon": [
+                [0, k * height],
+                [width, k * height],
+                [width, (k + 1) * height],
+                [0, (k + 1) * height],
+            ],
             "weight": 1.0,
         }
         for k in range(count)
     ]
     ground = [[-width, -height], [2 * width, -height], [2 * width, 0], [-width, 0]]
     elements.append({"id": "ground", "polygon": ground, "support": True})
-    document = {"elements": elements, "materials": {"dry": {"friction_coefficient": friction}}, "loads": {"live": live}}
+    document = {
+        "elements": elements,
+        "materials": {"dry": {"friction_coefficient": friction}},
+        "loads": {"live": live},
+    }
     return solve(build_assembly(parse_scene(document)))
 
 

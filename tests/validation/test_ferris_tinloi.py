@@ -8,7 +8,16 @@ from __future__ import annotations
 
 import pytest
 
-from jld_core import Assembly, LimitAnalysisResult, Scene, Status, build_assembly, load_scene, parse_scene, solve
+from jld_core import (
+    Assembly,
+    LimitAnalysisResult,
+    Scene,
+    Status,
+    build_assembly,
+    load_scene,
+    parse_scene,
+    solve,
+)
 from jld_core.solvers import ROUTES
 from paths import SCENES
 from transforms import as_elements

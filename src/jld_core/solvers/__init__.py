@@ -25,4 +25,13 @@ def make_route(name: str, threads: int = 1) -> Route:
     raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))
 
 
-__all__ = ["ROUTES", "ClarabelRoute", "CvxpyRoute", "HighsRoute", "RawSolution", "RawStatus", "Route", "make_route"]
+__all__ = [
+    "ROUTES",
+    "ClarabelRoute",
+    "CvxpyRoute",
+    "HighsRoute",
+    "RawSolution",
+    "RawStatus",
+    "Route",
+    "make_route",
+]

@@ -55,7 +55,9 @@ class CvxpyRoute:
             duals.append(
                 np.zeros(constraint.size)
                 if value is None
-                else np.concatenate([np.ravel(part) for part in value] if isinstance(value, list) else [np.ravel(value)])
+                else np.concatenate(
+                    [np.ravel(part) for part in value] if isinstance(value, list) else [np.ravel(value)]
+                )
             )
         iterations = int(problem.solver_stats.num_iters or 0) if problem.solver_stats else 0
         return RawSolution(status, point, np.concatenate(duals), iterations, time.perf_counter() - start)

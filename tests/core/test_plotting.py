@@ -1,0 +1,414 @@
+"""Pictures say what the numbers say: positions, counts, directions; no image baselines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
+from jld_core import plotting_marks as marks
+from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
+from jld_core.plotting import (
+    draw_assembly,
+    draw_forces,
+    draw_mechanism,
+    figure_of_assembly,
+    figure_of_result,
+    save_figure,
+    svg_of,
+)
+from jld_core.plotting_furniture import legend_inches
+from jld_core.plotting_paint import TINTS, painter_order, projection_of
+
+SCENES = Path(__file__).parents[2] / "scenes"
+
+
+def axes() -> Axes:
+    figure = Figure(figsize=(5.0, 5.0))
+    FigureCanvasAgg(figure)
+    return figure.add_axes((0.15, 0.4, 0.8, 0.55))
+
+
+def block_on_ground(
+    live: list[dict[str, Any]], angle: float = 35.0, rows: tuple[str, ...] = ("a", "#")
+) -> Assembly:
+    """A stack of cells 2 wide and 4 high on a support, weight 80 each."""
+    materials = {
+        "density": 10.0,
+        "gravity": 1.0,
+        "dry": {"friction_angle": angle},
+        "inner": {"tensile_strength": 1.0, "shear_strength": 1.0},
+    }
+    grid = {"cell": [2.0, 4.0], "rows": list(rows)}
+    return build_assembly(
+        parse_scene({"name": "block", "grid": grid, "materials": materials, "loads": {"live": live}})
+    )
+
+
+PUSH = [{"element": "c0r0", "force": [1.0, 0.0], "at": [0.0, 7.0]}]
+"""A push at height 3 above the base of the block: it rocks at λ = 80 · 1 / 3 if friction allows."""
+
+
+@pytest.fixture(scope="module")
+def wall() -> LimitAnalysisResult:
+    return solve(build_assembly(load_scene(SCENES / "ferris_tinloi_1.json")))
+
+
+@pytest.fixture(scope="module")
+def beam() -> LimitAnalysisResult:
+    return solve(build_assembly(load_scene(SCENES / "flat_beam_arch.json")))
+
+
+def outcome(
+    assembly: Assembly, forces: Any = None, mechanism: Any = None, **changes: Any
+) -> LimitAnalysisResult:
+    values: dict[str, Any] = {
+        "labels": assembly.labels,
+        "status": Status.COLLAPSE,
+        "load_factor": 1.0,
+        "bracket": (1.0, 1.0),
+        "gap": 1e-9,
+        "stands_at_zero": True,
+        "forces": forces,
+        "mechanism": mechanism,
+        "iterations": 1,
+        "route": (),
+        "seconds": {},
+    }
+    return LimitAnalysisResult(assembly=assembly, **{**values, **changes})
+
+
+def stack_of_boxes() -> Assembly:
+    """Spatial, by hand: a support, a box 2 × 1 × 1 on it, a box 1 × 1 × 1 on the right half of that."""
+    corners = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
+    outward = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+    shapes = (
+        corners * (2.0, 1.0, 1.0) - (0.0, 0.0, 1.0),
+        corners * (2.0, 1.0, 1.0),
+        corners + np.array([1.0, 0.0, 1.0]),
+    )
+    weight = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -2.0], [0.0, 0.0, -1.0]])
+    elements = Elements(
+        ids=("ground", "low", "high"),
+        blocks=(None, None, None),
+        support=np.array([True, False, False]),
+        centroid=np.array([shape.mean(axis=0) for shape in shapes]),
+        volume=np.array([2.0, 2.0, 1.0]),
+        weight=weight,
+        shape=shapes,
+        faces=(outward,) * 3,
+    )
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    frame = np.tile(np.eye(3)[None], (2, 1, 1))
+    faces = Interfaces(
+        a=np.array([0, 1]),
+        b=np.array([1, 2]),
+        origin=np.array([[1.0, 0.5, 0.0], [1.5, 0.5, 1.0]]),
+        normal=frame[:, 2],
+        e1=frame[:, 0],
+        e2=frame[:, 1],
+        l1=np.array([2.0, 1.0]),
+        l2=np.array([1.0, 1.0]),
+        area=np.array([2.0, 1.0]),
+        c_t=np.array([0.6, 0.3826]),
+        rectangle=np.array([True, True]),
+        polygon=(square * (2.0, 1.0, 1.0), square + np.array([1.0, 0.0, 1.0])),
+    )
+    six = np.column_stack([weight, np.zeros((3, 3))])
+    live = np.zeros((3, 6))
+    live[1:, 0] = (2.0, 1.0)
+    nothing = np.full(2, np.nan)
+    return Assembly(
+        name="boxes",
+        dimension=3,
+        units=("m", "N"),
+        elements=elements,
+        interfaces=faces,
+        strengths=Strengths(np.full(2, 0.5), nothing, nothing, np.full(2, np.inf), np.full(2, np.inf)),
+        dead=six,
+        live=live,
+        labels=np.array([True, True]),
+    )
+
+
+def test_neighbouring_blocks_get_different_tints(wall: LimitAnalysisResult) -> None:
+    assembly = wall.assembly
+    colours = marks.block_colours(assembly, wall.labels, len(TINTS))
+    free = assembly.free_faces
+    assert np.all(colours[assembly.interfaces.a[free]] != colours[assembly.interfaces.b[free]])
+    assert np.all(colours[assembly.elements.support] == -1)
+
+
+def test_blocks_are_joined_through_inner_faces(beam: LimitAnalysisResult) -> None:
+    blocks = marks.blocks_of(beam.assembly, beam.labels)
+    assert len(np.unique(blocks[beam.assembly.elements.free])) == 1
+    alone = marks.blocks_of(beam.assembly, np.ones(24, dtype=bool))
+    assert len(np.unique(alone)) == 17
+
+
+def test_layout_tells_dry_from_inner_without_colour_and_hatches_supports(beam: LimitAnalysisResult) -> None:
+    ax = axes()
+    drawn = draw_assembly(ax, beam.assembly)
+    dry, inner = drawn["dry"][0], drawn["inner"][0]
+    assert len(dry.get_segments()) == 2  # type: ignore[attr-defined]
+    assert len(inner.get_segments()) == 22  # type: ignore[attr-defined]
+    assert min(dry.get_linewidth()) > 2.0 * max(inner.get_linewidth())  # type: ignore[attr-defined]
+    assert dry.get_linestyle()[0][1] is None  # type: ignore[attr-defined]
+    assert inner.get_linestyle()[0][1] is not None  # type: ignore[attr-defined]
+    assert len(drawn["ticks"][0].get_segments()) == 2  # type: ignore[attr-defined]
+    assert drawn["supports"][0].get_hatch()  # type: ignore[attr-defined]
+    assert len(drawn["elements"][0].get_paths()) == 15  # type: ignore[attr-defined]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
+    assert ax.get_aspect() == 1.0
+
+
+def test_point_loads_stand_at_their_points_and_body_loads_beside(
+    beam: LimitAnalysisResult, wall: LimitAnalysisResult
+) -> None:
+    live = draw_assembly(axes(), beam.assembly)["live"][0]
+    assert live.get_offsets() == pytest.approx(np.array([[0.22, 0.4], [0.25, 0.4], [0.28, 0.4]]))  # type: ignore[attr-defined]
+    assert live.V[1] == pytest.approx(2.0 * live.V[0])  # type: ignore[attr-defined]
+    assert live.pivot == "tip"  # type: ignore[attr-defined]
+    drawn = draw_assembly(axes(), wall.assembly)
+    assert "live" not in drawn
+    body = drawn["body"][0]
+    assert body.U[0] > 0.0  # type: ignore[attr-defined]
+    assert body.V[0] == pytest.approx(0.0)  # type: ignore[attr-defined]
+    assert body.get_offsets()[0][0] < wall.assembly.elements.lower[:, 0].min()  # type: ignore[attr-defined]
+
+
+def test_a_live_couple_is_drawn_the_way_it_turns() -> None:
+    for moment, marker in ((1.0, "left"), (-1.0, "right")):
+        drawn = draw_assembly(axes(), block_on_ground([{"element": "c0r0", "moment": moment}]))
+        (mark,) = drawn["couples"]
+        assert marker in str(mark.get_marker())  # type: ignore[attr-defined]
+        assert mark.get_xydata()[0] == pytest.approx([1.0, 6.0])  # type: ignore[attr-defined]
+
+
+def test_labels_of_another_length_are_refused(beam: LimitAnalysisResult) -> None:
+    with pytest.raises(ValueError, match=r"expected \(24,\)"):
+        draw_assembly(axes(), beam.assembly, np.ones(3, dtype=bool))
+
+
+def test_arrow_of_a_rocking_block_stands_at_its_toe() -> None:
+    result = solve(block_on_ground(PUSH, angle=45.0))
+    assert result.load_factor == pytest.approx(80.0 / 3.0, rel=1e-6)
+    drawn = draw_forces(axes(), result)
+    arrow = drawn["press"][0]
+    assert arrow.get_offsets()[0] == pytest.approx([2.0, 4.0], abs=1e-5)  # type: ignore[attr-defined]
+    # what the block does to the ground: its weight down, the push to the right
+    assert arrow.U[0] / arrow.V[0] == pytest.approx(-(80.0 / 3.0) / 80.0, rel=1e-5)  # type: ignore[attr-defined]
+    assert "yield dry" in drawn
+
+
+def test_force_at_the_centre_of_pressure_has_the_moment_of_the_face(wall: LimitAnalysisResult) -> None:
+    assembly, forces = wall.assembly, wall.forces
+    assert forces is not None
+    points, on_face = marks.pressure_points(assembly, forces)
+    arm, vector = points - assembly.interfaces.origin, marks.face_vectors(assembly, forces)
+    moment = arm[:, 0] * vector[:, 1] - arm[:, 1] * vector[:, 0]
+    loaded = on_face & (forces[:, 0] > 1e-6)
+    assert loaded.sum() > 40
+    assert moment[loaded] == pytest.approx(forces[loaded, 2], abs=1e-9)
+
+
+def test_utilisation_by_hand() -> None:
+    assembly = block_on_ground(PUSH, angle=45.0)
+    for force, expected in (
+        ([80.0, 40.0, 0.0], 0.5),
+        ([80.0, 0.0, 60.0], 0.75),
+        ([80.0, 8.0, 80.0], 1.0),
+        ([0.0, 0.0, 0.0], 0.0),
+    ):
+        assert marks.utilisation(outcome(assembly, np.array([force])))[0] == pytest.approx(expected)
+    # inner, σt A = τ A = 2: 6 |M| / ((N + 2) · 2), |V| / 2, −N / 2
+    inner = np.array([False])
+    for force, expected in (([2.0, 0.0, 1.0], 0.75), ([2.0, -1.8, 0.0], 0.9), ([-1.0, 0.0, 0.0], 0.5)):
+        used = marks.utilisation(outcome(assembly, np.array([force]), labels=inner))
+        assert used[0] == pytest.approx(expected)
+    with pytest.raises(ValueError, match="no forces"):
+        marks.utilisation(outcome(assembly))
+
+
+def test_a_couple_without_thrust_and_tension_are_marked() -> None:
+    assembly = block_on_ground(PUSH)
+    inner = np.array([False])
+    pulled = draw_forces(axes(), outcome(assembly, np.array([[-1.0, 0.5, 1.5]]), labels=inner))
+    assert "tension" in pulled
+    assert "press" not in pulled
+    (turn,) = pulled["couples on faces"]
+    assert turn.get_xydata()[0] == pytest.approx([1.0, 4.0])  # type: ignore[attr-defined]
+
+
+def test_thrust_line_follows_a_column_and_is_left_out_in_a_wall(wall: LimitAnalysisResult) -> None:
+    column = solve(block_on_ground(PUSH_ON_TOP, angle=45.0, rows=("a", "b", "c", "#")))
+    pieces = draw_forces(axes(), column)["thrust"]
+    assert len(pieces) == 2
+    ends = [line.get_xydata() for line in pieces]  # type: ignore[attr-defined]
+    low = max(float(end[:, 0].max()) for end in ends)
+    assert low == pytest.approx(2.0, abs=1e-5)
+    assert "thrust" not in draw_forces(axes(), wall)
+
+
+def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisResult) -> None:
+    assembly, velocity = wall.assembly, wall.mechanism
+    assert velocity is not None
+    drawn = draw_mechanism(axes(), wall)
+    scale = marks.mechanism_scale(assembly, velocity)
+    free = assembly.elements.free
+    paths = drawn["elements"][0].get_paths()  # type: ignore[attr-defined]
+    moved = np.array([path.vertices[:4].mean(axis=0) for path in paths]) - assembly.elements.centroid[free]
+    assert moved == pytest.approx(scale * velocity[free, :2], abs=1e-9)
+    assert float(np.sum(moved * assembly.live[free, :2])) == pytest.approx(scale, rel=1e-6)
+    corners = np.vstack([path.vertices[:4] for path in paths]) - np.vstack(
+        [assembly.elements.shape[k] for k in free]
+    )
+    assert np.hypot(*corners.T).max() <= marks.REACH * assembly.size * (1.0 + 1e-9)
+
+
+def test_rocking_sliding_and_cracking_are_told_apart(beam: LimitAnalysisResult) -> None:
+    rocking = solve(block_on_ground(PUSH, angle=45.0))
+    kinds, places = marks.movements(rocking)
+    assert kinds == (marks.Movement.HINGE,)
+    assert places[0] == pytest.approx([2.0, 4.0])
+    (hinge,) = draw_mechanism(axes(), rocking)["hinge"]
+    assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)  # type: ignore[attr-defined]
+    sliding = solve(block_on_ground(PUSH, angle=10.0))
+    assert marks.movements(sliding)[0] == (marks.Movement.SLIDE,)
+    lifted = outcome(block_on_ground(PUSH), mechanism=np.array([[0.1, 1.0, 0.0], [0.0, 0.0, 0.0]]))
+    assert marks.movements(lifted)[0] == (marks.Movement.OPEN,)
+    kinds, _ = marks.movements(beam)
+    assert kinds.count(marks.Movement.CRACK) == 6
+    assert set(kinds) == {marks.Movement.CRACK, marks.Movement.STILL}
+    with pytest.raises(ValueError, match="no mechanism"):
+        marks.movements(outcome(beam.assembly))
+
+
+def test_figure_of_a_result_has_three_panels_on_one_scale(wall: LimitAnalysisResult) -> None:
+    figure = figure_of_result(wall)
+    assert len(figure.axes) == 3
+    assert len({ax.get_xlim() for ax in figure.axes}) == 1
+    title = figure.get_suptitle()
+    assert "ferris_tinloi_1" in title
+    assert "0.64285" in title
+    assert "collapse" in title
+
+
+@pytest.mark.parametrize("name", ["ferris_tinloi_4", "flat_beam_arch"])
+def test_nothing_is_drawn_over_the_structure(name: str) -> None:
+    result = solve(build_assembly(load_scene(SCENES / f"{name}.json")))
+    figure = figure_of_result(result)
+    figure.canvas.draw()
+    whole = figure.bbox
+    for ax in figure.axes:
+        legend = ax.get_legend()
+        assert legend is not None
+        box = legend.get_window_extent()
+        assert not box.overlaps(ax.bbox)
+        assert whole.x0 <= box.x0 < box.x1 <= whole.x1
+        assert whole.y0 <= box.y0
+        assert legend_inches(ax) > 0.5
+    for left, right in zip(figure.axes[:-1], figure.axes[1:], strict=True):
+        one, other = left.get_legend(), right.get_legend()
+        assert one is not None
+        assert other is not None
+        assert one.get_window_extent().x1 < other.get_window_extent().x0
+
+
+@pytest.mark.parametrize(
+    ("status", "word"),
+    [(Status.LOCKED, "no live load"), (Status.UNSTABLE, "does not stand"), (Status.UNCERTIFIED, "proven")],
+)
+def test_results_without_mechanism_say_so(status: Status, word: str) -> None:
+    nan = float("nan")
+    result = outcome(block_on_ground(PUSH), status=status, load_factor=nan, bracket=(nan, nan), gap=nan)
+    figure = figure_of_result(result)
+    assert word in figure.axes[2].get_title()
+    assert "none" in figure.axes[1].get_title()
+    assert str(status) in figure.get_suptitle()
+
+
+def test_wide_scenes_are_stacked() -> None:
+    assembly = block_on_ground(
+        [{"element": "c0r0", "force": [1.0, 0.0]}], rows=("a" * 30, "#" + "." * 28 + "#")
+    )
+    figure = figure_of_result(outcome(assembly))
+    assert len({round(ax.get_position().x0, 6) for ax in figure.axes}) == 1
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_equal_figures_give_equal_files(ending: str, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{k}.{ending}" for k in range(2)]
+    for path in paths:
+        save_figure(figure_of_assembly(block_on_ground(PUSH)), path)
+    assert paths[0].stat().st_size > 1000
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_other_endings_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.gif"):
+        save_figure(figure_of_assembly(block_on_ground(PUSH)), tmp_path / "picture.gif")
+    assert not list(tmp_path.iterdir())
+
+
+def test_svg_text_can_stand_in_a_page() -> None:
+    text = svg_of(figure_of_assembly(block_on_ground(PUSH)))
+    assert text.startswith("<svg")
+    assert text.rstrip().endswith("</svg>")
+    assert "dc:date" not in text
+
+
+def test_spatial_view_keeps_up_upwards_and_lengths() -> None:
+    projection = projection_of(stack_of_boxes())
+    assert projection.across.T @ projection.across == pytest.approx(np.eye(2))
+    up = projection(np.array([[0.0, 0.0, 1.0]]))[0]
+    assert up[0] == pytest.approx(0.0)
+    assert up[1] > 0.0
+    assert projection.across.T @ projection.toward == pytest.approx(np.zeros(2))
+
+
+def test_painter_draws_what_stands_behind_first() -> None:
+    assembly = stack_of_boxes()
+    assert painter_order(assembly, projection_of(assembly).toward) == [0, 1, 2]
+    # a contact decides against the depth of centroids: seen from below the upper boxes come first
+    assert painter_order(assembly, np.array([0.0, 0.6, -0.8])) == [2, 1, 0]
+    turned = replace(assembly.interfaces, a=assembly.interfaces.b, b=assembly.interfaces.a)
+    flipped = replace(assembly, interfaces=replace(turned, normal=-turned.normal))
+    assert painter_order(flipped, projection_of(assembly).toward) == [0, 1, 2]
+
+
+def test_spatial_arrows_stand_at_centres_of_pressure() -> None:
+    assembly = stack_of_boxes()
+    # N = 3 at x1 = 0.5, x2 = −0.25 of the lower face: M2 = −1.5, M1 = −0.75
+    forces = np.array([[3.0, 0.3, 0.0, -0.75, -1.5, 0.0], [1.0, 0.1, 0.0, 0.0, 0.0, 0.0]])
+    result = outcome(assembly, forces)
+    arrow = draw_forces(axes(), result)["press"][0]
+    expected = projection_of(assembly)(np.array([[1.5, 0.25, 0.0], [1.5, 0.5, 1.0]]))
+    assert arrow.get_offsets() == pytest.approx(expected)  # type: ignore[attr-defined]
+    # lower face: x1 at 0.5 of 1, x2 at 0.25 of 0.5, shear 0.3 of 0.5 · 3
+    assert marks.utilisation(result) == pytest.approx([0.5, 0.2])
+
+
+def test_spatial_mechanism_and_figure() -> None:
+    assembly = stack_of_boxes()
+    mechanism = np.zeros((3, 6))
+    mechanism[2] = (0.5, 0.0, 0.5, 0.0, 1.0, 0.0)  # the upper box turns about the far edge of its base, x = 2
+    result = outcome(assembly, np.zeros((2, 6)), mechanism)
+    kinds, places = marks.movements(result)
+    assert kinds == (marks.Movement.STILL, marks.Movement.HINGE)
+    assert places[1] == pytest.approx([2.0, 0.5, 1.0])
+    figure = figure_of_result(result)
+    figure.canvas.draw()
+    assert len(figure.axes) == 3
+    assert not figure.axes[0].axison
+    drawn = draw_assembly(axes(), assembly)
+    assert [len(drawn[name]) for name in ("supports", "elements")] == [1, 1]
+    # of each box three faces look to the eye; of each contact all four edges are there
+    assert len(drawn["elements"][0].get_paths()) == 2 * 3 + 2 * 4  # type: ignore[attr-defined]
