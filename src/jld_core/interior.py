@@ -5,6 +5,8 @@ These are small programs of their own, solved only where the first answer does n
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -156,11 +158,21 @@ class Interior:
         """
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
-            rows = np.ones(len(_tips(self.template.structure)), dtype=bool)
-            rows[self.template.structure.linear - 1 :] = False  # cones of compressive strength open nothing
-            self._opening = self._relative_interior(self.template.program(every), rows, every)
+            template = self._without_crushing()
+            rows = np.ones(len(_tips(template.structure)), dtype=bool)
+            self._opening = self._relative_interior(template.program(every), rows, every)
             self._opening_known = True
         return self._opening
+
+    def _without_crushing(self) -> Template:
+        """This template without compressive strengths: a crushing face has finite dissipation and opens nothing."""
+        assembly, scaling = self.template.assembly, self.template.scaling
+        strengths = assembly.strengths
+        if np.all(np.isinf(strengths.crush_dry)) and np.all(np.isinf(strengths.crush_inner)):
+            return self.template
+        endless = np.full(len(assembly.interfaces), np.inf)
+        strengths = replace(strengths, crush_dry=endless, crush_inner=endless)
+        return Template(replace(assembly, strengths=strengths), scaling)
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a little opening to a motion whose work of the live load is negative by rounding."""

@@ -76,10 +76,9 @@ class LimitAnalysis:
         self.assembly = assembly
         self.template = template or Template(assembly)
         self.prover = Prover(self.template)
-        self.route: Route = make_route(solver)
+        self.route: Route = make_route(solver, tolerance=self.template.precision.residual)
         self.interior = Interior(self.template, self.prover)
-        usual = tolerances.CONIC if self.template.structure.cones else tolerances.LINEAR
-        self.gap, self.margin = gap, usual if margin is None else margin
+        self.gap, self.margin = gap, self.template.precision.margin if margin is None else margin
         self._floor = load_floor(self.template) / self.template.scaling.load
         self._reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self._reference_known = False

@@ -117,13 +117,14 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
         return []
     # a few large forces must not leave the ordinary ones without length
     longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * typical(assembly)
+    shaft = float(np.clip(0.045 * element_points(ax, assembly), 0.3, 1.3))
     at, on_face = marks.pressure_points(assembly, forces)
     feet, arrows = projection(at), projection(vectors) * longest / largest
     for name, mask in (("press", shown & (forces[:, 0] >= 0.0)), ("tension", shown & (forces[:, 0] < 0.0))):
         if mask.any():
             hollow = name == "tension"
             colour = furniture.PRESS
-            drawn[name] = [furniture.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", 1.3, hollow)]
+            drawn[name] = [furniture.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
     couple = np.linalg.norm(forces[:, assembly.dimension :], axis=1)
     turning = ~on_face & (couple > marks.SMALL * largest * typical(assembly))
     if turning.any():

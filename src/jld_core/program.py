@@ -15,10 +15,13 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits, Floats, Ints
 from jld_core.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.scaling import Scaling, scaling_of
+from jld_core.tolerances import Precision
 from jld_core.yield_sets import YieldSet, planar_yield
+from jld_core.yield_spatial import spatial_yield
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,8 @@ class Template:
         self.assembly = assembly
         self.scaling = scaling or scaling_of(assembly)
         if yield_set is None:
-            yield_set = planar_yield(assembly, self.scaling)
+            make = planar_yield if assembly.dimension == 2 else spatial_yield
+            yield_set = make(assembly, self.scaling)
         self.yield_set = yield_set
         row, face = self.scaling.row.ravel(), self.scaling.face.ravel()
         matrix = equilibrium_matrix(assembly)
@@ -79,6 +83,15 @@ class Template:
         # make λ = −floor the edge of admissibility itself
         self.floor = 0.3 * (assembly.total_dead / self.scaling.force or 1.0)
         self._lay_out()
+
+    @property
+    def precision(self) -> Precision:
+        """What to ask of an interior-point route on these programs."""
+        if not self.structure.cones:
+            return tolerances.LINEAR
+        strengths = self.assembly.strengths
+        crushing = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
+        return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
 
     @property
     def columns(self) -> int:

@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 GAP: Final = 1e-6
 """Width of the bracket, relative, above which a result is called `uncertified` (default of --gap)."""
 
-LINEAR: Final = 1e-12
-"""Residual and gap asked of the interior-point route on a scaled linear program, and at once the distance kept
-from the boundary of every yield set and the opening kept at every joint: what comes back with a residual of
-this size is admissible after projection. See benchmarks/tolerance.py for what other sizes cost."""
 
-CONIC: Final = 1e-9
-"""The same on a scaled second-order cone program, where smaller residuals are not reached."""
+
+@dataclass(frozen=True)
+class Precision:
+    """What is asked of an interior-point route on a scaled program.
+
+    residual: its residual and gap. margin: distance kept from the boundary of every yield set and opening kept
+    at every joint, so that what comes back with such a residual is admissible after projection.
+    """
+
+    residual: float
+    margin: float
+
+
+LINEAR: Final = Precision(residual=1e-12, margin=1e-12)
+"""Planar programs: see benchmarks/tolerance.py for what other sizes cost."""
+
+FRICTION_CONES: Final = Precision(residual=1e-11, margin=1e-10)
+"""Spatial programs: at smaller margins the residual that is reached (1e-10) outweighs them."""
+
+CRUSHING: Final = Precision(residual=1e-9, margin=1e-9)
+"""Programs with cones of compressive strength, where forces are large and smaller residuals are not reached."""
 
 ROUNDING: Final = 1e-12
 """What a jump or a force that is zero by construction may show in floating point, relative to its vector."""

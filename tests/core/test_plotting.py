@@ -55,6 +55,8 @@ def block_on_ground(
 PUSH = [{"element": "c0r0", "force": [1.0, 0.0], "at": [0.0, 7.0]}]
 """A push at height 3 above the base of the block: it rocks at λ = 80 · 1 / 3 if friction allows."""
 
+PUSH_ON_TOP = [{"element": "c0r0", "force": [1.0, 0.0]}]
+
 
 @pytest.fixture(scope="module")
 def wall() -> LimitAnalysisResult:

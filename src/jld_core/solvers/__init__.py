@@ -11,13 +11,15 @@ from jld_core.solvers.status import RawSolution, RawStatus, Route
 ROUTES = ("clarabel", "highs", "highs-ipm", "cvxpy")
 
 
-def make_route(name: str, threads: int = 1) -> Route:
+def make_route(name: str, threads: int = 1, tolerance: float | None = None) -> Route:
     """A fresh route by name: clarabel (default), highs (dual simplex), highs-ipm, cvxpy (reference).
+
+    tolerance: residual asked of clarabel; None leaves it to the kind of program.
 
     Raises InputError for an unknown name.
     """
     if name == "clarabel":
-        return ClarabelRoute(threads=threads)
+        return ClarabelRoute(tolerance, threads=threads)
     if name in ("highs", "highs-ipm"):
         return HighsRoute(name, threads=threads)
     if name == "cvxpy":

@@ -76,7 +76,8 @@ class ClarabelRoute:
 
     def _set_up(self, program: ConicProgram) -> None:
         s = program.structure
-        tolerance = self._tolerance or (tolerances.CONIC if s.cones else tolerances.LINEAR)
+        usual = tolerances.CRUSHING if s.cones else tolerances.LINEAR
+        tolerance = self._tolerance or usual.residual
         for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
             setattr(self._settings, key, tolerance)
         cones = [clarabel.ZeroConeT(s.equalities), clarabel.NonnegativeConeT(s.linear)]
