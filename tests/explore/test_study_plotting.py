@@ -1,0 +1,204 @@
+"""Pictures of a study hold what its tables hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from jld_core import LimitAnalysis, Status, build_assembly, load_scene
+from jld_core.assembly import Assembly, Bits
+from jld_core.plotting import save_figure
+from jld_core.plotting_marks import blocks_of
+from jld_explore.plotting import (
+    labels_of,
+    plot_best,
+    plot_convergence,
+    plot_distribution,
+    plot_dry_frequency,
+    plot_pareto,
+)
+
+SCENE = Path(__file__).parents[2] / "scenes" / "flat_beam_arch.json"
+
+
+@pytest.fixture(scope="module")
+def assembly() -> Assembly:
+    return build_assembly(load_scene(SCENE))
+
+
+def random_blocks(assembly: Assembly, rng: np.random.Generator) -> Bits:
+    """Labels of a segmentation: faces between free elements are glued at random, then slits are closed."""
+    free = assembly.free_faces
+    labels = np.where(free, rng.random(len(free)) < rng.uniform(0.2, 0.9), True)
+    block = blocks_of(assembly, labels)
+    apart = block[assembly.interfaces.a] != block[assembly.interfaces.b]
+    return np.where(free, apart, True)
+
+
+@pytest.fixture(scope="module")
+def results(assembly: Assembly) -> pd.DataFrame:
+    """Rows of results.csv for some sixty labellings, really solved."""
+    rng, analysis = np.random.default_rng(5), LimitAnalysis(assembly)
+    rows = {}
+    for _ in range(60):
+        labels = random_blocks(assembly, rng)
+        status, proof = analysis.prove(labels)
+        load = analysis.template.scaling.load
+        low, high = proof.low * load, proof.high * load
+        dry = labels & assembly.free_faces
+        text = "".join("1" if value else "0" for value in labels)
+        rows[text] = {
+            "labelling": text,
+            "multiplicity": 2,
+            "load_factor": 0.5 * (low + high) if status is Status.COLLAPSE else np.nan,
+            "bracket_lo": low,
+            "bracket_hi": high,
+            "status": str(status),
+            "dry_faces": int(dry.sum()),
+            "dry_length": float(assembly.interfaces.l1[dry].sum()),
+            "blocks": len(np.unique(blocks_of(assembly, labels)[assembly.elements.free])),
+        }
+    return pd.DataFrame(list(rows.values())).sort_values("load_factor", ascending=False, ignore_index=True)
+
+
+def front_of(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:
+    """The rows that no other one beats, by brute force."""
+    known = results[results["status"] == "collapse"]
+    value = known[count].to_numpy(dtype=float) * (1.0 if sense == "max" else -1.0)
+    load = known["load_factor"].to_numpy(dtype=float)
+    kept = [
+        not np.any((value >= v) & (load >= p) & ((value > v) | (load > p)))
+        for v, p in zip(value, load, strict=True)
+    ]
+    return known[np.array(kept, dtype=bool)]
+
+
+def numbers(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.texts if text.get_text().isdigit()]
+
+
+@pytest.mark.parametrize(("count", "sense"), [("dry_faces", "max"), ("dry_length", "max"), ("blocks", "min")])
+def test_front_and_all_rows_are_on_the_axes(
+    assembly: Assembly, results: pd.DataFrame, count: str, sense: str
+) -> None:
+    front = front_of(results, count, sense)
+    figure = plot_pareto(results, front, assembly, count=count, sense=sense)
+    ax = figure.axes[0]
+    dots, steps, marks = ax.lines
+    known = results[results["status"] == "collapse"]
+    assert len(np.asarray(dots.get_xdata())) == len(known) > 10
+    assert steps.get_drawstyle() == ("steps-pre" if sense == "max" else "steps-post")
+    expected = front.sort_values(count)[[count, "load_factor"]].to_numpy(dtype=float)
+    assert np.asarray(marks.get_xydata()) == pytest.approx(expected)
+    assert not dots.get_rasterized()
+    assert len(figure.axes) - 1 == len(numbers(figure)) >= 2
+    assert f"{len(known)} collapse" in figure.texts[-1].get_text()
+    assert f"{int((results['status'] == 'unstable').sum())} unstable" in figure.texts[-1].get_text()
+
+
+def test_circles_and_thumbnails_carry_the_same_numbers_and_keep_apart(
+    assembly: Assembly, results: pd.DataFrame, tmp_path: Path
+) -> None:
+    figure = plot_pareto(results, front_of(results, "dry_faces", "max"), assembly, layouts=4)
+    save_figure(figure, tmp_path / "pareto.png")
+    circles = figure.axes[0].texts
+    assert [text.get_text() for text in circles] == numbers(figure)
+    assert 2 <= len(circles) <= 4
+    boxes = [text.get_window_extent() for text in circles]
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+    places = [ax.get_window_extent() for ax in figure.axes]
+    assert not any(a.overlaps(b) for k, a in enumerate(places) for b in places[:k])
+
+
+def test_units_stand_on_the_axes(assembly: Assembly, results: pd.DataFrame) -> None:
+    front = front_of(results, "dry_length", "max")
+    ax = plot_pareto(results, front, assembly, count="dry_length").axes[0]
+    assert ax.get_xlabel() == "dry length [m]"
+    assert "λ" in ax.get_ylabel()
+
+
+def test_many_rows_are_stored_as_an_image(assembly: Assembly, results: pd.DataFrame) -> None:
+    known = results[results["status"] == "collapse"]
+    many = pd.concat([known] * (5001 // len(known) + 1), ignore_index=True)
+    figure = plot_pareto(many, front_of(results, "dry_faces", "max"), assembly)
+    assert figure.axes[0].lines[0].get_rasterized()
+
+
+def test_tables_without_collapse_or_front(assembly: Assembly, results: pd.DataFrame, tmp_path: Path) -> None:
+    nothing = results[results["status"] == "unstable"]
+    for number, table in enumerate((nothing, results.iloc[:0])):
+        figure = plot_pareto(table, table.iloc[:0], assembly)
+        assert len(figure.axes) == 1
+        assert "no labelling" in figure.axes[0].texts[0].get_text()
+        save_figure(figure, tmp_path / f"{number}.png")
+        assert "no labelling" in plot_distribution(table).axes[0].texts[0].get_text()
+        assert "no labelling" in plot_dry_frequency(table, assembly).axes[0].texts[0].get_text()
+    figure = plot_pareto(results, results.iloc[:0], assembly)
+    assert len(figure.axes) == 1
+    save_figure(figure, tmp_path / "no_front.png")
+
+
+def test_one_row_is_a_front(assembly: Assembly, results: pd.DataFrame, tmp_path: Path) -> None:
+    one = results.head(1)
+    figure = plot_pareto(one, one, assembly)
+    save_figure(figure, tmp_path / "one.png")
+    assert numbers(figure) == ["1"]
+
+
+def test_wrong_arguments_are_refused(assembly: Assembly, results: pd.DataFrame) -> None:
+    with pytest.raises(ValueError, match="no such front"):
+        plot_pareto(results, results, assembly, count="weight")
+    with pytest.raises(ValueError, match="24 characters"):
+        labels_of("0101", assembly)
+    with pytest.raises(ValueError, match="24 characters"):
+        labels_of(101, assembly)
+
+
+def test_distribution_has_a_box_for_each_number_of_dry_faces(results: pd.DataFrame) -> None:
+    ax = plot_distribution(results).axes[0]
+    known = results[results["status"] == "collapse"]
+    kinds, tally = np.unique(known["dry_faces"].to_numpy(dtype=int), return_counts=True)
+    held = {round(text.get_position()[0]): int(text.get_text()) for text in ax.texts}
+    assert held == dict(zip(kinds.tolist(), tally.tolist(), strict=True))
+
+
+def test_dry_frequency_counts_the_best_rows(assembly: Assembly, results: pd.DataFrame) -> None:
+    figure = plot_dry_frequency(results, assembly, top=1)
+    best = labels_of(results["labelling"].iloc[0], assembly)
+    lines = {item.get_label(): item for item in figure.axes[0].collections}
+    assert len(lines["dry"].get_segments()) == int(best.sum())  # type: ignore[attr-defined]
+    assert len(lines["inner"].get_segments()) == int((~best).sum())  # type: ignore[attr-defined]
+    assert "the labelling" in figure.texts[0].get_text()
+    wide = plot_dry_frequency(results, assembly, top=20)
+    known = results[results["status"] == "collapse"].head(20)
+    share = np.mean([labels_of(text, assembly) for text in known["labelling"]], axis=0)
+    shown = {item.get_label(): item for item in wide.axes[0].collections}["dry"]
+    widths = np.asarray(shown.get_linewidth())
+    between = assembly.free_faces[share > 0.0]
+    order = np.argsort(share[share > 0.0][between], kind="stable")
+    assert np.all(np.diff(widths[between][order]) >= -1e-9)
+
+
+def test_convergence_shows_the_best_so_far_over_solves_and_seconds() -> None:
+    blank = float("nan")
+    first = pd.DataFrame(
+        {"solves": [1, 2, 3, 4], "seconds": [0.1, 0.2, 0.3, 0.4], "best": [blank, 2.0, 1.0, 5.0]}
+    )
+    none = pd.DataFrame({"solves": [1], "seconds": [0.1], "best": [blank]})
+    figure = plot_convergence({"random": first, "nothing": none})
+    solves, seconds = figure.axes
+    assert len(solves.lines) == len(seconds.lines) == 1
+    assert np.asarray(solves.lines[0].get_xydata()).tolist() == [[2.0, 2.0], [3.0, 2.0], [4.0, 5.0]]
+    assert np.asarray(seconds.lines[0].get_xdata()).tolist() == [0.2, 0.3, 0.4]
+    assert seconds.get_xlabel() == "time [s]"
+    assert "no finite" in plot_convergence({"nothing": none}).axes[0].texts[0].get_text()
+    assert plot_convergence({}).axes
+
+
+def test_best_is_the_full_picture(assembly: Assembly) -> None:
+    figure = plot_best(LimitAnalysis(assembly).solve())
+    assert len(figure.axes) == 3
