@@ -10,7 +10,13 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core import loads, materials
 from jld_core.assembly import DRY, INNER, Assembly, Bits, Elements, Floats, Interfaces
-from jld_core.contacts import PlanarContact, check_polygons, find_planar_contacts, planar_interfaces
+from jld_core.contacts import (
+    PlanarContact,
+    check_polygons,
+    find_planar_contacts,
+    planar_interfaces,
+    without_repeats,
+)
 from jld_core.errors import InputError
 from jld_core.scene import Contact, Element, Grid, Scene
 
@@ -59,7 +65,7 @@ def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | 
     thickness = scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
     ids = [entry.id for entry in entries]
     refuse_twins(ids)
-    outlines = [np.array(entry.polygon, dtype=float) for entry in entries]
+    outlines = [without_repeats(np.array(entry.polygon, dtype=float)) for entry in entries]
     check_polygons(ids, outlines)
     outlines = [outline if _signed_area(outline) > 0 else outline[::-1].copy() for outline in outlines]
     area = np.array([_signed_area(outline) for outline in outlines])
@@ -105,7 +111,9 @@ def collect_elements(
     if support.all():
         raise InputError("elements", "all of them are supports", "at least one free element")
     if not support.any():
-        raise InputError("elements", "none of them is a support", "at least one support element")
+        if scene.grid is not None:
+            raise InputError("grid.rows", "no cell is a support", "at least one '#'")
+        raise InputError("elements", "none of them is a support", 'at least one with "support": true')
     return Elements(
         ids=tuple(entry.id for entry in entries),
         blocks=tuple(entry.block for entry in entries),
@@ -254,7 +262,9 @@ def _check_paths(elements: Elements, interfaces: Interfaces) -> None:
     if not reached.all():
         lost = elements.ids[int(np.flatnonzero(~reached)[0])]
         raise InputError(
-            f"element {lost!r}", "no path of interfaces leads from it to a support", "a connected structure"
+            f"element {lost!r}",
+            "no path of interfaces leads from it to a support",
+            "every free element joined to a support through faces that touch",
         )
 
 

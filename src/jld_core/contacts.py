@@ -6,12 +6,11 @@ within a tolerance relative to the edges; shapely finds the pairs worth looking 
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPoint, Polygon
 
 from jld_core import tolerances
 from jld_core.assembly import Floats, Interfaces
@@ -28,18 +27,34 @@ class PlanarContact:
     normal: Floats
 
 
+def without_repeats(polygon: Floats) -> Floats:
+    """(k, 2) outline without corners that repeat the one before, such as the first given again at the end."""
+    step = np.linalg.norm(polygon - np.roll(polygon, 1, axis=0), axis=1)
+    return np.asarray(polygon[step > tolerances.ROUNDING * np.ptp(polygon, axis=0).max()])
+
+
 def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
     """Refuse polygons that are not simple, have no area, or cover one another.
 
     ids: (n,) names; polygons: n arrays (k, 2), any unit, either sense of rotation.
     Raises InputError naming the element or the pair.
     """
+    for name, polygon in zip(ids, polygons, strict=True):
+        thin = len(polygon) < 3 or not MultiPoint(polygon).convex_hull.area > 1e-14 * float(
+            np.ptp(polygon, axis=0).max() ** 2
+        )
+        if thin:
+            raise InputError(f"element {name!r}", "its polygon has no area", "three corners not in a line")
     shapes = [Polygon(p) for p in polygons]
     for name, polygon, shape in zip(ids, polygons, shapes, strict=True):
         span = float(np.ptp(polygon, axis=0).max())
         if not shape.is_valid:
             reason = shapely.is_valid_reason(shape).split("[")[0].strip().lower() or "not simple"
-            raise InputError(f"element {name!r}", f"its polygon is wrong ({reason})", "a simple polygon")
+            raise InputError(
+                f"element {name!r}",
+                f"its polygon is wrong ({reason})",
+                "an outline that does not meet itself",
+            )
         if not shape.area > 1e-14 * span**2:
             raise InputError(f"element {name!r}", "its polygon has no area", "a polygon with an area")
     tree = shapely.STRtree(shapes)

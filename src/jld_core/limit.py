@@ -284,13 +284,3 @@ class LimitAnalysis:
             route=tuple(proof.route),
             seconds={"assemble": self.seconds, "solve": solved, "total": self.seconds + total},
         )
-
-
-def solve(assembly: Assembly, labels: Bits | None = None, **options: object) -> LimitAnalysisResult:
-    """Limit analysis of one assembly in one call; options as for `LimitAnalysis`.
-
-    Raises InputError where a needed material is missing or the solver's name is unknown.
-    """
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    require_materials(assembly, own, ~own)
-    return LimitAnalysis(assembly, reference=own, **options).solve(own)  # type: ignore[arg-type]

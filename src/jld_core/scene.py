@@ -5,10 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
 from jld_core.errors import InputError
 
@@ -35,27 +38,29 @@ class Units(_Part):
 class Grid(_Part):
     """Planar cells: row 0 is the top row, '.' no cell, '#' a support, equal joined letters one block."""
 
-    cell: Annotated[list[Positive], Field(min_length=2, max_length=2)]
+    cell: Annotated[
+        list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")
+    ]
     thickness: Positive = 1.0
-    rows: Annotated[list[str], Field(min_length=1)]
+    rows: Annotated[list[str], Field(min_length=1, description="a list of texts, the top row first")]
 
     @field_validator("rows")
     @classmethod
     def _rows_are_a_rectangle(cls, rows: list[str]) -> list[str]:
         for index, row in enumerate(rows):
             if len(row) != len(rows[0]):
-                raise ValueError(f"row {index} has {len(row)} cells; expected {len(rows[0])} as in row 0")
+                raise InputError("", f"row {index} has {len(row)} cells", f"{len(rows[0])} as in row 0")
             if bad := [c for c in row if c not in ".#" and not c.isalpha()]:
-                raise ValueError(f"row {index} holds {bad[0]!r}; expected letters, '#' or '.'")
+                raise InputError("", f"row {index} holds {bad[0]!r}", "letters, '#' or '.'")
         if not any(c.isalpha() for row in rows for c in row):
-            raise ValueError("no free cell; expected at least one letter")
+            raise InputError("", "no free cell", "at least one letter")
         return rows
 
 
 class Element(_Part):
     """One rigid element: a polygon (planar), or vertices and faces (spatial)."""
 
-    id: Annotated[str, Field(min_length=1)]
+    id: Annotated[str, Field(min_length=1, description="a name of its own")]
     polygon: (
         Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None
     ) = None
@@ -73,24 +78,33 @@ class Element(_Part):
     @model_validator(mode="after")
     def _one_form(self) -> Self:
         if (self.polygon is None) == (self.vertices is None):
-            raise ValueError('it needs exactly one form; expected "polygon", or "vertices" with "faces"')
+            how = "both are" if self.polygon is not None else "neither is"
+            wanted = '"polygon", or "vertices" with "faces"'
+            raise InputError("", f'of "polygon" and "vertices" {how} given', wanted)
         if (self.vertices is None) != (self.faces is None):
-            raise ValueError('"vertices" and "faces" go together; expected both or neither')
+            lone = "faces" if self.vertices is None else "vertices"
+            raise InputError("", f'"{lone}" is given alone', '"vertices" and "faces" together, or "polygon"')
         if self.vertices is not None and self.faces is not None:
             for face in self.faces:
                 if bad := [i for i in face if not 0 <= i < len(self.vertices)]:
-                    raise ValueError(f"a face names vertex {bad[0]}; expected 0 to {len(self.vertices) - 1}")
+                    raise InputError(
+                        ".faces",
+                        f"a face names vertex {bad[0]}",
+                        f"numbers from 0 to {len(self.vertices) - 1}",
+                    )
         dimension = 2 if self.polygon is not None else 3
         if self.centroid is not None and len(self.centroid) != dimension:
-            raise ValueError(f"centroid has {len(self.centroid)} numbers; expected {dimension}")
+            raise InputError(".centroid", f"it has {len(self.centroid)} numbers", f"{dimension}")
         return self
 
 
 class Contact(_Part):
     """An interface given by hand, used as it is; material keys override "materials" for this face."""
 
-    elements: Pair
-    polygon: Annotated[list[Vector], Field(min_length=2)]
+    elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
+    polygon: Annotated[
+        list[Vector], Field(min_length=2, description="two points [x, y], or a spatial polygon")
+    ]
     label: LabelName | None = None
     friction_coefficient: NonNegative | None = None
     friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
@@ -101,7 +115,7 @@ class Contact(_Part):
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
         if self.friction_angle is not None and self.friction_coefficient is not None:
-            raise ValueError('friction is given twice; expected "friction_angle" or "friction_coefficient"')
+            raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
         return self
 
 
@@ -115,21 +129,22 @@ class Dry(_Part):
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
         if (self.friction_angle is None) == (self.friction_coefficient is None):
-            raise ValueError('it needs exactly one of "friction_angle" and "friction_coefficient"')
+            how = "friction is missing" if self.friction_angle is None else "friction is given twice"
+            raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
         return self
 
 
 class Inner(_Part):
     """A crack plane inside a block: finite tensile and shear strength."""
 
-    tensile_strength: NonNegative
-    shear_strength: NonNegative
+    tensile_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
+    shear_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
     compressive_strength: Positive | None = None
 
 
 class Materials(_Part):
     density: NonNegative | None = None
-    gravity: float | Vector = 9.81
+    gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
     dry: Dry | None = None
     inner: Inner | None = None
 
@@ -137,29 +152,32 @@ class Materials(_Part):
 class PointLoad(_Part):
     """A force on one element, at its centroid unless "at" says where, and a moment."""
 
-    element: str
-    force: Vector | None = None
-    at: Vector | None = None
-    moment: float | Annotated[list[float], Field(min_length=3, max_length=3)] = 0.0
+    element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
+    force: Annotated[Vector | None, Field(description="a vector")] = None
+    at: Annotated[Vector | None, Field(description="a point")] = None
+    moment: Annotated[
+        float | Annotated[list[float], Field(min_length=3, max_length=3)],
+        Field(description="a number, spatial a vector"),
+    ] = 0.0
 
     @model_validator(mode="after")
     def _something(self) -> Self:
         if self.force is None and "moment" not in self.model_fields_set:
-            raise ValueError('it does nothing; expected "force" or "moment"')
+            raise InputError("", "it does nothing", '"force" or "moment"')
         if self.at is not None and self.force is None:
-            raise ValueError('"at" without "force"; expected a force to apply there')
+            raise InputError(".at", 'it stands without "force"', "a force to apply there")
         return self
 
 
 class BodyLoad(_Part):
     """Weight, as a positive magnitude, times this vector on every free element."""
 
-    body: Vector
+    body: Annotated[Vector, Field(description="a vector")]
 
 
 class Loads(_Part):
     dead: list[PointLoad | BodyLoad] = []
-    live: list[PointLoad | BodyLoad]
+    live: Annotated[list[PointLoad | BodyLoad], Field(description="a list of loads that are multiplied by λ")]
 
     @field_validator("dead", "live", mode="before")
     @classmethod
@@ -168,12 +186,21 @@ class Loads(_Part):
             return entries
         kinds: list[Any] = []
         for index, entry in enumerate(entries):
-            kind = BodyLoad if isinstance(entry, dict) and "body" in entry else PointLoad
+            body = isinstance(entry, dict) and "body" in entry
+            if body and len(entry) > 1:
+                other = next(key for key in entry if key != "body")
+                raise InputError(
+                    f"[{index}]",
+                    f'"{other}" stands beside "body"',
+                    "a body load alone, others in entries of their own",
+                )
             try:
-                kinds.append(kind.model_validate(entry))
+                kinds.append((BodyLoad if body else PointLoad).model_validate(entry))
             except ValidationError as error:
-                where, problem = _first_complaint(error)
-                raise ValueError(f"entry {index}{'.' + where if where else ''}: {problem}") from None
+                known = ("body", *PointLoad.model_fields)
+                found = _first_complaint(error, BodyLoad if body else PointLoad, known)
+                where = f"[{index}]" + (f".{found.where}" if found.where else "")
+                raise InputError(where, found.problem, found.expected) from None
         return kinds
 
 
@@ -191,7 +218,7 @@ class Keep(_Part):
 def _ordered(bounds: list[Any]) -> list[Any]:
     low, high = bounds
     if low is not None and high is not None and low > high:
-        raise ValueError(f"least {low:g} is above most {high:g}; expected [least, most]")
+        raise InputError("", f"the least, {low:g}, is above the most, {high:g}", "[least, most]")
     return bounds
 
 
@@ -207,7 +234,10 @@ class Front(_Part):
 class Search(_Part):
     """What may be relabelled, and which labellings count."""
 
-    candidates: Literal["all", "all+supports", "inside-blocks"] | list[Pair] = "all"
+    candidates: Annotated[
+        Literal["all", "all+supports", "inside-blocks"] | list[Pair],
+        Field(description='"all", "all+supports", "inside-blocks" or a list of pairs of ids'),
+    ] = "all"
     keep: Keep = Keep()
     segmentation: bool = True
     block_cells: Counts = [None, None]
@@ -235,23 +265,28 @@ class Scene(_Part):
     elements: Annotated[list[Element], Field(min_length=1)] | None = None
     thickness: Positive | None = None
     interfaces: list[Contact] | None = None
-    materials: Materials
-    loads: Loads
+    materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
+    loads: Annotated[Loads, Field(description='an object with "live"')]
     labels: Labels = Labels()
     search: Search = Search()
 
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:
         if (self.grid is None) == (self.elements is None):
-            raise ValueError(
-                'the geometry is missing or given twice; expected exactly one of "grid" and "elements"'
-            )
+            how = "missing" if self.grid is None else "given twice"
+            raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
         if self.grid is not None and self.thickness is not None:
-            raise ValueError('"thickness" beside a grid; expected it inside "grid"')
+            raise InputError(".thickness", "it stands beside a grid", 'the thickness inside "grid"')
         if self.elements is not None:
-            forms = {element.polygon is None for element in self.elements}
-            if len(forms) == 2:
-                raise ValueError('"elements" mixes planar and spatial ones; expected one dimension')
+            planar = [element.polygon is not None for element in self.elements]
+            if any(planar) and not all(planar):
+                odd = planar.index(not planar[0])
+                kinds = ("planar", "spatial") if planar[0] else ("spatial", "planar")
+                raise InputError(
+                    f".elements[{odd}]",
+                    f"it is {kinds[1]} and the ones before are {kinds[0]}",
+                    "elements of one dimension",
+                )
         return self
 
     @property
@@ -274,7 +309,7 @@ def load_scene(path: str | Path) -> Scene:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(str(path), error.strerror or "it cannot be read", "a readable scene file") from None
     except UnicodeDecodeError:
@@ -285,9 +320,11 @@ def load_scene(path: str | Path) -> Scene:
         place = f"line {error.lineno}, column {error.colno}"
         raise InputError(str(path), f"it is not JSON ({error.msg} at {place})", "one JSON object") from None
     except RecursionError:
-        raise InputError(str(path), "it is nested too deeply", "one JSON object") from None
+        raise InputError(str(path), "it is nested too deeply", f"at most {_DEPTH} levels") from None
     except InputError as error:
         raise error.within(str(path)) from None
+    except ValueError:  # Python's own limit on the digits of a whole number
+        raise InputError(str(path), "it holds a number of thousands of digits", _NUMBERS) from None
     return parse_scene(document, str(path))
 
 
@@ -298,15 +335,14 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
     Raises InputError, one line naming the key or element and what was expected.
     """
     if not isinstance(document, dict):
-        raise InputError(file, f"it holds a {type(document).__name__}", "one JSON object")
+        raise InputError(file, f"it holds {_shown(document)}", "one JSON object")
     try:
+        _refuse_extremes(document)
         return Scene.model_validate(document)
+    except InputError as error:
+        raise error.within(file) from None
     except ValidationError as error:
-        where, problem = _first_complaint(error)
-        wrong, _, right = problem.partition("; expected ")
-        raise InputError(
-            f"{file}: {where}" if where else file, wrong, right or "a value as docs/scene.md says"
-        ) from None
+        raise _first_complaint(error, Scene).within(file) from None
 
 
 def _refuse_constant(name: str) -> float:
@@ -322,9 +358,40 @@ def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
+_DEPTH = 64
+_LEAST, _MOST = 1e-30, 1e30
+_NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"
+
+
+def _refuse_extremes(document: object) -> None:
+    """Refuse what is JSON and yet cannot be computed with or written again: depth, size, half characters."""
+    pending: list[tuple[str, object, int]] = [("", document, 0)]
+    while pending:
+        where, value, depth = pending.pop()
+        if depth > _DEPTH:
+            short = where if len(where) <= 40 else where[:37] + "..."
+            raise InputError(short.lstrip("."), "it is nested too deeply", f"at most {_DEPTH} levels")
+        if isinstance(value, dict):
+            for key in value:
+                _refuse_surrogates(where, key)
+            pending += [(f"{where}.{key}", inner, depth + 1) for key, inner in value.items()]
+        elif isinstance(value, list):
+            pending += [(f"{where}[{index}]", inner, depth + 1) for index, inner in enumerate(value)]
+        elif isinstance(value, str):
+            _refuse_surrogates(where, value)
+        elif (
+            isinstance(value, int | float) and value == value and value and not _LEAST <= abs(value) <= _MOST
+        ):
+            shown = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
+            raise InputError(where.lstrip("."), f"{shown} is out of range", _NUMBERS)
+
+
+def _refuse_surrogates(where: str, text: object) -> None:
+    if isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise InputError(where.lstrip("."), f"{text!a} holds half a character", "text in UTF-8")
+
+
 _EXPECTED = {
-    "missing": "this key to be given",
-    "extra_forbidden": "no such key",
     "finite_number": "a finite number",
     "bool_type": "true or false",
     "string_type": "a text",
@@ -336,30 +403,94 @@ _EXPECTED = {
 }
 
 
-def _first_complaint(error: ValidationError) -> tuple[str, str]:
-    """Key path and "what is wrong; expected what" of the complaint that says most.
+def _first_complaint(error: ValidationError, model: type[BaseModel], known: Iterable[str] = ()) -> InputError:
+    """The complaint that says most, with its key path.
 
+    model: what was validated; known: more keys that its top level may have.
     Where a value may have several forms pydantic complains once for each; the deepest path is the form
-    the writer had in mind, and the names of the forms are taken out of it.
+    the writer had in mind, the names of the forms are taken out of it, and where no form fits any better
+    than the others all are named.
     """
     complaints = error.errors(include_url=False)
-    complaint = max(complaints, key=lambda c: (len(c["loc"]), c["type"] == "extra_forbidden"))
-    forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
-    keys = [key for key in complaint["loc"] if isinstance(key, int) or not forms.search(key)]
+
+    def weight(complaint: ErrorDetails) -> tuple[int, bool, bool]:
+        kind = complaint["type"]
+        return len(_keys(complaint)), kind == "extra_forbidden", not _is_of_form(kind)
+
+    chosen = max(complaints, key=weight)
+    keys, kind, context = _keys(chosen), chosen["type"], chosen.get("ctx", {})
     where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")
-    kind, message = complaint["type"], complaint["msg"]
-    value = complaint.get("input")
-    shown = json.dumps(value, default=str)
-    shown = shown if len(shown) <= 40 else shown[:37] + "..."
-    if kind == "value_error":
-        message = message.removeprefix("Value error, ")
-        return (
-            where,
-            message if "; expected" in message else f"{message}; expected a scene as docs/scene.md says",
-        )
+    if kind == "value_error" and isinstance(cause := context["error"], InputError):
+        return InputError((where + cause.where).lstrip("."), cause.problem, cause.expected)
+    owner = _owner(model, keys)
+    field = owner.model_fields.get(str(keys[-1])) if keys else None
+    meaning = field.description if field is not None else None
     if kind == "extra_forbidden":
-        return where, "unknown key; expected one that docs/scene.md lists"
+        names = [*(known if owner is model else ()), *owner.model_fields]
+        names = list(dict.fromkeys(names))
+        near = get_close_matches(str(keys[-1]), names, 1)
+        listed = ", ".join(names)
+        return InputError(
+            where, "unknown key", f'"{near[0]}", or another of {listed}' if near else f"one of {listed}"
+        )
     if kind == "missing":
-        return where, "missing; expected this key to be given"
-    expected = _EXPECTED.get(kind) or re.sub(r"^Input should (be|have) ", "", message)
-    return where, f"{shown} is wrong; expected {expected}"
+        return InputError(where, "missing", meaning or "this key to be given")
+    value = chosen.get("input")
+    if meaning and _is_of_form(kind):
+        return InputError(where, f"{_shown(value)} is wrong", meaning)
+    if kind in ("too_short", "too_long", "string_too_short"):
+        least = kind != "too_long"
+        size = f"at least {context['min_length']}" if least else f"at most {context['max_length']}"
+        number = len(value) if isinstance(value, list | str) else 0
+        plural, singular = ("letters", "letter") if kind.startswith("string") else ("entries", "entry")
+        what = singular if number == 1 else plural
+        return InputError(where, f"it has {number} {what}", size + (f": {meaning}" if meaning else ""))
+    forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] or [chosen]
+    expected = " or ".join(dict.fromkeys(_wanted(c) for c in forms))
+    return InputError(where, f"{_shown(value)} is wrong", expected)
+
+
+def _is_of_form(kind: str) -> bool:
+    """Whether a complaint says that a value is of another kind altogether."""
+    return kind.endswith("_type") or kind == "literal_error"
+
+
+def _wanted(complaint: ErrorDetails) -> str:
+    kind, context = complaint["type"], complaint.get("ctx", {})
+    bounds = {
+        "greater_than": ("a number above", "gt"),
+        "greater_than_equal": ("a number of at least", "ge"),
+        "less_than": ("a number below", "lt"),
+    }
+    if kind in bounds:
+        words, bound = bounds[kind]
+        return f"{words} {context[bound]:g}"
+    if kind == "literal_error":
+        return str(context["expected"]).replace("'", '"')
+    return _EXPECTED.get(kind) or complaint["msg"]
+
+
+def _keys(complaint: ErrorDetails) -> list[int | str]:
+    """Path of a complaint without the names of forms."""
+    forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
+    return [key for key in complaint["loc"] if isinstance(key, int) or not forms.search(key)]
+
+
+def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
+    """The model that the last key of a path belongs to."""
+    for key in keys[:-1]:
+        if isinstance(key, str) and key in model.model_fields:
+            model = _model_in(model.model_fields[key].annotation) or model
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_model_in(inner) for inner in get_args(annotation))
+    return next((inner for inner in found if inner is not None), None)
+
+
+def _shown(value: object) -> str:
+    text = json.dumps(value, default=str, skipkeys=True, ensure_ascii=False)
+    return text if len(text) <= 40 else text[:37] + "..."

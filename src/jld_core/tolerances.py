@@ -9,7 +9,6 @@ GAP: Final = 1e-6
 """Width of the bracket, relative, above which a result is called `uncertified` (default of --gap)."""
 
 
-
 @dataclass(frozen=True)
 class Precision:
     """What is asked of an interior-point route on a scaled program.

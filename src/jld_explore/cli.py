@@ -17,7 +17,7 @@ from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, RouteError
-from jld_core.limit import solve as solve_assembly
+from jld_core.analysis import solve as solve_assembly
 from jld_core.result import LimitAnalysisResult
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import ROUTES

@@ -15,7 +15,7 @@ from jld_core import plotting as core_plotting
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.limit import solve
+from jld_core.analysis import solve
 from jld_core.scene import Scene
 from jld_explore import plotting, tables
 from jld_explore.candidates import SearchSpace, search_space

@@ -1,0 +1,94 @@
+"""One call from an assembly to a result: which model is solved, and by which way.
+
+Only what is asked for is modelled: point contacts, kern bending, effective areas and zero dilation each have
+their own module and cost nothing where they are not wanted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits, Floats, Ints
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysis
+from jld_core.program import Template
+from jld_core.result import LimitAnalysisResult
+from jld_core.scaling import scaling_of
+from jld_core.yield_sets import require_materials
+from jld_core.yield_spatial import point_contact_assembly, spatial_yield
+
+
+@dataclass(frozen=True)
+class Model:
+    """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
+
+    contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
+    faces). inner_bending: "paper" (uncoupled) or "kern" (elastic edge stress). solver: route by name. gap: width
+    of the bracket above which a result is uncertified.
+    """
+
+    contact: Literal["convex", "concave"] = "convex"
+    inner_bending: Literal["paper", "kern"] = "paper"
+    solver: str = "clarabel"
+    gap: float = tolerances.GAP
+
+
+def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
+    """Collapse load factor of one labelling with associative friction, with a two-sided bracket.
+
+    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `Model`.
+    Raises InputError where a material that the labelling needs is missing, or an option has no such value.
+    Source: Iannuzzo et al. 2024, eq. (2); METHOD §2–3.
+    """
+    model = Model(**options)
+    for key, allowed in (("contact", ("convex", "concave")), ("inner_bending", ("paper", "kern"))):
+        if getattr(model, key) not in allowed:
+            raise InputError(
+                f"--{key.replace('_', '-')}",
+                f"no {key} is named {getattr(model, key)!r}",
+                " or ".join(allowed),
+            )
+    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    require_materials(assembly, own, ~own)
+    if assembly.dimension == 3 and model.contact == "concave":
+        return _concave(assembly, own, model)
+    analysis = limit_analysis(assembly, model, reference=own)
+    return replace(analysis.solve(own), contact=model.contact)
+
+
+def limit_analysis(assembly: Assembly, model: Model, reference: Bits | None = None) -> LimitAnalysis:
+    """A limit analysis of an assembly under convex contact, for any number of labellings."""
+    template = None
+    if assembly.dimension == 3 and model.inner_bending != "paper":
+        scaling = scaling_of(assembly)
+        template = Template(assembly, scaling, spatial_yield(assembly, scaling, model.inner_bending))
+    return LimitAnalysis(assembly, solver=model.solver, gap=model.gap, reference=reference, template=template)
+
+
+def _concave(assembly: Assembly, labels: Bits, model: Model) -> LimitAnalysisResult:
+    """Point contacts at the corners of every dry face, the resultants brought back to the faces (METHOD §2)."""
+    points, parent = point_contact_assembly(assembly, labels)
+    found = limit_analysis(points, model, reference=points.labels).solve(points.labels)
+    forces = None if found.forces is None else _resultants(assembly, points, parent, found.forces)
+    return replace(found, assembly=assembly, labels=labels, forces=forces, contact="concave")
+
+
+def _resultants(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
+    """Resultants (m, 6) about the centroids of the faces, from those of the faces of the point assembly."""
+    faces = assembly.interfaces
+    arm = points.interfaces.origin - faces.origin[parent]
+    x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])
+    x2 = np.einsum("ij,ij->i", arm, faces.e2[parent])
+    n, v1, v2 = forces[:, 0], forces[:, 1], forces[:, 2]
+    # moment of n·N + e1·V1 + e2·V2 at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n
+    moved = forces.copy()
+    moved[:, 3] += x2 * n
+    moved[:, 4] -= x1 * n
+    moved[:, 5] += x1 * v2 - x2 * v1
+    total = np.zeros((len(faces), 6))
+    np.add.at(total, parent, moved)
+    return total
