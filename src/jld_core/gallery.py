@@ -1,0 +1,89 @@
+"""Parametric scenes: families of structures to measure a method on, drawn from a seed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from jld_core.assembly import Floats
+from jld_core.scene import Scene, parse_scene
+
+_LEAST = 0.35  # shortest piece of a block, in block lengths; a shorter one joins its neighbour
+
+
+def random_wall(seed: int) -> Scene:
+    """A dry wall of 4–8 courses of running bond under a horizontal body load.
+
+    seed: of the numpy generator that draws course number and height, wall length, the offset of every joint
+    from its place in the bond, friction 0.4–0.8, and none to two openings, each under a lintel. Lengths in
+    blocks, forces in weights of a cubic block; the wall stands on one support.
+    """
+    rng = np.random.default_rng(seed)
+    courses, length = int(rng.integers(4, 9)), int(rng.integers(3, 7))
+    height = float(rng.uniform(0.3, 0.6))
+    rows = [_course(rng, k, length) for k in range(courses)]
+    for _ in range(int(rng.integers(0, 3))):
+        rows = _with_opening(rng, rows, length)
+    elements: list[dict[str, Any]] = [
+        {"id": "ground", "support": True, "polygon": [[-1, -1], [length + 1, -1], [length + 1, 0], [-1, 0]]}
+    ]
+    for k, row in enumerate(rows):
+        for j, (left, right) in enumerate(row):
+            low, high = k * height, (k + 1) * height
+            polygon = [[left, low], [right, low], [right, high], [left, high]]
+            elements.append({"id": f"c{k}b{j}", "polygon": polygon})
+    return parse_scene(
+        {
+            "name": f"random wall {seed}",
+            "elements": elements,
+            "materials": {
+                "density": 1.0,
+                "gravity": 1.0,
+                "dry": {"friction_coefficient": float(rng.uniform(0.4, 0.8))},
+            },
+            "loads": {"live": [{"body": [1.0, 0.0]}]},
+        }
+    )
+
+
+def _course(rng: np.random.Generator, course: int, length: int) -> Floats:
+    """(k, 2) ends of the blocks of one course, joints up to 0.2 off the bond."""
+    joints = np.arange(1, length) + 0.5 * (course % 2) + rng.uniform(-0.2, 0.2, length - 1)
+    joints = joints[joints < length - _LEAST]
+    ends = np.concatenate([[0.0], joints, [float(length)]])
+    return np.column_stack([ends[:-1], ends[1:]])
+
+
+def _with_opening(rng: np.random.Generator, rows: list[Floats], length: int) -> list[Floats]:
+    """The courses with one opening cut out and a lintel over it; unchanged where there is no room for it."""
+    tall = int(rng.integers(1, 3))
+    low = int(rng.integers(0, max(1, len(rows) - tall - 1)))
+    wide = float(rng.uniform(0.5, 0.9))
+    left = float(rng.uniform(1.0, max(1.0, length - 1.0 - wide)))
+    if any(np.diff(row, axis=1).sum() < length - 1e-9 for row in rows[max(0, low - 1) : low + tall + 1]):
+        return rows
+    cut = [_without(row, left, left + wide) for row in rows[low : low + tall]]
+    above = rows[low + tall]
+    spanned = (above[:, 1] > left - _LEAST) & (above[:, 0] < left + wide + _LEAST)
+    lintel = np.array([[above[spanned, 0].min(), above[spanned, 1].max()]])
+    first = int(np.flatnonzero(spanned)[0])
+    whole = np.concatenate([above[:first], lintel, above[first + int(spanned.sum()) :]])
+    return [*rows[:low], *cut, whole, *rows[low + tall + 1 :]]
+
+
+def _without(row: Floats, left: float, right: float) -> Floats:
+    """A course with [left, right] taken out; pieces shorter than the least join the block beside them."""
+    sides = []
+    for part, at_left in ((row[row[:, 0] < left], True), (row[row[:, 1] > right], False)):
+        part = part.copy()
+        if at_left:
+            part[-1, 1] = left
+            if left - part[-1, 0] < _LEAST and len(part) > 1:
+                part = np.concatenate([part[:-2], [[part[-2, 0], left]]])
+        else:
+            part[0, 0] = right
+            if part[0, 1] - right < _LEAST and len(part) > 1:
+                part = np.concatenate([[[right, part[1, 1]]], part[2:]])
+        sides.append(part)
+    return np.concatenate(sides)
