@@ -317,8 +317,13 @@ def load_scene(path: str | Path) -> Scene:
     try:
         document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twins)
     except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise InputError(str(path), f"it is not JSON ({error.msg} at {place})", "one JSON object") from None
+        what = error.msg.removesuffix(" at").lower()
+        problem = (
+            f"it is not JSON (line {error.lineno}, column {error.colno}: {what})"
+            if text.strip()
+            else "it is empty"
+        )
+        raise InputError(str(path), problem, "one JSON object") from None
     except RecursionError:
         raise InputError(str(path), "it is nested too deeply", f"at most {_DEPTH} levels") from None
     except InputError as error:
@@ -374,7 +379,7 @@ def _refuse_extremes(document: object) -> None:
         if isinstance(value, dict):
             for key in value:
                 _refuse_surrogates(where, key)
-            pending += [(f"{where}.{key}", inner, depth + 1) for key, inner in value.items()]
+            pending += [(f"{where}.{_plain(str(key))}", inner, depth + 1) for key, inner in value.items()]
         elif isinstance(value, list):
             pending += [(f"{where}[{index}]", inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
@@ -419,7 +424,7 @@ def _first_complaint(error: ValidationError, model: type[BaseModel], known: Iter
 
     chosen = max(complaints, key=weight)
     keys, kind, context = _keys(chosen), chosen["type"], chosen.get("ctx", {})
-    where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")
+    where = "".join(f"[{key}]" if isinstance(key, int) else f".{_plain(key)}" for key in keys).lstrip(".")
     if kind == "value_error" and isinstance(cause := context["error"], InputError):
         return InputError((where + cause.where).lstrip("."), cause.problem, cause.expected)
     owner = _owner(model, keys)
@@ -473,7 +478,10 @@ def _wanted(complaint: ErrorDetails) -> str:
 def _keys(complaint: ErrorDetails) -> list[int | str]:
     """Path of a complaint without the names of forms."""
     forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
-    return [key for key in complaint["loc"] if isinstance(key, int) or not forms.search(key)]
+    loc = complaint["loc"]
+    last = len(loc) - 1 if complaint["type"] == "extra_forbidden" else len(loc)
+    # an unknown key may be called anything, like a form too
+    return [key for n, key in enumerate(loc) if n == last or isinstance(key, int) or not forms.search(key)]
 
 
 def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
@@ -491,6 +499,11 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return next((inner for inner in found if inner is not None), None)
 
 
+def _plain(key: str) -> str:
+    """A key as it stands if it is a word, else quoted, so that it cannot break the line it is shown on."""
+    return key if key.isidentifier() else _shown(key)
+
+
 def _shown(value: object) -> str:
-    text = json.dumps(value, default=str, skipkeys=True, ensure_ascii=False)
+    text = json.dumps(value, default=str, skipkeys=True)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import signal
 import sys
 from enum import StrEnum
@@ -24,10 +26,20 @@ from jld_core.solvers import ROUTES
 from jld_core.solvers.status import Status
 from jld_explore import describe
 from jld_explore.candidates import search_space
-from jld_explore.explore import ExploreSettings, Interrupted, explore, read_folder, write_pictures, write_text
+from jld_explore.explore import (
+    ExploreSettings,
+    Interrupted,
+    check_folder,
+    check_writable,
+    explore,
+    read_folder,
+    write_pictures,
+    write_text,
+)
 from jld_explore.progress import ProgressBar
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
+_JOBS = 16  # worker processes per core at the most
 
 # typer brings a click of its own in some versions; its own exceptions say which one is in force
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
@@ -35,7 +47,6 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 app = typer.Typer(
     name="jld",
     help="Joint Layout Design: find the strongest way to cut a structure into dry-jointed blocks, with proof.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -47,6 +58,22 @@ SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_defau
 class Friction(StrEnum):
     ASSOCIATIVE = "associative"
     ZERO_DILATION = "zero-dilation"
+
+
+class Contact(StrEnum):
+    CONVEX = "convex"
+    CONCAVE = "concave"
+
+
+class InnerBending(StrEnum):
+    PAPER = "paper"
+    KERN = "kern"
+
+
+class Condense(StrEnum):
+    AUTO = "auto"
+    ON = "on"
+    OFF = "off"
 
 
 def _load(path: Path) -> tuple[Scene, Assembly]:
@@ -78,6 +105,18 @@ def check(scene: SceneFile) -> None:
 @app.command()
 def solve(
     scene: SceneFile,
+    contact: Annotated[
+        Contact,
+        typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces."),
+    ] = Contact.CONVEX,
+    inner_bending: Annotated[
+        InnerBending,
+        typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress."),
+    ] = InnerBending.PAPER,
+    condense: Annotated[
+        Condense,
+        typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong."),
+    ] = Condense.AUTO,
     solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "clarabel",
     gap: Annotated[
         float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")
@@ -86,11 +125,20 @@ def solve(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
+    if out is not None:
+        check_writable(out)
     _, assembly = _load(scene)
     if not gap > 0.0:
         raise InputError("--gap", f"{gap:g} is no width", "a number above 0")
     try:
-        result = solve_assembly(assembly, solver=solver, gap=gap)
+        result = solve_assembly(
+            assembly,
+            contact=str(contact),
+            inner_bending=str(inner_bending),
+            condense=str(condense),
+            solver=solver,
+            gap=gap,
+        )
     except InputError as error:
         raise (error if error.where.startswith("--") else error.within(str(scene))) from None
     except RouteError as error:
@@ -103,8 +151,7 @@ def solve(
 
 
 def _write_result(result: LimitAnalysisResult, out: Path) -> None:
-    if out.exists() and not out.is_dir():
-        raise InputError(str(out), "it is a file", "a folder")
+    check_writable(out)
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
     figure = plotting.figure_of_result(result)
@@ -131,6 +178,12 @@ def explore_command(
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
     parsed = load_scene(scene)
+    most = _JOBS * (os.cpu_count() or 1)
+    check_folder(out, resume)
+    if jobs is not None and jobs > most:
+        raise InputError(
+            "--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine"
+        )
     _raise_on_signals()
     settings = ExploreSettings(
         driver=driver,
@@ -205,11 +258,32 @@ def main() -> None:
     except InputError as error:
         _complain(str(error))
     except _UsageError as error:
-        _complain(" ".join(error.format_message().split()) + "; expected what --help lists")
+        _complain(_usage(error.format_message()))
+    except OSError as error:
+        # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
+        path = error.filename or "a file"
+        _complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
     except (Interrupted, KeyboardInterrupt, typer.Abort):
         sys.stderr.write("stopped; everything finished is on disk, go on with --resume\n")
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(message: str) -> str:
+    """One line for a command line that cannot be parsed: option, what was given, what is expected."""
+    text = " ".join(message.split()).rstrip(".")
+    found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
+    if found is None:
+        return f"{text}; expected what jld --help lists"
+    option, wish = found.groups()
+    wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
+    wish = re.sub("^.* is not one of ", "one of ", wish)
+    wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace(
+        "a valid integer", "a whole number"
+    )
+    given = [b for a, b in itertools.pairwise(sys.argv) if a == option]
+    given += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
+    return f"{option}: {given[0] if given else 'the value'!r} is wrong; expected {wish}"
 
 
 def _complain(line: str) -> NoReturn:

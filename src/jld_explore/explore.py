@@ -95,25 +95,45 @@ def explore(
         report=report,
     )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
-    reason = StopReason.INTERRUPTED
     try:
         reason = study.run()
-    finally:
-        done = _write_tables(study, name, reason, total)
-    if reason is not StopReason.INTERRUPTED:
-        write_pictures(done)
+    except BaseException:
+        _write_tables(study, name, StopReason.INTERRUPTED, total)
+        raise
+    if reason is StopReason.EXHAUSTED and not len(study.store):
+        # a space too large to see through beforehand has turned out empty: leave nothing behind
+        for path in (study.store.path, folder / "scene.json"):
+            path.unlink()
+        if not any(folder.iterdir()):
+            folder.rmdir()
+        raise _nothing_to_search()
+    done = _write_tables(study, name, reason, total)
+    write_pictures(done)
     return done
 
 
 def check_folder(folder: Path, resume: bool) -> None:
     """Raise InputError for a folder that may not be written into."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(str(folder), "it is a file", "a folder for the results")
-    if resume or not folder.exists() or not any(folder.iterdir()):
+    check_writable(folder)
+    if not folder.exists() or not any(folder.iterdir()):
         return
-    raise InputError(
-        str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it"
-    )
+    if not resume:
+        raise InputError(
+            str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it"
+        )
+    if not any(folder.glob(NAME.partition(".")[0] + ".*")):
+        raise InputError(
+            str(folder), f"nothing to go on with: no {NAME} in it", "a folder written by jld explore"
+        )
+
+
+def check_writable(folder: Path) -> None:
+    """Raise InputError where no folder of this name can be made or written into."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise InputError(str(there), "it is a file", "a folder for the results")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(str(there), "it is not writable", "a folder that results may be written into")
 
 
 def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, int | None]:
@@ -127,10 +147,14 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, i
         )
     known = size_up_to(space, SMALL)
     if known == 0:
-        raise InputError(
-            "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
-        )
+        raise _nothing_to_search()
     return settings.driver or ("enumeration" if known is not None else "genetic"), known
+
+
+def _nothing_to_search() -> InputError:
+    return InputError(
+        "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
+    )
 
 
 def _write_tables(study: Study, driver: str, reason: StopReason, total: int | None) -> Exploration:
