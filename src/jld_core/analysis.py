@@ -13,6 +13,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits, Floats, Ints
+from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.program import Template
@@ -27,12 +28,14 @@ class Model:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
     contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
-    faces). inner_bending: "paper" (uncoupled) or "kern" (elastic edge stress). solver: route by name. gap: width
-    of the bracket above which a result is uncertified.
+    faces). inner_bending: "paper" (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand
+    ("auto": where inner faces are very strong). solver: route by name. gap: width of the bracket above which a
+    result is uncertified.
     """
 
     contact: Literal["convex", "concave"] = "convex"
     inner_bending: Literal["paper", "kern"] = "paper"
+    condense: Literal["auto", "on", "off"] = "auto"
     solver: str = "clarabel"
     gap: float = tolerances.GAP
 
@@ -45,7 +48,12 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     Source: Iannuzzo et al. 2024, eq. (2); METHOD §2–3.
     """
     model = Model(**options)
-    for key, allowed in (("contact", ("convex", "concave")), ("inner_bending", ("paper", "kern"))):
+    choices = (
+        ("contact", ("convex", "concave")),
+        ("inner_bending", ("paper", "kern")),
+        ("condense", ("auto", "on", "off")),
+    )
+    for key, allowed in choices:
         if getattr(model, key) not in allowed:
             raise InputError(
                 f"--{key.replace('_', '-')}",
@@ -57,7 +65,10 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     if assembly.dimension == 3 and model.contact == "concave":
         return _concave(assembly, own, model)
     analysis = limit_analysis(assembly, model, reference=own)
-    return replace(analysis.solve(own), contact=model.contact)
+    found = None
+    if model.condense == "on" or (model.condense == "auto" and worth_condensing(analysis.template, own)):
+        found = solve_condensed(analysis, own)
+    return replace(found or analysis.solve(own), contact=model.contact)
 
 
 def limit_analysis(assembly: Assembly, model: Model, reference: Bits | None = None) -> LimitAnalysis:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
@@ -17,7 +18,7 @@ from jld_core import tolerances
 from jld_core.assembly import Bits, Floats
 from jld_core.program import Template
 
-_DENSE = 700  # equations up to which a stored dense projector beats sparse triangular solves
+_DENSE = 200  # equations up to which a stored dense projector beats sparse triangular solves
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Projector:
         self.rows = sp.csr_array(matrix)
         self._dense: Floats | None = None
         if matrix.shape[0] <= _DENSE:
-            self._dense = np.linalg.pinv(matrix.toarray(), rcond=1e-12)
+            self._dense = _right_inverse(matrix.toarray())
         else:
             normal = (matrix @ matrix.T).tocsc()
             # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
@@ -69,6 +70,18 @@ class Projector:
         if self._dense is not None:
             return self._dense @ residual
         return np.asarray(self.matrix.T @ self._solver.solve(residual))
+
+
+def _right_inverse(matrix: Floats) -> Floats:
+    """Aᵀ(A Aᵀ)⁻¹; the pseudo-inverse where rows depend on one another."""
+    try:
+        factor = np.linalg.cholesky(matrix @ matrix.T)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(matrix, rcond=1e-12)
+    diagonal = np.diag(factor)
+    if diagonal.min() < 1e-6 * diagonal.max():
+        return np.linalg.pinv(matrix, rcond=1e-12)
+    return la.cho_solve((factor, True), matrix).T
 
 
 class Prover:

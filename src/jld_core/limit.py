@@ -245,10 +245,12 @@ class LimitAnalysis:
         """Is λ = 0 admissible? The admissible λ are an interval, so a proven state below 0 would do too."""
         if status is Status.UNSTABLE:
             return False
-        if not self.template.dead.any():
-            return True
         proof.solves += 1
-        return self.interior.stands(labels)
+        return self.stands(labels)
+
+    def stands(self, labels: Bits) -> bool | None:
+        """Is λ = 0 admissible? None where neither a state nor a motion settles it. labels: (m,) True dry."""
+        return True if not self.template.dead.any() else self.interior.stands(labels)
 
     def _result(
         self, labels: Bits, status: Status, proof: Proof, at_zero: bool | None, solved: float, total: float

@@ -9,6 +9,7 @@ from typing import Final
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits
+from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.limit import LimitAnalysis
 from jld_core.solvers.status import Status
 
@@ -60,6 +61,13 @@ class Evaluator:
     def evaluate(self, labels: Bits) -> Evaluation:
         """Evaluate one labelling. labels: (m,) True dry."""
         start = time.perf_counter()
+        if worth_condensing(self._analysis.template, labels):
+            found = solve_condensed(self._analysis, labels, stands=False)
+            if found is not None:
+                low, high = found.bracket
+                return Evaluation(
+                    found.status, low, high, found.load_factor, seconds=time.perf_counter() - start
+                )
         status, proof = self._analysis.prove(labels)
         scale, nan = self._analysis.template.scaling.load, math.nan
         low = proof.low * scale if math.isfinite(proof.low) else nan
