@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from jld_core._version import __version__
+from jld_core.analysis import Model, solve
 from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, RouteError
-from jld_core.analysis import Model, solve
 from jld_core.limit import LimitAnalysis
 from jld_core.result import LimitAnalysisResult
 from jld_core.scene import Scene, load_scene, parse_scene

@@ -28,9 +28,9 @@ class Model:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
     contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
-    faces). inner_bending: "paper" (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand
-    ("auto": where inner faces are very strong). solver: route by name. gap: width of the bracket above which a
-    result is uncertified.
+    faces). inner_bending: "paper" (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked
+    on demand ("auto": where inner faces are very strong). solver: route by name. gap: width of the bracket above
+    which a result is uncertified.
     """
 
     contact: Literal["convex", "concave"] = "convex"

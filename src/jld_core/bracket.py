@@ -77,10 +77,10 @@ def _right_inverse(matrix: Floats) -> Floats:
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)
     except np.linalg.LinAlgError:
-        return np.linalg.pinv(matrix, rcond=1e-12)
+        return np.asarray(np.linalg.pinv(matrix, rcond=1e-12), dtype=float)
     diagonal = np.diag(factor)
     if diagonal.min() < 1e-6 * diagonal.max():
-        return np.linalg.pinv(matrix, rcond=1e-12)
+        return np.asarray(np.linalg.pinv(matrix, rcond=1e-12), dtype=float)
     return la.cho_solve((factor, True), matrix).T
 
 
@@ -92,9 +92,7 @@ class Prover:
         self.transposed = sp.csr_array(template.matrix.T)
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
-        self._everything = np.ones(
-            (len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool
-        )
+        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
     def projector(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """The projector for the resultants that a labelling keeps, and their 0/1 mask (None: all)."""
@@ -106,7 +104,8 @@ class Prover:
         if key not in self._projectors:
             matrix = self.template.matrix
             if mask is not None:
-                matrix = sp.hstack([matrix @ sp.diags_array(mask), self.template.live[:, None]])
+                live = sp.csc_array(self.template.live[:, None])
+                matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
             if len(self._projectors) >= 16:
                 self._projectors.pop(next(iter(self._projectors)))
             self._projectors[key] = Projector(sp.csc_array(matrix))
@@ -128,13 +127,12 @@ class Prover:
         """The same for a ray: A R + b_λ = 0 with R in the recession cones; `slack` refers to those."""
         if not usable(point) or not point[-1] > 0.0:
             return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
-        return self._settle(
-            point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True
-        )
+        return self._settle(point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True)
 
     def _settle(
         self, forces: Floats, target: Floats, load: float, labels: Bits, passes: int, recession: bool = False
     ) -> State:
+        mask: Floats | None
         if recession:
             mask = self.template.yield_set.recession_active(labels).ravel().astype(float)
             projector = Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)))
@@ -154,9 +152,7 @@ class Prover:
             left = projector.rows @ joint + self.template.dead
             error = float(abs(projector.correction(left)).max())
             forces, load = joint[:-1], float(joint[-1])
-        if mask is not None and float(abs(left).max()) > tolerances.ROUNDING * max(
-            1.0, float(abs(forces).max())
-        ):
+        if mask is not None and float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max())):
             error = np.inf  # without the dropped resultants there is no equilibrium here at all
         table = forces.reshape(self._everything.shape)
         sets = self.template.yield_set
@@ -178,9 +174,7 @@ class Prover:
         for _ in range(4):
             forces = (1.0 - share) * state.forces + share * inside.forces
             load = (1.0 - share) * state.load + share * inside.load
-            mixed = self._settle(
-                forces.ravel(), -(self.template.dead + load * self.template.live), load, labels, 1
-            )
+            mixed = self._settle(forces.ravel(), -(self.template.dead + load * self.template.live), load, labels, 1)
             if mixed.admissible:
                 return mixed
             share = min(1.0, 2.0 * share)
@@ -212,9 +206,7 @@ class Prover:
             return motion
         share = -motion.margin / opening.margin
         for _ in range(4):
-            mixed = self.motion(
-                motion.velocity + share * opening.velocity, labels, normalise=motion.work > 0.0
-            )
+            mixed = self.motion(motion.velocity + share * opening.velocity, labels, normalise=motion.work > 0.0)
             if mixed.margin >= 0.0:
                 return mixed
             share *= 2.0

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from jld_core.assembly import Assembly, Bits, Elements, Floats, Interfaces, Ints, Strengths
 from jld_core.bracket import State, load_floor, relative_width
 from jld_core.limit import LimitAnalysis
-from jld_core.program import ConicProgram, Structure, Template
+from jld_core.program import Template, pack
 from jld_core.result import LimitAnalysisResult
 from jld_core.scaling import Scaling, scaling_of
 from jld_core.solvers.clarabel_ import ClarabelRoute
@@ -69,14 +69,11 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
     alone[apart] = True
     glued = ~labels & ~(alone[faces.a] | alone[faces.b])
     links = sp.coo_array((np.ones(int(glued.sum())), (faces.a[glued], faces.b[glued])), shape=(count, count))
-    _, group = connected_components(links, directed=False)
-    group = group.astype(np.int64)
+    group: Ints = connected_components(links, directed=False)[1].astype(np.int64)
     number = int(group.max()) + 1
     support = np.zeros(number, dtype=bool)
     np.logical_or.at(support, group, elements.support)
-    kept = np.flatnonzero(
-        (group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]])
-    )
+    kept = np.flatnonzero((group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]]))
     return RigidBlocks(_joined(assembly, labels, group, support, kept), group, kept)
 
 
@@ -102,13 +99,11 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
         moved.append(total)
     weight = np.zeros((number, d))
     np.add.at(weight, group, elements.weight)
-    volume = np.bincount(group, weights=elements.volume, minlength=number)
+    volume = np.bincount(group, weights=elements.volume, minlength=number).astype(float)
     order = np.argsort(group, kind="stable")
     starts = np.concatenate([[0], np.cumsum(size)])
     # corners are kept for the radius of the block only
-    shape = tuple(
-        np.concatenate([elements.shape[k] for k in order[starts[g] : starts[g + 1]]]) for g in range(number)
-    )
+    shape = tuple(np.concatenate([elements.shape[k] for k in order[starts[g] : starts[g + 1]]]) for g in range(number))
     blocks = Elements(
         ids=tuple(f"block {g}" for g in range(number)),
         blocks=(None,) * number,
@@ -132,9 +127,7 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
         rectangle=faces.rectangle[kept],
         polygon=tuple(faces.polygon[k] for k in kept),
     )
-    strengths = Strengths(
-        s.friction[kept], s.tension[kept], s.shear[kept], s.crush_dry[kept], s.crush_inner[kept]
-    )
+    strengths = Strengths(s.friction[kept], s.tension[kept], s.shear[kept], s.crush_dry[kept], s.crush_inner[kept])
     return replace(
         assembly,
         elements=blocks,
@@ -236,9 +229,7 @@ def _inner_forces(
     linear = yields[yields < s.equalities + s.linear]
     conic = yields[yields >= s.equalities + s.linear]
     sizes = tuple(
-        np.array(s.cones, dtype=np.int64)[
-            within[_cone_faces(pattern.row_face, pattern.linear, s.cones)]
-        ].tolist()
+        np.array(s.cones, dtype=np.int64)[within[_cone_faces(pattern.row_face, pattern.linear, s.cones)]].tolist()
     )
     block = rigid.group[faces.a]
     names, position = np.unique(block[inside], return_inverse=True)
@@ -249,19 +240,10 @@ def _inner_forces(
     slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(s.shape[0], len(names)))
     wide = sp.hstack([matrix[:, columns], slack]).tocsr()
     cap = sp.hstack([sp.csr_array((len(names), len(columns))), sp.eye_array(len(names))])
-    stacked = sp.csc_array(sp.vstack([wide[rows], wide[linear], cap, wide[conic]]))
-    stacked.sort_indices()
+    stacked = sp.vstack([wide[rows], wide[linear], cap, wide[conic]])
     rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(names)), program.rhs[conic]])
     objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(names))])
-    structure = Structure(
-        stacked.indices,
-        stacked.indptr,
-        (int(stacked.shape[0]), int(stacked.shape[1])),
-        len(rows),
-        len(linear) + len(names),
-        sizes,
-    )
-    raw = ClarabelRoute().solve(ConicProgram(structure, stacked.data, rhs, objective))
+    raw = ClarabelRoute().solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
     own = raw.point[: q * inside.size].reshape(-1, q)
     if not np.all(np.isfinite(own)):
         return None
@@ -272,7 +254,7 @@ def _inner_forces(
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
     heads = linear + np.concatenate([[0], np.cumsum(cones)])[: len(cones)].astype(int)
-    return row_face[heads]
+    return np.asarray(row_face[heads])
 
 
 def _collapse(
@@ -317,9 +299,7 @@ def _collapse(
     )
 
 
-def _unstable(
-    full: LimitAnalysis, labels: Bits, solves: int, route: list[str], seconds: float
-) -> LimitAnalysisResult:
+def _unstable(full: LimitAnalysis, labels: Bits, solves: int, route: list[str], seconds: float) -> LimitAnalysisResult:
     """Rigid blocks that cannot stand cannot stand if they may crack besides."""
     nan = math.nan
     return LimitAnalysisResult(

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.assembly import Bits, Bools, Floats, Ints
 from jld_core.bracket import Motion, Prover, State, usable
-from jld_core.program import ConicProgram, Structure, Template
+from jld_core.program import ConicProgram, Structure, Template, pack
 from jld_core.solvers.clarabel_ import ClarabelRoute
 from jld_core.solvers.status import RawSolution
 
@@ -36,9 +36,7 @@ class Interior:
 
     def state(self, labels: Bits) -> State | None:
         """The state of largest slack at any λ, or None where it is not admissible."""
-        state = self.prover.state(
-            self._deepest_answer(labels).point[: self.template.columns], labels, passes=3
-        )
+        state = self.prover.state(self._deepest_answer(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
     def phase_one(self, labels: Bits) -> Floats:
@@ -116,18 +114,14 @@ class Interior:
         if columns <= _DENSE and not s.cones:
             # rows that no ray leaves slack are equations: a solver meets them to its residual only
             tight = _tips(s)[slack < 1e-6 * max(1.0, float(slack.max()))]
-            equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][
-                :, :columns
-            ].toarray()
+            equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][:, :columns].toarray()
             wanted = np.concatenate([-self.template.live, np.zeros(len(tight))])
             for _ in range(2):
                 point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
         ray = self.prover.ray(np.append(point, 1.0), labels)
         return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
 
-    def _spread(
-        self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0
-    ) -> tuple[RawSolution, Floats]:
+    def _spread(self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
         """A point with as many yield rows slack as can be, and that slack in [0, cap] per row.
 
         program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
@@ -145,7 +139,7 @@ class Interior:
         rows = sp.vstack([wide[:linear], bound, -bound, wide[linear:]])
         ends = np.concatenate([rhs[:linear], np.full(count, cap), np.zeros(count), rhs[linear:]])
         objective = np.concatenate([np.zeros(columns), -np.ones(count)])
-        raw = ClarabelRoute().solve(_pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones))
+        raw = ClarabelRoute().solve(pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones))
         return raw, raw.point[columns:]
 
     # --- motions ----------------------------------------------------------------------------------------
@@ -230,22 +224,18 @@ class Interior:
         matrix = program.matrix.tocsr()[:, : s.shape[1] - 1]
         tips = _tips(s)
         linear_rows = tips[: s.linear - 1]
-        cone_starts = (
-            s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
-        )
+        cone_starts = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
         kept_linear = linear_rows[moving[: len(linear_rows)]]
         kept_cones = [
             (start, size)
             for start, size, use in zip(cone_starts, s.cones, moving[len(linear_rows) :], strict=True)
             if use
         ]
-        cone_rows = np.concatenate(
-            [np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]
-        ).astype(int)
+        cone_rows = np.concatenate([np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]).astype(int)
         chosen = np.concatenate([kept_linear, cone_rows])
         balance = sp.hstack([matrix[: s.equalities].T, matrix[chosen].T]).tocsr()
         velocities, multipliers = s.equalities, len(chosen)
-        identity = sp.hstack([sp.csr_array((multipliers, velocities)), sp.eye_array(multipliers)]).tocsr()
+        identity = sp.csr_array(sp.hstack([sp.csr_array((multipliers, velocities)), sp.eye_array(multipliers)]))
         floor = np.zeros(multipliers)
         floor[: len(kept_linear)] = 1.0
         starts = len(kept_linear) + np.cumsum([0, *(k for _, k in kept_cones)])[: len(kept_cones)]
@@ -254,14 +244,10 @@ class Interior:
         rhs = np.concatenate([np.zeros(balance.shape[0]), -floor])
         objective = np.concatenate([np.zeros(velocities), floor])
         raw = ClarabelRoute().solve(
-            _pack(rows, rhs, objective, balance.shape[0], len(kept_linear), tuple(k for _, k in kept_cones))
+            pack(rows, rhs, objective, balance.shape[0], len(kept_linear), tuple(k for _, k in kept_cones))
         )
         left = balance @ raw.point
-        if (
-            not np.all(np.isfinite(left))
-            or abs(left).max() > 1e-6
-            or np.any(raw.point[velocities:][starts] < 0.5)
-        ):
+        if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(raw.point[velocities:][starts] < 0.5):
             return None
         if np.any(raw.point[velocities : velocities + len(kept_linear)] < 0.5):
             return None
@@ -285,9 +271,7 @@ class Interior:
             extra = table[:, own:]
             extra = extra[:, np.any(extra != 0.0, axis=0)]
             free = la.null_space(extra.T) if extra.size else np.eye(len(table))
-            bases[face] = (
-                la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
-            )
+            bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
         return bases
 
     def _forbidden(self, bases: dict[int, Floats]) -> Floats:
@@ -300,11 +284,9 @@ class Interior:
         if not parts:
             return np.zeros((0, self.template.matrix.shape[0]))
         stacked = np.concatenate(parts)
-        return stacked[abs(stacked).max(axis=1) > 1e-12]
+        return np.asarray(stacked[abs(stacked).max(axis=1) > 1e-12])
 
-    def _measure_reduced(
-        self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]
-    ) -> Motion:
+    def _measure_reduced(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
         """Margin and bound, the jumps of reduced faces taken on their bases, where they lie but for rounding."""
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         noise = tolerances.ROUNDING * max(float(abs(velocity).max()), 1.0)
@@ -342,14 +324,4 @@ def _with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram
     rhs = np.concatenate([program.rhs[:edge], [1.0], program.rhs[edge:]])
     objective = np.zeros(wide.shape[1])
     objective[-1] = -1.0
-    return _pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones)
-
-
-def _pack(
-    rows: sp.sparray, rhs: Floats, objective: Floats, equalities: int, linear: int, cones: tuple[int, ...]
-) -> ConicProgram:
-    matrix = sp.csc_array(rows)
-    matrix.sort_indices()
-    shape = (int(matrix.shape[0]), int(matrix.shape[1]))
-    structure = Structure(matrix.indices, matrix.indptr, shape, equalities, linear, cones)
-    return ConicProgram(structure, matrix.data, rhs, objective)
+    return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones)

@@ -38,11 +38,7 @@ class Proof:
 
     def offer_motion(self, motion: Motion) -> None:
         """Keep a motion with finite dissipation if its bound is the lowest so far."""
-        if (
-            motion.margin >= 0.0
-            and motion.work > 0.0
-            and (self.motion is None or motion.bound < self.motion.bound)
-        ):
+        if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
             self.motion = motion
 
     @property
@@ -189,7 +185,7 @@ class LimitAnalysis:
         return raw
 
     def _opened(self, proof: Proof, motion: Motion, labels: Bits, normalise: bool = True) -> Motion:
-        """A motion made to have finite dissipation: by opening all joints, or where they cannot, by facial reduction."""
+        """A motion of finite dissipation: by opening all joints, or where they cannot, by facial reduction."""
         opening = self.interior.opening()
         if opening is not None:
             proof.route.append("opened")

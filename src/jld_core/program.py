@@ -9,8 +9,10 @@ chooses, entry by entry, between two arrays of numbers.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,6 +42,18 @@ class Structure:
     cones: tuple[int, ...]
 
 
+def pack(
+    rows: Any, rhs: Floats, objective: Floats, equalities: int, linear: int, cones: tuple[int, ...]
+) -> ConicProgram:
+    """A program of its own structure from sparse rows: equations, then inequalities, then cones."""
+    matrix = sp.csc_array(rows)
+    matrix.sort_indices()
+    shape = (int(matrix.shape[0]), int(matrix.shape[1]))
+    indices, indptr = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
+    structure = Structure(indices, indptr, shape, equalities, linear, cones)
+    return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective)
+
+
 @dataclass(frozen=True)
 class ConicProgram:
     """Numbers of one program: M's data in the structure's order, right-hand side r, objective q."""
@@ -63,15 +77,11 @@ class Template:
     scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
     """
 
-    def __init__(
-        self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None
-    ) -> None:
+    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None) -> None:
         self.assembly = assembly
         self.scaling = scaling or scaling_of(assembly)
-        if yield_set is None:
-            make = planar_yield if assembly.dimension == 2 else spatial_yield
-            yield_set = make(assembly, self.scaling)
-        self.yield_set = yield_set
+        make = planar_yield if assembly.dimension == 2 else spatial_yield
+        self.yield_set: YieldSet = yield_set or make(assembly, self.scaling)
         row, face = self.scaling.row.ravel(), self.scaling.face.ravel()
         matrix = equilibrium_matrix(assembly)
         self.matrix = sp.csc_array(sp.diags_array(1.0 / row) @ matrix @ sp.diags_array(face))
@@ -92,6 +102,17 @@ class Template:
         strengths = self.assembly.strengths
         crushing = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
         return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
+
+    def renumbered(self, yield_set: YieldSet) -> Template:
+        """This template with another yield set, sharing all else; the structure too if its sparsity is the same."""
+        other = copy.copy(self)
+        other.yield_set = yield_set
+        other._lay_out()
+        old, new = self.structure, other.structure
+        same = (old.shape, old.linear, old.cones) == (new.shape, new.linear, new.cones)
+        if same and np.array_equal(old.indptr, new.indptr) and np.array_equal(old.indices, new.indices):
+            other.structure = old
+        return other
 
     @property
     def columns(self) -> int:
@@ -131,11 +152,7 @@ class Template:
         self._row_face = np.concatenate([np.zeros(len(head), dtype=np.int64), pattern.row_face])
         self._tips = np.zeros(count)
         self._tips[len(head) : len(head) + pattern.linear] = 1.0
-        tips = (
-            len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]])
-            if pattern.cones
-            else np.array([])
-        )
+        tips = len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]]) if pattern.cones else np.array([])
         self._tips[tips.astype(np.int64)] = 1.0
         self._objective = np.zeros(last + 1)
         self._objective[-1] = -1.0

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import shortest_path
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
 
 from jld_core.assembly import Assembly, Floats
 

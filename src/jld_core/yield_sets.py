@@ -44,7 +44,9 @@ class RowPattern:
 class YieldSet(Protocol):
     """What the solver and the proof need to know of the yield sets of all m faces."""
 
-    pattern: RowPattern
+    @property
+    def pattern(self) -> RowPattern:
+        """Rows of the program."""
 
     def active(self, labels: Bits) -> Bools:
         """(m, q) False where a resultant is zero in every admissible state (no friction, no shear strength)."""
@@ -138,10 +140,7 @@ class PlanarYield:
                 p < 2.0 * q * self.crush_dry, p * p / (4.0 * q), self.crush_dry * (p - q * self.crush_dry)
             )
             dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed)
-            corner = (
-                0.5 * (self.tension - self.crush_inner) * opening
-                + (self.crush_inner + self.tension) * turn / 6.0
-            )
+            corner = 0.5 * (self.tension - self.crush_inner) * opening + (self.crush_inner + self.tension) * turn / 6.0
             bent = np.maximum(-self.crush_inner * opening, corner)
             normal = np.where(np.isinf(self.crush_inner), -np.inf, bent)
         inner = np.maximum(self.tension * opening, normal) + np.where(slip > 0.0, self.shear * slip, 0.0)
@@ -215,39 +214,24 @@ def _planar_rows(
         row_face.append(faces)
         linear += len(faces)
     crushed = np.flatnonzero(np.isfinite(crush_dry))
-    place = linear
-    for sign in (1.0, -1.0):
-        # ‖(2N/√c, w − 1·…)‖: with w = N − sign·m and c = N_c, N² ≤ c·w  ⇔  ‖(2N, c − w)‖ ≤ c + w; divided by max(1, c)
-        for face in crushed:
-            c = crush_dry[face]
-            size = max(1.0, c)
-            table = [
-                (0, [(0, -1.0 / size), (2, sign / size)], c / size),
-                (1, [(0, -2.0 / size)], 0.0),
-                (2, [(0, 1.0 / size), (2, -sign / size)], c / size),
-            ]
-            for offset, coefficients_, h in table:
-                for j, value in coefficients_:
-                    entries.append(
-                        (
-                            np.array([place + offset]),
-                            np.array([3 * face + j]),
-                            np.array([face]),
-                            np.array([value]),
-                            np.zeros(1),
-                        )
-                    )
-                h_dry.append(np.array([h]))
-                h_inner.append(np.array([1.0 if offset == 0 else 0.0]))
-                row_face.append(np.array([face]))
-            place += 3
-    row, column, face, dry, inner = (np.concatenate(part) for part in zip(*entries, strict=True))
+    none = np.zeros(crushed.size)
+    limit = crush_dry[crushed]
+    size = np.maximum(1.0, limit)
+    for turn, sign in enumerate((1.0, -1.0)):
+        # with w = N − sign·m and c = N_c: N² ≤ c·w ⇔ ‖(2N, c − w)‖ ≤ c + w
+        head = linear + 3 * (turn * crushed.size + np.arange(crushed.size))
+        for offset, resultant, value in ((0, 0, -1.0), (0, 2, sign), (1, 0, -2.0), (2, 0, 1.0), (2, 2, -sign)):
+            entries.append((head + offset, 3 * crushed + resultant, crushed, value / size, none))
+        h_dry.append(np.column_stack([limit / size, none, limit / size]).ravel())
+        h_inner.append(np.tile([1.0, 0.0, 0.0], crushed.size))
+        row_face.append(np.repeat(crushed, 3))
+    rows_, columns, owners, for_dry, for_inner = zip(*entries, strict=True)
     return RowPattern(
-        row=row,
-        column=column,
-        face=face,
-        dry=dry,
-        inner=inner,
+        row=np.concatenate(rows_),
+        column=np.concatenate(columns),
+        face=np.concatenate(owners),
+        dry=np.concatenate(for_dry),
+        inner=np.concatenate(for_inner),
         h_dry=np.concatenate(h_dry),
         h_inner=np.concatenate(h_inner),
         row_face=np.concatenate(row_face),

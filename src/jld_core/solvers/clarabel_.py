@@ -84,7 +84,5 @@ class ClarabelRoute:
         cones += [clarabel.SecondOrderConeT(size) for size in s.cones]
         nothing = sp.csc_matrix((s.shape[1], s.shape[1]))
         matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
-        self._solver = clarabel.DefaultSolver(
-            nothing, program.objective, matrix, program.rhs, cones, self._settings
-        )
+        self._solver = clarabel.DefaultSolver(nothing, program.objective, matrix, program.rhs, cones, self._settings)
         self._structure = s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -33,7 +34,8 @@ class CvxpyRoute:
 
     def solve(self, program: ConicProgram) -> RawSolution:
         start = time.perf_counter()
-        s, matrix = program.structure, program.matrix.tocsr()
+        s = program.structure
+        matrix: Any = program.matrix.tocsr()  # CVXPY's own operators are not typed
         y = cp.Variable(s.shape[1])
         edge = s.equalities + s.linear
         constraints = [
@@ -44,7 +46,7 @@ class CvxpyRoute:
         for low, size in zip(starts, s.cones, strict=False):
             inside = program.rhs[low : low + size] - matrix[low : low + size] @ y
             constraints.append(cp.SOC(inside[0], inside[1:]))
-        problem = cp.Problem(cp.Minimize(program.objective @ y), constraints)
+        problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
         problem.solve(solver=self._solver, **self._options)
         status = _STATUS.get(problem.status, RawStatus.FAILED)
         nothing = np.zeros(s.shape[1]), np.zeros(s.shape[0])

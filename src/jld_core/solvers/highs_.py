@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import highspy
 import numpy as np
@@ -55,7 +56,7 @@ class HighsRoute:
         model.a_matrix_.start_ = s.indptr.astype(np.int32)
         model.a_matrix_.index_ = s.indices.astype(np.int32)
         model.a_matrix_.value_ = program.data
-        highs = highspy.Highs()
+        highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
         for key, value in self._options.items():
             highs.setOptionValue(key, value)
         highs.passModel(model)
