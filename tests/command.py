@@ -1,0 +1,52 @@
+"""The command line as a user meets it: called in this process where speed counts, as a process where it matters."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from jld_explore import cli
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Exit code and what was printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> Outcome:
+    """Run `jld` with these arguments in this process. Any exception but SystemExit passes through."""
+    monkeypatch.setattr(sys, "argv", ["jld", *map(str, arguments)])
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    printed = capsys.readouterr()
+    code = end.value.code
+    assert isinstance(code, int)
+    return Outcome(code, printed.out, printed.err)
+
+
+def command(*arguments: str | Path) -> list[str]:
+    """The same as a command for a process of its own."""
+    return [sys.executable, "-m", "jld_explore.cli", *map(str, arguments)]
+
+
+def environment() -> dict[str, str]:
+    """One BLAS thread per process, whoever runs the tests."""
+    return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+
+
+def process(*arguments: str | Path, timeout: float = 60.0) -> Outcome:
+    """Run `jld` as a process of its own and wait for it."""
+    done = subprocess.run(
+        command(*arguments), capture_output=True, text=True, timeout=timeout, env=environment(), check=False
+    )
+    return Outcome(done.returncode, done.stdout, done.stderr)
