@@ -11,9 +11,7 @@ from cases import grid_assembly
 from jld_core import LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 
 
-def column(
-    width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]
-) -> LimitAnalysisResult:
+def column(width: float, height: float, count: int, friction: float, live: list[dict[str, Any]]) -> LimitAnalysisResult:
     elements: list[dict[str, Any]] = [
         {
             "id": f"b{k}",
