@@ -8,10 +8,30 @@ from typing import Any, Final
 from jld_explore.candidates import SearchSpace
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.genetic import Genetic
+from jld_explore.drivers.hillclimb import HillClimb
+from jld_explore.drivers.random_ import Random
+
+
+def _optuna(space: SearchSpace, seed: int, **options: Any) -> Driver:
+    from jld_explore.drivers.optuna_ import Optuna  # slow to import, and only for those who ask for it
+
+    return Optuna(space, seed, **options)
+
 
 DRIVERS: Final[dict[str, Callable[..., Driver]]] = {
     "enumeration": lambda space, seed: Enumeration(space),
+    "random": Random,
+    "hillclimb": HillClimb,
+    "genetic": Genetic,
+    "optuna": _optuna,
 }
+
+OPTIONS: Final[dict[str, tuple[str, ...]]] = {
+    "genetic": ("population", "aims"),
+    "optuna": ("sampler", "storage", "title"),
+}
+"""Options that the drivers take from a study, beside space and seed."""
 
 
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from jld_core.assembly import Bits
 from jld_explore.evaluator import Evaluation
@@ -27,6 +27,11 @@ class Driver(ABC):
 
     name: ClassVar[str]
     """The word for it on the command line and in tables."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What the sequence of proposals depends on besides space, seed and answers; a resumed study must agree."""
+        return {}
 
     @abstractmethod
     def ask(self, limit: int | None = None) -> Bits:

@@ -62,9 +62,7 @@ class _Frontier:
     dry: Ints
 
     def take(self, rows: Ints | slice) -> _Frontier:
-        return _Frontier(
-            self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[rows]
-        )
+        return _Frontier(self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[rows])
 
 
 class Enumeration(Driver):
@@ -153,9 +151,7 @@ class Enumeration(Driver):
         name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
         tall = 0 if self.search.segmentation else len(self._faces)
         zero = np.zeros(1, dtype=np.int64)
-        stack = [
-            _Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, zero + self._dry_at_start)
-        ]
+        stack = [_Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, zero + self._dry_at_start)]
         while stack:
             frontier = stack.pop()
             if frontier.level == len(self._faces):

@@ -1,0 +1,26 @@
+"""Random valid labellings: the baseline that learns nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jld_core.assembly import Bits
+from jld_explore.candidates import SearchSpace
+from jld_explore.drivers.searcher import Searcher
+from jld_explore.evaluator import Evaluation
+
+
+class Random(Searcher):
+    """Draws labellings at random, each class once."""
+
+    name = "random"
+
+    def __init__(self, space: SearchSpace, seed: int, size: int = 256) -> None:
+        super().__init__(space, seed, size)
+
+    def propose(self) -> Bits:
+        """New random labellings."""
+        return self.fresh(self.draw, self.size)
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Nothing to learn."""

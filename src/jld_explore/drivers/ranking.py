@@ -1,0 +1,44 @@
+"""How drivers compare evaluations: the order of the results table, and objectives where there are numbers.
+
+Collapse comes first, by λ; then locked, uncertified, unstable and failed, each a rank of its own and never a
+number. Locked stands below every number although it carries any load: one such labelling answers the question
+whether the load can be unbounded, and more of them would draw a search away from the largest finite λ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from jld_core.assembly import Bits, Floats, Ints
+from jld_core.solvers.status import Status
+from jld_explore.candidates import SearchSpace
+from jld_explore.constraints import counts
+from jld_explore.evaluator import Evaluation
+
+ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
+"""Statuses, the best first."""
+
+
+def standing(evaluation: Evaluation) -> tuple[int, float]:
+    """What sorts evaluations, the best first: place of the status, then −λ where λ is a number."""
+    place = ORDER.index(evaluation.status)
+    return place, -evaluation.load_factor if place == 0 else 0.0
+
+
+def places(evaluations: Sequence[Evaluation]) -> Ints:
+    """(k,) place of each status in ORDER, 0 for collapse."""
+    return np.array([ORDER.index(found.status) for found in evaluations], dtype=np.int64)
+
+
+def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
+    """(k, 2) what is minimised: −λ, and the count of the scene's front with the sign of its sense.
+
+    labellings: (k, m). Rows without collapse have no λ: theirs is 0 and must be kept apart by `places`.
+    """
+    front = space.search.front
+    count = np.asarray(getattr(counts(space.assembly, labellings, space.graph), front.count), dtype=float)
+    value = [found.load_factor if found.status is Status.COLLAPSE else 0.0 for found in evaluations]
+    return np.column_stack([-np.array(value), -count if front.sense == "max" else count])
