@@ -12,15 +12,16 @@ from typing import Any, Literal
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Floats, Ints
+from jld_core.assembly import Assembly, Bits
 from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
+from jld_core.point_contacts import point_contact_assembly, resultants_of_faces
 from jld_core.program import Template
 from jld_core.result import LimitAnalysisResult
 from jld_core.scaling import scaling_of
 from jld_core.yield_sets import require_materials
-from jld_core.yield_spatial import point_contact_assembly, spatial_yield
+from jld_core.yield_spatial import spatial_yield
 
 
 @dataclass(frozen=True)
@@ -84,22 +85,5 @@ def _concave(assembly: Assembly, labels: Bits, model: Model) -> LimitAnalysisRes
     """Point contacts at the corners of every dry face, the resultants brought back to the faces (METHOD §2)."""
     points, parent = point_contact_assembly(assembly, labels)
     found = limit_analysis(points, model, reference=points.labels).solve(points.labels)
-    forces = None if found.forces is None else _resultants(assembly, points, parent, found.forces)
+    forces = None if found.forces is None else resultants_of_faces(assembly, points, parent, found.forces)
     return replace(found, assembly=assembly, labels=labels, forces=forces, contact="concave")
-
-
-def _resultants(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
-    """Resultants (m, 6) about the centroids of the faces, from those of the faces of the point assembly."""
-    faces = assembly.interfaces
-    arm = points.interfaces.origin - faces.origin[parent]
-    x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])
-    x2 = np.einsum("ij,ij->i", arm, faces.e2[parent])
-    n, v1, v2 = forces[:, 0], forces[:, 1], forces[:, 2]
-    # moment of n·N + e1·V1 + e2·V2 at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n
-    moved = forces.copy()
-    moved[:, 3] += x2 * n
-    moved[:, 4] -= x1 * n
-    moved[:, 5] += x1 * v2 - x2 * v1
-    total = np.zeros((len(faces), 6))
-    np.add.at(total, parent, moved)
-    return total

@@ -1,4 +1,4 @@
-"""Spatial scene → elements and interfaces, parallel to the planar side of build.py."""
+"""Spatial scene → elements and interfaces, parallel to build_planar.py."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Elements, Floats, Interfaces
-from jld_core.build import collect_elements, pair_index, refuse_twins
 from jld_core.contacts_spatial import (
     SpatialContact,
     find_spatial_contacts,
@@ -14,6 +13,7 @@ from jld_core.contacts_spatial import (
     near_pairs,
     spatial_interfaces,
 )
+from jld_core.elements import collect_elements, pair_index, refuse_twins
 from jld_core.errors import InputError
 from jld_core.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
 from jld_core.scene import Contact, Scene
@@ -33,9 +33,7 @@ def spatial_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact |
     vertices, faces, volume, centroid = solids(ids, vertices, faces)
     elements = collect_elements(scene, entries, centroid, volume, vertices, tuple(faces))
     facets = facets_of(vertices, faces)
-    pairs = near_pairs(
-        elements.lower, elements.upper, tolerances.FACE * (elements.upper - elements.lower).max(axis=1)
-    )
+    pairs = near_pairs(elements.lower, elements.upper, tolerances.FACE * (elements.upper - elements.lower).max(axis=1))
     check_overlaps(ids, vertices, facets, pairs)
     given: list[Contact | None]
     if scene.interfaces is None:
@@ -58,9 +56,7 @@ def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) 
         where = f"interfaces[{position}]"
         couples.append(pair_index(entry.elements, elements, f"{where}.elements"))
         if len(entry.polygon) < 3 or any(len(point) != 3 for point in entry.polygon):
-            raise InputError(
-                f"{where}.polygon", "it is not a spatial contact", "three or more points [x, y, z]"
-            )
+            raise InputError(f"{where}.polygon", "it is not a spatial contact", "three or more points [x, y, z]")
         polygons.append(np.array(entry.polygon, dtype=float))
     first = np.array([a for a, _ in couples], dtype=np.int64)
     normals = given_normals(polygons, first, facets, lambda position: f"interfaces[{position}]")

@@ -7,15 +7,12 @@ that label it keeps their coefficients with right-hand side one, so that no dire
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jld_core.assembly import Bools, Floats, Ints
+from jld_core.bending import Bending
 from jld_core.yield_sets import RowPattern
-
-if TYPE_CHECKING:
-    from jld_core.yield_spatial import Bending
 
 Coefficient = tuple[Ints, Floats, Floats]
 """Columns of a family of rows, and their coefficients under dry and under inner."""
@@ -133,9 +130,7 @@ def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bool
     used = np.where(np.isfinite(crush_dry), 0.0, 1.0)[face]
     third = np.where(point[face], 1.0, 1.0 / (3.0 * size))
     coefficients = [(sheet.column(face, 0), -used, -third)]
-    coefficients += [
-        (sheet.column(face, 3 + j), used * bending.dry[:, j], third * bending.inner[:, j]) for j in (0, 1)
-    ]
+    coefficients += [(sheet.column(face, 3 + j), used * bending.dry[:, j], third * bending.inner[:, j]) for j in (0, 1)]
     sheet.add(face, coefficients, 1.0 - used, np.where(point[face], 0.0, tension[face] * third))
 
 
@@ -176,9 +171,7 @@ def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
             sheet.add(crush.face, coefficients, nothing, one)
 
 
-def _shear_cones(
-    sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, shear: Floats
-) -> int:
+def _shear_cones(sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, shear: Floats) -> int:
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
     idle = np.where(friction[plane] > 0.0, 0.0, 1.0), np.where(shear[plane] > 0.0, 0.0, 1.0)
     rows: list[tuple[list[Coefficient], Floats, Floats]] = [([(bound, -one, -one)], *idle)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import DRY, INNER, Assembly, Bits, Bools, Floats, Ints
-from jld_core.build import faces_of_pairs
+from jld_core.elements import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.scene import Scene, Search
 from jld_core.yield_sets import require_materials
