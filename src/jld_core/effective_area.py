@@ -7,18 +7,21 @@ proven for the frozen problem.
 
 from __future__ import annotations
 
+import copy
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.bracket import State, relative_width
 from jld_core.errors import InputError
 from jld_core.frozen import Contact, FrozenYield
 from jld_core.limit import LimitAnalysis
 from jld_core.program import Template
-from jld_core.result import LimitAnalysisResult
+from jld_core.result import LimitAnalysisResult, number
 from jld_core.sections import rectangle_torsion_length
 from jld_core.solvers.proximal_ import ProximalRoute
 from jld_core.solvers.status import Status
@@ -28,7 +31,10 @@ from jld_core.yield_spatial import SpatialYield
 FIXED: Final = 1e-8
 """Change of x / (l/2) and of c_T,e / c_T at which the effective areas count as fixed."""
 
-_PRESSED = 1e-7  # scaled N below which a face is not pressed: x = 0
+_PRESSED = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
+_STEPS = 5  # steps towards larger λ before the forces are held
+_HOLD = 30.0  # weight of the proximal term while effective areas settle
+_SHY = 1e-8  # most slack asked of a state so that it fits the effective areas of its own forces
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the face
 
 
@@ -56,14 +62,13 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 def contact_of(assembly: Assembly, forces: Floats, labels: Bits) -> Contact:
     """Effective areas under scaled forces (m, 6); inner faces and those without pressure keep the whole face."""
     faces = assembly.interfaces
-    pressed = labels & (forces[:, 0] > _PRESSED)
-    normal = np.where(pressed, forces[:, 0], 1.0)
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so these are x2 / (l2 / 2) and x1 / (l1 / 2)
-    x1 = np.clip(np.where(pressed, -forces[:, 4] / normal, 0.0), -1.0, 1.0)
-    x2 = np.clip(np.where(pressed, forces[:, 3] / normal, 0.0), -1.0, 1.0)
+    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _PRESSED**2), 0.0)
+    x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
+    x2 = np.clip(forces[:, 3] * share, -1.0, 1.0)
     side1 = faces.l1 * np.maximum(1.0 - np.abs(x1), _NARROW)
     side2 = faces.l2 * np.maximum(1.0 - np.abs(x2), _NARROW)
-    ratio = np.where(pressed, faces.c_t / rectangle_torsion_length(side1, side2), 1.0)
+    ratio = np.where(labels, faces.c_t / rectangle_torsion_length(side1, side2), 1.0)
     arm = np.column_stack([0.5 * faces.l2 * x2, -0.5 * faces.l1 * x1]) / faces.c_t[:, None]
     return Contact(ratio, arm)
 
@@ -81,21 +86,30 @@ def frozen_contact(template: Template, contact: Contact) -> Template:
     return template.renumbered(FrozenYield(base, 1.0, none, contact))
 
 
+@dataclass(frozen=True)
+class _Fixed:
+    """Where the iteration stands: frozen template, a state of it, its result, and the change still asked for."""
+
+    state: State
+    proven: LimitAnalysisResult
+    moved: float
+
+
 def solve_effective_area(
     analysis: LimitAnalysis,
     labels: Bits | None = None,
     *,
     stands: bool = True,
-    most: int = 100,
+    most: int = 60,
     weight: float = 1e-2,
 ) -> LimitAnalysisResult:
     """Associative limit analysis with effective areas, at a fixed point of x and c_T,e.
 
     analysis: of a spatial assembly whose dry faces are rectangles. labels: (m,) True dry. stands: decide λ = 0
     too (without effective areas). most: programs solved at most. weight: of the proximal term that keeps x from
-    jumping between equally good states. The bracket is that of the frozen problem; `extra` says so:
-    `effective_area` {fixed_point: last change, frozen: true}, `load_factor_whole_faces`. A change above 1e-8
-    leaves the result uncertified.
+    jumping between equally good states. The forces lie within the effective areas that they themselves ask for
+    (`extra["effective_area"]["fixed_point"]` is the change left), and the bracket is that of the problem with
+    those areas frozen. A change above 1e-8 leaves the result uncertified.
     Raises InputError: planar scene, or a dry face that is no rectangle.
     """
     start = time.perf_counter()
@@ -104,36 +118,72 @@ def solve_effective_area(
     plain = analysis.solve(labels, stands=stands)
     if plain.forces is None:
         return replace(plain, extra={**plain.extra, "effective_area": None})
-    template, count = analysis.template, analysis.template.matrix.shape[1]
-    forces = (plain.forces / template.scaling.face).ravel()
-    old = contact_of(analysis.assembly, forces.reshape(-1, 6), labels)
-    frozen = frozen_contact(template, old)
-    route = ProximalRoute(count, weight, template.precision.residual)
-    moved, solves = np.inf, plain.iterations
-    for _ in range(most):
-        forces = route.solve(frozen.program(labels, template.precision.margin), forces).point[:count]
-        solves += 1
-        new = contact_of(analysis.assembly, forces.reshape(-1, 6), labels)
-        moved, old = change(old, new), new
-        frozen = frozen_contact(frozen, new)
-        if moved <= FIXED:
-            break
-    proven = LimitAnalysis(analysis.assembly, template=frozen, gap=analysis.gap, reference=labels).solve(
-        labels, stands=False
-    )
-    seconds = time.perf_counter() - start
-    status = proven.status
-    if moved > FIXED and status is Status.COLLAPSE:
-        status = Status.UNCERTIFIED
+    forces = (plain.forces / analysis.template.scaling.face).ravel()
+    fixed, solves = _iterate(analysis, labels, forces, most, weight)
+    seconds, proven, scaling = time.perf_counter() - start, fixed.proven, analysis.template.scaling
+    if fixed.state.admissible and fixed.moved <= FIXED:
+        bracket = (fixed.state.load * scaling.load, proven.bracket[1])
+        floor = tolerances.GAP_FLOOR * analysis.assembly.total_dead / analysis.assembly.total_live
+        gap = relative_width(*bracket, floor)
+        wide = proven.status is Status.COLLAPSE and not gap <= analysis.gap
+        proven = replace(
+            proven,
+            status=Status.UNCERTIFIED if wide else proven.status,
+            load_factor=0.5 * sum(bracket),
+            bracket=bracket,
+            gap=gap,
+            forces=fixed.state.forces * scaling.face,
+        )
+    elif proven.status is Status.COLLAPSE:
+        proven = replace(proven, status=Status.UNCERTIFIED)
     return replace(
         proven,
-        status=status,
         stands_at_zero=plain.stands_at_zero,
-        iterations=solves + proven.iterations,
-        route=(*plain.route, f"effective area ({solves - plain.iterations})", *proven.route),
+        iterations=plain.iterations + solves,
+        route=(*plain.route, f"effective area ({solves})"),
         seconds={"assemble": analysis.seconds, "solve": seconds, "total": analysis.seconds + seconds},
         extra={
-            "effective_area": {"fixed_point": moved, "frozen": True},
-            "load_factor_whole_faces": plain.load_factor if np.isfinite(plain.load_factor) else None,
+            "effective_area": {"fixed_point": fixed.moved, "frozen": True},
+            "load_factor_whole_faces": number(plain.load_factor),
         },
     )
+
+
+def _iterate(analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float) -> tuple[_Fixed, int]:
+    """Steps to better forces while areas change much, then steps that hold the forces until areas and forces agree."""
+    template, count = analysis.template, analysis.template.matrix.shape[1]
+    margin = template.precision.margin
+    walk, hold = (ProximalRoute(count, w, template.precision.residual) for w in (weight, _HOLD))
+    prover = copy.copy(analysis.prover)
+    contact = contact_of(analysis.assembly, forces.reshape(-1, 6), labels)
+    frozen = frozen_contact(template, contact)
+    solves, steps, slack, moved = 0, 0, margin, np.inf
+    while True:
+        route = walk if steps < _STEPS else hold
+        point = route.solve(frozen.program(labels, slack), forces).point
+        solves, steps = solves + 1, steps + 1
+        prover.template = frozen
+        state = prover.state(point, labels, passes=3)
+        new = contact_of(analysis.assembly, state.forces, labels)
+        moved, contact = change(contact, new), new
+        frozen = frozen_contact(frozen, contact)
+        prover.template = frozen
+        forces = state.forces.ravel()
+        own = prover.state(np.append(forces, state.load), labels, passes=1)
+        slack = min(max(margin, -2.0 * own.slack), _SHY)
+        if own.admissible and (moved <= FIXED or steps > _STEPS):
+            proven = _proven(analysis, frozen, labels)
+            solves += proven.iterations
+            left = change(contact, contact_of(analysis.assembly, own.forces, labels))
+            low, high = own.load, proven.bracket[1] / template.scaling.load
+            if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
+                return _Fixed(own, proven, left), solves
+            steps = 0
+        elif solves >= most:
+            proven = _proven(analysis, frozen, labels)
+            return _Fixed(own, proven, moved), solves + proven.iterations
+
+
+def _proven(analysis: LimitAnalysis, frozen: Template, labels: Bits) -> LimitAnalysisResult:
+    other = LimitAnalysis(analysis.assembly, template=frozen, gap=analysis.gap, reference=labels)
+    return other.solve(labels, stands=False)

@@ -36,8 +36,8 @@ SETTLED: Final = 1e-6
 """Difference of λ between the last two programs, relative, of a converged run."""
 
 _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
-_HOLD = 1.0  # weight of the proximal term while effective areas settle
-_SHY = 1e-7  # most slack asked of a state so that it fits the effective areas of its own forces
+_HOLD = 30.0  # weight of the proximal term while effective areas settle
+_SHY = 1e-8  # most slack asked of a state so that it fits the effective areas of its own forces
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
 
 
@@ -263,26 +263,35 @@ class Run:
     # --- the two variants ---------------------------------------------------------------------------------
 
     def robust(self, forces: Floats) -> Pair:
-        """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict."""
-        scheme, best = self.scheme, None
-        alpha = scheme.alpha
+        """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict.
+
+        With effective areas later rounds hold the forces and take no proximal steps: the areas follow the forces,
+        which such steps let drift along the many solutions.
+        """
+        scheme, best, held = self.scheme, None, None
+        alpha, dual = scheme.alpha, np.zeros(0)
         while True:
-            for _ in range(scheme.block):
-                raw = self.walk_on(forces, alpha)
-                forces, alpha = raw.point, 0.1 * alpha if alpha > 1e-6 else 0.0
-            raw = self.walk_on(forces, 0.0)
-            contact = self.contact(raw.point)
-            state = self.matching(raw.point, raw.dual, contact)
+            if held is None:
+                for _ in range(scheme.block):
+                    forces = self.walk_on(forces, alpha).point
+                    alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
+                raw = self.walk_on(forces, 0.0)
+                forces, dual = raw.point, raw.dual
+            contact = self.contact(forces)
+            state = self.matching(forces, dual, contact, held)
             if contact is not None:
-                state, contact = self.settle_contact(state, raw.dual, contact)
+                state, contact = self.settle_contact(state, dual, contact)
             pair = self.judge(state, contact)
             if best is None or _better(pair, best):
                 best = pair
-            if pair.locked or (pair.converged and pair.closes(0.1 * tolerances.GAP)):
+            width = (0.1 if contact is None else 1.0) * tolerances.GAP
+            if pair.locked or (pair.converged and pair.closes(width)):
                 return pair
             if self.solves + scheme.block + 3 > scheme.most:
                 return best
             forces = state.forces.ravel()
+            if contact is not None and pair.motion is not None:
+                held, dual = self.margin, pair.motion.velocity
 
     def settle_contact(self, state: State, dual: Floats, contact: Contact) -> tuple[State, Contact]:
         """Match the same velocities until the state is admissible under the effective areas of its own forces.
