@@ -23,6 +23,7 @@ from jld_core import plotting_furniture as furniture
 from jld_core import plotting_marks as marks
 from jld_core.assembly import Assembly, Bits, Floats
 from jld_core.errors import InputError
+from jld_core.mechanism import displacement
 from jld_core.plotting_paint import (
     PLAIN,
     SUPPORT,
@@ -189,7 +190,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     velocity, scale = result.mechanism, marks.mechanism_scale(assembly, result.mechanism)
 
     def move(element: int, points: Floats) -> Floats:
-        return np.asarray(points + scale * marks.displacement(assembly, velocity, element, points))
+        return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
     drawn = paint(ax, assembly, labels, _tints(assembly, labels), Ink(ink.colours, 0.8 * ink.widths), move)
     drawn["rest"] = _draw_rest(ax, assembly)

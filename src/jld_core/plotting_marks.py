@@ -12,7 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from jld_core import mechanism
 from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.mechanism import displacement, face_motions
 from jld_core.result import LimitAnalysisResult
 
 REACH: Final = 0.12
@@ -211,15 +213,6 @@ def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
     return pieces if 2 * len(pieces) >= sum(bool(pair) for pair in touching.values()) else []
 
 
-def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Floats) -> Floats:
-    """(k, d) velocities of points (k, d) that move with an element; mechanism: (n, q)."""
-    d = assembly.dimension
-    arm, motion = points - assembly.elements.centroid[element], mechanism[element]
-    if d == 2:
-        return np.asarray(motion[:2] + motion[2] * np.column_stack([-arm[:, 1], arm[:, 0]]))
-    return np.asarray(motion[:3] + np.cross(motion[3:], arm))
-
-
 def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
     """Factor on velocities (n, q) for a picture: the largest displacement becomes `REACH` of the scene's
     size, the largest rotation at most `TURN`. 0 for no motion."""
@@ -236,37 +229,19 @@ def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
 def movements(result: LimitAnalysisResult) -> tuple[tuple[Movement, ...], Floats]:
     """What each of the m faces does in the mechanism, and where, (m, d), scene units, on the undeformed face.
 
-    An inner face that moves is a crack. A dry face that opens everywhere, beyond the dilation of its
-    friction, is open; of turning and slipping the larger names the rest. A hinge is placed at its closed
-    edge.
     Raises ValueError where the result holds no mechanism.
     """
-    if result.mechanism is None:
-        raise ValueError("the result holds no mechanism")
-    assembly, faces = result.assembly, result.assembly.interfaces
-    gaps, slips = [], []
-    for k, polygon in enumerate(faces.polygon):
-        on_b = displacement(assembly, result.mechanism, int(faces.b[k]), polygon)
-        jump = on_b - displacement(assembly, result.mechanism, int(faces.a[k]), polygon)
-        gap = jump @ faces.normal[k]
-        gaps.append(gap)
-        slips.append(float(np.linalg.norm(jump - gap[:, None] * faces.normal[k], axis=1).max()))
-    size = [max(float(abs(gap).max()), slip) for gap, slip in zip(gaps, slips, strict=True)]
-    least = SMALL * max(size, default=0.0)
-    dilation = assembly.strengths.friction if result.friction == "associative" else np.zeros(len(faces))
-    kinds, places = [], faces.origin.copy()
-    for k, (gap, slip) in enumerate(zip(gaps, slips, strict=True)):
-        turning = float(np.ptp(gap))
-        if size[k] <= least:
-            kind = Movement.STILL
-        elif not result.labels[k]:
-            kind = Movement.CRACK
-        elif gap.min() - dilation[k] * slip > 0.05 * size[k]:
-            kind = Movement.OPEN
-        elif turning >= slip:
-            kind = Movement.HINGE
-            places[k] = faces.polygon[k][gap <= gap.min() + 0.1 * turning].mean(axis=0)
-        else:
-            kind = Movement.SLIDE
-        kinds.append(kind)
-    return tuple(kinds), places
+    motions = face_motions(result)
+    kinds = tuple(_MARKS[motion.kind] for motion in motions)
+    return kinds, np.array([motion.place for motion in motions]).reshape(len(kinds), -1)
+
+
+_MARKS: Final = {
+    mechanism.Movement.CLOSED: Movement.STILL,
+    mechanism.Movement.HINGE: Movement.HINGE,
+    mechanism.Movement.SLIDE: Movement.SLIDE,
+    mechanism.Movement.TWIST: Movement.SLIDE,
+    mechanism.Movement.OPEN: Movement.OPEN,
+    mechanism.Movement.CRACK_TENSION: Movement.CRACK,
+    mechanism.Movement.CRACK_SHEAR: Movement.CRACK,
+}
