@@ -14,6 +14,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits
 from jld_core.condense import solve_condensed, worth_condensing
+from jld_core.effective_area import solve_effective_area
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.point_contacts import point_contact_assembly, resultants_of_faces
@@ -22,19 +23,24 @@ from jld_core.result import LimitAnalysisResult
 from jld_core.scaling import scaling_of
 from jld_core.yield_sets import require_materials
 from jld_core.yield_spatial import spatial_yield
+from jld_core.zero_dilation import zero_dilation
+from jld_core.zero_dilation_search import Scheme
 
 
 @dataclass(frozen=True)
 class Model:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
+    friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py).
     contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
-    faces). inner_bending: "paper" (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked
-    on demand ("auto": where inner faces are very strong). solver: route by name. gap: width of the bracket above
-    which a result is uncertified.
+    faces). effective_area: torsion about the area that is really pressed, by iteration. inner_bending: "paper"
+    (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand ("auto": where inner
+    faces are very strong). solver: route by name. gap: width of the bracket above which a result is uncertified.
     """
 
+    friction: Literal["associative", "zero-dilation"] = "associative"
     contact: Literal["convex", "concave"] = "convex"
+    effective_area: bool = False
     inner_bending: Literal["paper", "kern"] = "paper"
     condense: Literal["auto", "on", "off"] = "auto"
     solver: str = "clarabel"
@@ -42,34 +48,49 @@ class Model:
 
 
 def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
-    """Collapse load factor of one labelling with associative friction, with a two-sided bracket.
+    """Collapse load factor of one labelling, with a two-sided bracket.
 
     assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `Model`.
     Raises InputError where a material that the labelling needs is missing, or an option has no such value.
     Source: Iannuzzo et al. 2024, eq. (2); METHOD §2–3.
     """
     model = Model(**options)
-    choices = (
-        ("contact", ("convex", "concave")),
-        ("inner_bending", ("paper", "kern")),
-        ("condense", ("auto", "on", "off")),
-    )
-    for key, allowed in choices:
-        if getattr(model, key) not in allowed:
-            raise InputError(
-                f"--{key.replace('_', '-')}",
-                f"no {key} is named {getattr(model, key)!r}",
-                " or ".join(allowed),
-            )
+    _check(model)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)
     if assembly.dimension == 3 and model.contact == "concave":
-        return _concave(assembly, own, model)
-    analysis = limit_analysis(assembly, model, reference=own)
+        points, parent = point_contact_assembly(assembly, own)
+        found = _solved(limit_analysis(points, model, reference=points.labels), points.labels, model)
+        forces = None if found.forces is None else resultants_of_faces(assembly, points, parent, found.forces)
+        return replace(found, assembly=assembly, labels=own, forces=forces, contact="concave")
+    return replace(_solved(limit_analysis(assembly, model, reference=own), own, model), contact=model.contact)
+
+
+def _check(model: Model) -> None:
+    """Raise InputError for options that have no such value, or that do not go together."""
+    for key, allowed in (
+        ("friction", ("associative", "zero-dilation")),
+        ("contact", ("convex", "concave")),
+        ("inner_bending", ("paper", "kern")),
+        ("condense", ("auto", "on", "off")),
+    ):
+        value = getattr(model, key)
+        if value not in allowed:
+            option = key.replace("_", "-")
+            raise InputError(f"--{option}", f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
+    if model.effective_area and model.contact == "concave":
+        raise InputError("--effective-area", "points have no area", "--contact convex with it")
+
+
+def _solved(analysis: LimitAnalysis, labels: Bits, model: Model) -> LimitAnalysisResult:
+    if model.friction == "zero-dilation":
+        return zero_dilation(analysis, labels, Scheme(effective_area=model.effective_area))
+    if model.effective_area:
+        return solve_effective_area(analysis, labels)
     found = None
-    if model.condense == "on" or (model.condense == "auto" and worth_condensing(analysis.template, own)):
-        found = solve_condensed(analysis, own)
-    return replace(found or analysis.solve(own), contact=model.contact)
+    if model.condense == "on" or (model.condense == "auto" and worth_condensing(analysis.template, labels)):
+        found = solve_condensed(analysis, labels)
+    return found or analysis.solve(labels)
 
 
 def limit_analysis(assembly: Assembly, model: Model, reference: Bits | None = None) -> LimitAnalysis:
@@ -79,11 +100,3 @@ def limit_analysis(assembly: Assembly, model: Model, reference: Bits | None = No
         scaling = scaling_of(assembly)
         template = Template(assembly, scaling, spatial_yield(assembly, scaling, model.inner_bending))
     return LimitAnalysis(assembly, solver=model.solver, gap=model.gap, reference=reference, template=template)
-
-
-def _concave(assembly: Assembly, labels: Bits, model: Model) -> LimitAnalysisResult:
-    """Point contacts at the corners of every dry face, the resultants brought back to the faces (METHOD §2)."""
-    points, parent = point_contact_assembly(assembly, labels)
-    found = limit_analysis(points, model, reference=points.labels).solve(points.labels)
-    forces = None if found.forces is None else resultants_of_faces(assembly, points, parent, found.forces)
-    return replace(found, assembly=assembly, labels=labels, forces=forces, contact="concave")

@@ -16,10 +16,10 @@ import typer
 
 from jld_core import plotting
 from jld_core._version import __version__
+from jld_core.analysis import solve as solve_assembly
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, RouteError
-from jld_core.analysis import solve as solve_assembly
 from jld_core.result import LimitAnalysisResult
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import ROUTES
@@ -94,9 +94,7 @@ def check(scene: SceneFile) -> None:
     parsed, assembly = _load(scene)
     try:
         _say(
-            describe.assembly(
-                parsed, assembly, search_space(parsed, assembly, allow_empty=True, need_materials=False)
-            )
+            describe.assembly(parsed, assembly, search_space(parsed, assembly, allow_empty=True, need_materials=False))
         )
     except InputError as error:
         raise error.within(str(scene)) from None
@@ -105,6 +103,12 @@ def check(scene: SceneFile) -> None:
 @app.command()
 def solve(
     scene: SceneFile,
+    friction: Annotated[
+        Friction, typer.Option(help="Associative, or sliding without dilation.")
+    ] = Friction.ASSOCIATIVE,
+    effective_area: Annotated[
+        bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
+    ] = False,
     contact: Annotated[
         Contact,
         typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces."),
@@ -118,9 +122,7 @@ def solve(
         typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong."),
     ] = Condense.AUTO,
     solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "clarabel",
-    gap: Annotated[
-        float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")
-    ] = 1e-6,
+    gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -133,6 +135,8 @@ def solve(
     try:
         result = solve_assembly(
             assembly,
+            friction=str(friction),
+            effective_area=effective_area,
             contact=str(contact),
             inner_bending=str(inner_bending),
             condense=str(condense),
@@ -171,6 +175,11 @@ def explore_command(
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
+    population: Annotated[int | None, typer.Option(min=4, help="Genetic driver: labellings alive.")] = None,
+    sampler: Annotated[str | None, typer.Option(help="Optuna driver: its sampler, by name.")] = None,
+    storage: Annotated[
+        str | None, typer.Option(help="Optuna driver: URL of its database; default: a file in the folder.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
@@ -181,9 +190,7 @@ def explore_command(
     most = _JOBS * (os.cpu_count() or 1)
     check_folder(out, resume)
     if jobs is not None and jobs > most:
-        raise InputError(
-            "--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine"
-        )
+        raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
     _raise_on_signals()
     settings = ExploreSettings(
         driver=driver,
@@ -193,6 +200,7 @@ def explore_command(
         jobs=jobs or os.cpu_count() or 1,
         seed=seed,
         resume=resume,
+        options={"population": population, "sampler": sampler, "storage": storage},
     )
     announce = None if as_json else _say
     with ProgressBar(parsed.name) as bar:
@@ -278,9 +286,7 @@ def _usage(message: str) -> str:
     option, wish = found.groups()
     wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
     wish = re.sub("^.* is not one of ", "one of ", wish)
-    wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace(
-        "a valid integer", "a whole number"
-    )
+    wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace("a valid integer", "a whole number")
     given = [b for a, b in itertools.pairwise(sys.argv) if a == option]
     given += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
     return f"{option}: {given[0] if given else 'the value'!r} is wrong; expected {wish}"

@@ -53,7 +53,19 @@ def result(found: LimitAnalysisResult) -> str:
         f"route        {', '.join(found.route)}",
         f"seconds      {found.seconds['total']:.3g} ({found.seconds['solve']:.3g} solving)",
     ]
+    if found.friction == "zero-dilation":
+        extra = found.extra
+        lines[3:3] = [
+            f"associative  {_shown(extra['associative_load_factor'])} (the only upper bound on every zero-dilation λ)",
+            f"evidence     violation {_shown(extra['friction_violation'])}, dilation {_shown(extra['dilation'])}, "
+            f"complementarity gap {_shown(extra['complementarity_gap'])}, "
+            + ("converged" if extra["converged"] else "not converged"),
+        ]
     return "\n".join(lines)
+
+
+def _shown(value: float | None) -> str:
+    return "none" if value is None else f"{value:.6g}"
 
 
 def exploration(done: Exploration, top: int = 10) -> str:

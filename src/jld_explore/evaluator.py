@@ -12,6 +12,7 @@ from jld_core.assembly import Assembly, Bits
 from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.limit import LimitAnalysis
 from jld_core.solvers.status import Status
+from jld_core.zero_dilation import zero_dilation
 
 SOLVE: Final = "solve"
 CERTIFICATE: Final = "certificate"
@@ -45,7 +46,7 @@ FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True)
 class EvaluatorSettings:
-    """What an evaluator is asked for. objective: "associative". gap: width above which it is uncertified."""
+    """What an evaluator is asked for. objective: "associative" or "zero-dilation". gap: width above which it is uncertified."""
 
     objective: str = "associative"
     gap: float = tolerances.GAP
@@ -61,13 +62,13 @@ class Evaluator:
     def evaluate(self, labels: Bits) -> Evaluation:
         """Evaluate one labelling. labels: (m,) True dry."""
         start = time.perf_counter()
+        if self.settings.objective == "zero-dilation":
+            return self._without_dilation(labels, start)
         if worth_condensing(self._analysis.template, labels):
             found = solve_condensed(self._analysis, labels, stands=False)
             if found is not None:
                 low, high = found.bracket
-                return Evaluation(
-                    found.status, low, high, found.load_factor, seconds=time.perf_counter() - start
-                )
+                return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
         status, proof = self._analysis.prove(labels)
         scale, nan = self._analysis.template.scaling.load, math.nan
         low = proof.low * scale if math.isfinite(proof.low) else nan
@@ -80,3 +81,16 @@ class Evaluator:
         elif status is Status.UNCERTIFIED and math.isnan(load_factor):
             load_factor = proof.guess * scale
         return Evaluation(status, low, high, load_factor, seconds=time.perf_counter() - start)
+
+    def _without_dilation(self, labels: Bits, start: float) -> Evaluation:
+        associative = self._analysis.solve(labels, stands=False)
+        found = zero_dilation(self._analysis, labels, associative=associative, stands=False)
+        low, high = found.bracket
+        return Evaluation(
+            status=found.status,
+            low=low,
+            high=high,
+            associative=associative.load_factor,
+            zero_dilation=found.load_factor,
+            seconds=time.perf_counter() - start,
+        )
