@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
 from jld_explore.candidates import SearchSpace
 from jld_explore.labelling import Connectivity, above, below, block_sizes, blocks_of, connectivity
+
+_CHUNK: Final = 8192
+"""Rows counted together: what stays in a cache level."""
 
 
 @dataclass(frozen=True)
@@ -29,16 +33,36 @@ def counts(assembly: Assembly, labellings: Bits, graph: Connectivity | None = No
     """Counts of labellings (k, m), scene units; graph: the assembly's, made where it is not given."""
     free = assembly.free_faces
     measure = assembly.interfaces.l1 if assembly.dimension == 2 else assembly.interfaces.area
-    blocks = blocks_of(graph or connectivity(assembly), labellings)
-    cells = block_sizes(assembly, blocks).cells
-    dry = labellings[:, free]
+    graph = graph or connectivity(assembly)
+    parts = [labellings[low : low + _CHUNK] for low in range(0, max(1, len(labellings)), _CHUNK)]
+    cells = [_cells(assembly, graph, part) for part in parts]
     return Counts(
-        dry_faces=dry.sum(axis=1, dtype=np.int64),
+        dry_faces=labellings[:, free].sum(axis=1, dtype=np.int64),
         # summed row by row in one order, so that a labelling has one length whatever batch it came in
-        dry_length=np.where(dry, measure[free], 0.0).sum(axis=1),
-        blocks=(cells > 0).sum(axis=1, dtype=np.int64),
-        largest_block_cells=cells.max(axis=1, initial=0),
+        dry_length=np.concatenate([np.where(part[:, free], measure[free], 0.0).sum(axis=1) for part in parts]),
+        blocks=np.concatenate([(part > 0).sum(axis=0, dtype=np.int64) for part in cells]),
+        largest_block_cells=np.concatenate([part.max(axis=0, initial=0) for part in cells]),
     )
+
+
+def _cells(assembly: Assembly, graph: Connectivity, labellings: Bits) -> Ints:
+    """(n, k) free elements in each block, at the row of its smallest element; labellings (k, m).
+
+    Joins blocks face by face in small integers: for many rows ten times faster than `blocks_of`.
+    """
+    count, width = len(graph.start), len(labellings)
+    kind = np.uint8 if count <= 256 else np.uint16 if count <= 65536 else np.uint32
+    block = np.repeat(np.arange(count, dtype=kind)[:, None], width, axis=1)
+    inner = np.ascontiguousarray(~labellings.T)
+    always = np.ones(width, dtype=bool)
+    joints = [(a, b, always) for a, b in graph.touching]
+    for a, b, joined in [*joints, *zip(graph.a, graph.b, inner, strict=True)]:
+        low, high = np.minimum(block[a], block[b]), np.maximum(block[a], block[b])
+        high[~joined] = low[~joined]
+        if np.any(low != high):
+            np.copyto(block, low, where=block == high)
+    place = block[assembly.elements.free].astype(np.int64) * width + np.arange(width)
+    return np.bincount(place.ravel(), minlength=count * width).reshape(count, width)
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:

@@ -12,14 +12,14 @@ from typing import Any
 import pandas as pd
 
 from jld_core import plotting as core_plotting
+from jld_core.analysis import solve
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.analysis import solve
 from jld_core.scene import Scene
 from jld_explore import plotting, tables
 from jld_explore.candidates import SearchSpace, search_space
-from jld_explore.drivers import DRIVERS, make_driver
+from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.evaluator import EvaluatorSettings
 from jld_explore.labelling import from_string
@@ -84,7 +84,7 @@ def explore(
         scene=scene,
         assembly=assembly,
         space=space,
-        driver=make_driver(name, space, settings.seed, **settings.options),
+        driver=make_driver(name, space, settings.seed, **_options(name, scene, folder, settings)),
         folder=folder,
         seed=settings.seed,
         jobs=settings.jobs,
@@ -110,6 +110,20 @@ def explore(
     done = _write_tables(study, name, reason, total)
     write_pictures(done)
     return done
+
+
+def _options(name: str, scene: Scene, folder: Path, settings: ExploreSettings) -> dict[str, Any]:
+    """The driver's own options. Raises InputError for one that another driver takes."""
+    given = {key: value for key, value in settings.options.items() if value is not None}
+    for key in given:
+        if key not in OPTIONS.get(name, ()):
+            owner = next((other for other, keys in OPTIONS.items() if key in keys), None)
+            raise InputError(f"--{key}", f"the driver {name} has no such option", f"--driver {owner}")
+    if name == "optuna":
+        given.setdefault("storage", folder / "optuna.sqlite3")
+        facts = (scene.name, scene.fingerprint[:12], settings.objective, given.get("sampler", "TPE"), settings.seed)
+        given["title"] = "jld " + " ".join(str(fact) for fact in facts)
+    return given
 
 
 def check_folder(folder: Path, resume: bool) -> None:
@@ -161,7 +175,7 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
     results = tables.results_table(study.store, study.assembly, study.space, driver)
     front_of = study.scene.search.front
     front = tables.front_table(results, front_of.count, front_of.sense)
-    complete = reason is StopReason.EXHAUSTED and (driver == "enumeration" or total == len(results))
+    complete = reason is StopReason.EXHAUSTED  # whatever the driver, it ends only where nothing is left
     found = tables.summary(
         results,
         stop_reason=str(reason),
@@ -181,6 +195,7 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
     results.to_parquet(fresh, index=False)
     os.replace(fresh, study.folder / "results.parquet")
     write_text(study.folder / "pareto.csv", front.to_csv(index=False))
+    write_text(study.folder / tables.CONVERGENCE, tables.convergence_table(study.store).to_csv(index=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason)
 
@@ -198,6 +213,16 @@ def write_pictures(done: Exploration) -> list[Path]:
         result = solve(done.assembly, from_string(best))
         written.append(done.folder / "best.png")
         core_plotting.save_figure(plotting.plot_best(result), written[1])
+    pictures = {"distribution.png": plotting.plot_distribution(done.results)}
+    pictures["dry_frequency.png"] = plotting.plot_dry_frequency(done.results, done.assembly)
+    history = done.folder / tables.CONVERGENCE
+    if history.exists():
+        pictures["convergence.png"] = plotting.plot_convergence(
+            {str(done.summary["driver"]): pd.read_csv(history)}
+        )
+    for name, figure in pictures.items():
+        written.append(done.folder / name)
+        core_plotting.save_figure(figure, written[-1])
     return written
 
 

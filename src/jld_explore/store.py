@@ -52,13 +52,14 @@ class Store:
         self.path = folder / NAME
         self.faces = faces
         self.type = record_type(faces)
-        self._chunks: list[NDArray[np.void]] = []
+        self._table = np.empty(0, dtype=self.type)
+        self._count = 0
         line = (
             json.dumps({"jld": "evaluations", "format": 1, "faces": faces, **header}, sort_keys=True) + "\n"
         ).encode()
         self.repaired = 0
         if self.path.exists() and self._read(line):
-            self._file = open(self.path, "r+b", buffering=0)
+            self._file = open(self.path, "r+b", buffering=0)  # noqa: SIM115 – open as long as the study
             self._file.seek(0, os.SEEK_END)
         else:
             folder.mkdir(parents=True, exist_ok=True)
@@ -69,8 +70,8 @@ class Store:
                 os.fsync(file.fileno())
             os.replace(fresh, self.path)
             _sync_folder(folder)
-            self._file = open(self.path, "ab", buffering=0)
-        self._index = {row["labelling"].tobytes(): n for n, row in enumerate(self.rows)}
+            self._file = open(self.path, "ab", buffering=0)  # noqa: SIM115
+        self._index = dict(zip(self._keys(self.rows), range(self._count), strict=True))
 
     def _read(self, line: bytes) -> bool:
         """Take in an existing file, cut off a torn tail; False where not even its header is whole."""
@@ -81,14 +82,13 @@ class Store:
         _compare_headers(str(self.path), content[:end], line)
         size = self.type.itemsize
         whole = np.frombuffer(content, dtype=self.type, offset=end, count=(len(content) - end) // size)
-        good = len(whole)
         raw = memoryview(content)[end:]
-        sums = whole["checksum"]
-        for n in range(len(whole)):
-            if zlib.crc32(raw[n * size : (n + 1) * size - 4]) != sums[n]:
-                good = n
-                break
-        self._chunks = [whole[:good].copy()]
+        sums = whole["checksum"].tolist()
+        good = next(
+            (n for n, known in enumerate(sums) if zlib.crc32(raw[n * size : (n + 1) * size - 4]) != known),
+            len(whole),
+        )
+        self._table, self._count = whole[:good].copy(), good
         kept = end + good * size
         self.repaired = len(content) - kept
         if self.repaired:
@@ -100,9 +100,13 @@ class Store:
     @property
     def rows(self) -> NDArray[np.void]:
         """All records, in the order in which they were finished."""
-        if len(self._chunks) != 1:
-            self._chunks = [np.concatenate(self._chunks) if self._chunks else np.empty(0, dtype=self.type)]
-        return self._chunks[0]
+        return self._table[: self._count]
+
+    def _keys(self, rows: NDArray[np.void]) -> list[bytes]:
+        """The packed labelling of each record."""
+        width = self.type["labelling"].itemsize
+        content = rows["labelling"].tobytes()
+        return [content[n : n + width] for n in range(0, len(content), width)]
 
     def __len__(self) -> int:
         return len(self._index)
@@ -110,11 +114,9 @@ class Store:
     def find(self, labelling: Bits) -> Evaluation | None:
         """What the store knows of a labelling (m,), or None."""
         position = self._index.get(np.packbits(labelling).tobytes())
-        return None if position is None else _evaluation(self.rows[position])
+        return None if position is None else _evaluation(self._table[position])
 
-    def append(
-        self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]
-    ) -> None:
+    def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
         """Write finished evaluations and wait until the disk has them.
 
         labellings: (k, m); multiplicities: k orbit sizes.
@@ -122,33 +124,35 @@ class Store:
         rows = np.zeros(len(evaluations), dtype=self.type)
         rows["labelling"] = np.packbits(labellings, axis=1)
         rows["multiplicity"] = multiplicities
-        for n, found in enumerate(evaluations):
-            rows[n]["status"] = _STATUSES.index(found.status)
-            rows[n]["settled"] = _SETTLED.index(found.settled)
-            for name in ("low", "high", "associative", "zero_dilation", "seconds"):
-                rows[n][name] = getattr(found, name)
-        for n in range(len(rows)):
-            rows[n]["checksum"] = zlib.crc32(rows[n].tobytes()[:-4])
+        rows["status"] = [_STATUSES.index(found.status) for found in evaluations]
+        rows["settled"] = [_SETTLED.index(found.settled) for found in evaluations]
+        for name in ("low", "high", "associative", "zero_dilation", "seconds"):
+            rows[name] = [getattr(found, name) for found in evaluations]
+        raw, size = memoryview(rows.tobytes()), self.type.itemsize
+        rows["checksum"] = [zlib.crc32(raw[n : n + size - 4]) for n in range(0, len(raw), size)]
         self._file.write(rows.tobytes())
         os.fsync(self._file.fileno())
-        start = len(self._index)
-        self._chunks.append(rows)
-        for n, row in enumerate(rows):
-            self._index[row["labelling"].tobytes()] = start + n
+        start, end = self._count, self._count + len(rows)
+        if end > len(self._table):
+            # room for as much again, so that a million appends copy the table twenty times, not a million
+            self._table = np.concatenate([self._table[:start], np.empty(max(1024, end), dtype=self.type)])
+        self._table[start:end] = rows
+        self._index.update(zip(self._keys(rows), range(start, end), strict=True))
+        self._count = end  # last: an interruption before this leaves no half-written row in the tables
 
     def close(self) -> None:
         """Close the file; what was appended is on disk already."""
         self._file.close()
 
 
-def statuses(rows: NDArray[np.void]) -> list[Status]:
-    """Status of each record."""
-    return [_STATUSES[code] for code in rows["status"]]
+def statuses(rows: NDArray[np.void]) -> NDArray[np.object_]:
+    """Status of each record by name, (k,)."""
+    return np.asarray(np.array([str(status) for status in _STATUSES], dtype=object)[rows["status"]])
 
 
-def settled(rows: NDArray[np.void]) -> list[str]:
-    """How each record was settled: by a solve or by a certificate."""
-    return [_SETTLED[code] for code in rows["settled"]]
+def settled(rows: NDArray[np.void]) -> NDArray[np.object_]:
+    """How each record was settled, (k,): by a solve or by a certificate."""
+    return np.asarray(np.array(_SETTLED, dtype=object)[rows["settled"]])
 
 
 def _evaluation(row: np.void) -> Evaluation:

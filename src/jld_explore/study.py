@@ -90,6 +90,7 @@ class Study:
             "scene": self.scene.fingerprint,
             "driver": self.driver.name,
             "seed": self.seed,
+            **{f"driver's {name}": value for name, value in self.driver.settings.items()},
             "objective": self.settings.objective,
             "bracket width": self.settings.gap,
             "versions": versions(),
@@ -133,15 +134,17 @@ class Study:
         missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
         if missing.size:
             weights = orbit_sizes(labellings[missing], self.space.group)
-            for part, evaluations in workers.run(labellings[missing]):
+            deadline = None if self.seconds is None else time.time() + self.seconds - self.elapsed
+            for part, evaluations in workers.run(labellings[missing], deadline):
                 self.store.append(labellings[missing[part]], weights[part].tolist(), evaluations)
                 self.solved += len(evaluations)
                 for position, evaluation in zip(missing[part], evaluations, strict=True):
                     found[position] = evaluation
                 self._count(evaluations)
-                if self._late and any(evaluation is None for evaluation in found):
-                    return None
-        return [evaluation for evaluation in found if evaluation is not None]
+                if self._late:
+                    break
+        complete = [evaluation for evaluation in found if evaluation is not None]
+        return complete if len(complete) == len(found) else None
 
     def _count(self, evaluations: list[Evaluation]) -> None:
         self.evaluated += len(evaluations)

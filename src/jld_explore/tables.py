@@ -12,11 +12,14 @@ from jld_core.assembly import Assembly
 from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
-from jld_explore.labelling import to_string, unpack
+from jld_explore.labelling import unpack
 from jld_explore.pareto import on_front
 from jld_explore.store import Store, settled, statuses
 
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
+
+
+CONVERGENCE: Final = "convergence.csv"
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
@@ -47,16 +50,16 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
     labellings = unpack(rows["labelling"], store.faces)
     associative, zero = rows["associative"], rows["zero_dilation"]
     load_factor = np.where(np.isnan(zero), associative, zero)
-    status = statuses(rows)
     tally = counts(assembly, labellings)
+    text = (labellings + np.uint8(ord("0"))).tobytes().decode("ascii")
     table = pd.DataFrame(
         {
-            "labelling": [to_string(labels) for labels in labellings],
+            "labelling": [text[n : n + store.faces] for n in range(0, len(text), store.faces)],
             "multiplicity": rows["multiplicity"].astype(np.int64),
             "load_factor": load_factor,
             "bracket_lo": rows["low"],
             "bracket_hi": rows["high"],
-            "status": [str(s) for s in status],
+            "status": statuses(rows),
             "dry_faces": tally.dry_faces,
             "dry_length": tally.dry_length,
             "blocks": tally.blocks,
@@ -68,13 +71,13 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
             "driver": driver,
         }
     )
-    place = np.array([ORDER.index(s) for s in status], dtype=np.int64)
+    place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
     worth = np.where(place == 0, -load_factor, 0.0)
-    order = np.lexsort((table["labelling"].to_numpy(dtype=str), worth, place))
+    packed = np.ascontiguousarray(rows["labelling"])
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), worth, place))
     table = table.iloc[order].reset_index(drop=True)
-    collapsed = int(np.count_nonzero(place == 0))
-    rank = pd.array([n + 1 if n < collapsed else pd.NA for n in range(len(table))], dtype="Int64")
-    table.insert(0, "rank", rank)
+    number = np.arange(1, len(table) + 1)
+    table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number, number > np.count_nonzero(place == 0))))
     return table
 
 
@@ -83,6 +86,25 @@ def front_table(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
     return results[on_front(value, results[count].to_numpy(dtype=float), sense)]
+
+
+def convergence_table(store: Store) -> pd.DataFrame:
+    """convergence.csv: best λ so far, at each step up and at the end.
+
+    Columns solves and seconds, of solver time summed over all workers, up to there, and best, in the order in
+    which evaluations were finished.
+    """
+    rows = store.rows
+    zero = rows["zero_dilation"]
+    value = np.where(np.isnan(zero), rows["associative"], zero)
+    value = np.where(statuses(rows) == str(Status.COLLAPSE), value, np.nan)
+    best = np.fmax.accumulate(value) if len(value) else value
+    before = np.concatenate([[np.nan], best[:-1]])
+    last = np.arange(len(rows)) == len(rows) - 1
+    kept = (np.isfinite(best) & ~(best <= before)) | last
+    seconds = np.cumsum(rows["seconds"])
+    table = {"solves": np.flatnonzero(kept) + 1, "seconds": seconds[kept], "best": best[kept]}
+    return pd.DataFrame(table)
 
 
 def summary(

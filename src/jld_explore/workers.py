@@ -1,7 +1,8 @@
 """Evaluation of many labellings in joblib workers; each owns its template and solver.
 
 A worker that dies or hangs costs its batch, not the run: what was in flight is tried once more, alone, and
-recorded as failed if that ends the same way.
+recorded as failed if that ends the same way. Inside `joblib.parallel_config(backend=...)` with another backend
+than joblib's own processes (a dask or ray cluster) that backend does the work, whatever `jobs` is.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ import hashlib
 import os
 import pickle
 import signal
+import sys
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import joblib
 import numpy as np
@@ -22,10 +26,13 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from jld_core.assembly import Assembly, Bits
 from jld_explore.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
 
-_HANG = 600.0
+HANG: Final = 600.0
 """Seconds without any result after which the workers are taken to hang."""
 
-_own: dict[str, Evaluator] = {}
+_TASKS: Final = 16
+"""Tasks that labellings asked together are cut into at the least, so that workers finish together."""
+
+_own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
 
 
 @dataclass(frozen=True)
@@ -42,41 +49,56 @@ class Recipe:
         return cls(content, hashlib.sha256(content).hexdigest(), os.getpid())
 
 
-def batch_size(faces: int) -> int:
-    """Labellings per task: by the size of the scene alone, so that results never depend on clocks or jobs."""
-    return int(np.clip(3000 // max(faces, 1), 1, 64))
+def batch_size(faces: int, asked: int) -> int:
+    """Labellings per task, for scenes of so many faces and so many labellings asked together."""
+    return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, 64))
 
 
-def evaluate_batch(recipe: Recipe, number: int, labellings: Bits) -> tuple[int, list[Evaluation]]:
-    """Evaluate one batch in this process, with the evaluator this process keeps.
+def evaluate_batch(
+    recipe: Recipe, number: int, labellings: Bits, deadline: float | None = None
+) -> tuple[int, list[Evaluation]]:
+    """Evaluate one batch in this process, with the evaluator this thread keeps.
 
-    labellings: (k, m). Returns the batch's number and k evaluations.
+    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. Returns
+    the batch's number and the evaluations, k or those up to the deadline.
     """
-    if os.getpid() != recipe.parent:
+    if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    if recipe.digest not in _own:
-        _own.clear()
+    if getattr(_own, "digest", None) != recipe.digest:
         assembly, settings = pickle.loads(recipe.content)
-        _own[recipe.digest] = Evaluator(assembly, settings)
-    return number, [_own[recipe.digest].evaluate(labels) for labels in labellings]
+        _own.evaluator, _own.digest = Evaluator(assembly, settings), recipe.digest
+    found: list[Evaluation] = []
+    for labels in labellings:
+        if deadline is not None and time.time() >= deadline:
+            break
+        found.append(_own.evaluator.evaluate(labels))
+    return number, found
 
 
 class Workers:
-    """A pool of `jobs` processes for one recipe; with one job everything runs in this process."""
+    """A pool of `jobs` processes for one recipe; with one job everything runs in this process.
 
-    def __init__(self, recipe: Recipe, jobs: int, faces: int) -> None:
-        self.recipe, self.jobs = recipe, jobs
-        self.size = batch_size(faces)
+    hang: seconds without any result after which the workers are taken to hang. deaths: how often workers
+    died or hung.
+    """
+
+    def __init__(self, recipe: Recipe, jobs: int, faces: int, hang: float = HANG) -> None:
+        self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
+        self._outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
 
-    def run(self, labellings: Bits) -> Iterator[tuple[slice, list[Evaluation]]]:
-        """Evaluate (k, m) labellings; yields (where they stand, their evaluations) as batches finish."""
-        slices = [
-            slice(low, min(low + self.size, len(labellings))) for low in range(0, len(labellings), self.size)
-        ]
-        if self.jobs == 1:
+    def run(self, labellings: Bits, deadline: float | None = None) -> Iterator[tuple[slice, list[Evaluation]]]:
+        """Evaluate (k, m) labellings; yields (where they stand, their evaluations) as batches finish.
+
+        deadline: time since the epoch, s; what was not begun by then is left out.
+        """
+        size = batch_size(self.faces, len(labellings))
+        starts = range(0, len(labellings), size)
+        slices = [slice(low, min(low + size, len(labellings))) for low in starts]
+        if self.jobs == 1 and not self._outside:
             for number, part in enumerate(slices):
-                yield part, evaluate_batch(self.recipe, number, labellings[part])[1]
+                evaluations = evaluate_batch(self.recipe, number, labellings[part], deadline)[1]
+                yield slice(part.start, part.start + len(evaluations)), evaluations
             return
         done: set[int] = set()
         strikes = dict.fromkeys(range(len(slices)), 0)
@@ -87,10 +109,11 @@ class Workers:
                 waiting = suspects[:1]
             sent: list[int] = []
             try:
-                for number, evaluations in self._parallel(waiting, slices, labellings, sent):
+                for number, evaluations in self._parallel(waiting, slices, labellings, sent, deadline):
                     done.add(number)
-                    yield slices[number], evaluations
-            except (TerminatedWorkerError, TimeoutError):
+                    low = slices[number].start
+                    yield slice(low, low + len(evaluations)), evaluations
+            except _deaths():
                 self.deaths += 1
                 self.close()
                 for number in sent:
@@ -102,21 +125,60 @@ class Workers:
                         yield slices[number], [FAILED] * (slices[number].stop - slices[number].start)
 
     def _parallel(
-        self, numbers: list[int], slices: list[slice], labellings: Bits, sent: list[int]
+        self,
+        numbers: list[int],
+        slices: list[slice],
+        labellings: Bits,
+        sent: list[int],
+        deadline: float | None,
     ) -> Iterator[tuple[int, list[Evaluation]]]:
         def tasks() -> Iterator[Any]:
             for number in numbers:
                 sent.append(number)
-                yield joblib.delayed(evaluate_batch)(self.recipe, number, labellings[slices[number]])
+                yield joblib.delayed(evaluate_batch)(self.recipe, number, labellings[slices[number]], deadline)
 
+        how: dict[str, Any] = {
+            "return_as": "generator_unordered",
+            "batch_size": 1,
+            "pre_dispatch": "2 * n_jobs",
+            "timeout": self.hang,
+        }
+        if self._outside:
+            yield from joblib.Parallel(**how)(tasks())
+            return
         # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
-        with joblib.parallel_config(inner_max_num_threads=1, backend="loky", n_jobs=self.jobs):
-            pool = joblib.Parallel(
-                return_as="generator_unordered", batch_size=1, pre_dispatch="2 * n_jobs", timeout=_HANG
-            )
+        with joblib.parallel_config(
+            inner_max_num_threads=1,
+            backend="loky",
+            n_jobs=self.jobs,
+            initializer=_attend,
+            initargs=(os.getpid(),),
+        ):
+            pool = joblib.Parallel(**how)
             yield from pool(tasks())
 
     def close(self) -> None:
-        """Stop all worker processes at once."""
-        if self.jobs > 1:
+        """Stop all worker processes at once; a cluster's are not ours to stop."""
+        if self.jobs > 1 and not self._outside:
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+def _attend(parent: int) -> None:
+    """Begin a worker: leave Ctrl-C to the parent, and do not outlive it when it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
+
+
+def _leave_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
+def _deaths() -> tuple[type[BaseException], ...]:
+    """What is raised where a worker died or hung; a cluster's own words for it where one is in use."""
+    known: tuple[type[BaseException], ...] = (TerminatedWorkerError, TimeoutError)
+    distributed = sys.modules.get("distributed")
+    if distributed is not None:
+        known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)
+    return known
