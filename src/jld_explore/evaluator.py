@@ -46,7 +46,10 @@ FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True)
 class EvaluatorSettings:
-    """What an evaluator is asked for. objective: "associative" or "zero-dilation". gap: width above which it is uncertified."""
+    """What an evaluator is asked for.
+
+    objective: "associative" or "zero-dilation". gap: width above which it is uncertified.
+    """
 
     objective: str = "associative"
     gap: float = tolerances.GAP

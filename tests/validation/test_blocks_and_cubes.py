@@ -13,6 +13,7 @@ import pytest
 
 from cases_spatial import box
 from jld_core import LimitAnalysisResult, build_assembly, parse_scene, solve
+from jld_core.mechanism import Movement, face_motions
 
 SIDE, DENSITY = 1.0, 2.0
 WEIGHT = DENSITY * SIDE**3
@@ -72,13 +73,27 @@ def test_one_block_shears_off_alike_in_every_direction(angle: int) -> None:
 
 @pytest.mark.parametrize("tension", [0.0, 0.25, 0.5, 1.0])
 def test_map_of_two_cubes(tension: float) -> None:
-    """3.2b: λ = min(μ, 1/2, τA/W, (1 + σtA/W)/3) over a map of (μ, τA/W).
+    """3.2b: λ = min(μ, 1/2, τA/W, (1 + σtA/W)/3) over a map of (μ, τA/W), and the mechanism of each region.
 
     With σt = 0 the opening at 1/3 always comes before base rocking, which governs for σtA > W/2 only.
     """
     for friction, shear in itertools.product((0.1, 0.3, 0.45, 0.7), (0.05, 0.2, 0.4, 0.8)):
-        expected = min(friction, 0.5, shear, (1.0 + tension) / 3.0)
-        assert planar_stack(friction, tension, shear).load_factor == pytest.approx(expected, rel=1e-8)
+        borders = {
+            ("base", Movement.SLIDE): friction,
+            ("base", Movement.HINGE): 0.5,
+            ("inner", Movement.CRACK_SHEAR): shear,
+            ("inner", Movement.CRACK_TENSION): (1.0 + tension) / 3.0,
+        }
+        governing = min(borders, key=lambda kind: borders[kind])
+        result = planar_stack(friction, tension, shear)
+        assert result.load_factor == pytest.approx(borders[governing], rel=1e-8)
+        moving = {
+            ("base" if dry else "inner", motion.kind)
+            for dry, motion in zip(result.labels, face_motions(result), strict=True)
+            if motion.kind is not Movement.CLOSED
+        }
+        ties = [kind for kind, value in borders.items() if value < borders[governing] + 1e-9]
+        assert moving == {governing} if len(ties) == 1 else moving <= set(ties)
 
 
 @pytest.mark.parametrize(
