@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -26,8 +27,13 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *a
     """Run `jld` with these arguments in this process. Any exception but SystemExit passes through."""
     monkeypatch.setattr(sys, "argv", ["jld", *map(str, arguments)])
     capsys.readouterr()
-    with pytest.raises(SystemExit) as end:
-        cli.main()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+    finally:  # the command takes signals for itself, and this process is not its own
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     printed = capsys.readouterr()
     code = end.value.code
     assert isinstance(code, int)

@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import sys
+import warnings
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -255,6 +256,8 @@ def _raise_on_signals() -> None:
     def stop(number: int, frame: object) -> NoReturn:
         raise Interrupted
 
+    # tasks given up at the end of a run are no news
+    warnings.filterwarnings("ignore", message=r"\d+ tasks which were still", module="joblib")
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from cases import grid_document
 from command import Outcome, call, process
-
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_explore import describe
 from jld_explore import explore as explore_module

@@ -1,0 +1,369 @@
+"""Kill, signal, tear and resume: what was finished is never evaluated again, and the table comes out the same.
+
+Runs are real processes in a session of their own; the moment of a kill is a number of records on disk, so that
+it does not depend on how fast the machine is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import psutil
+import pytest
+
+from cases import grid_document
+from command import Outcome, call, command, environment, process
+from jld_explore.drivers import DRIVERS
+from jld_explore.store import NAME, record_type
+from paths import SCENES
+
+FACES, CLASSES = 21, 1340  # 4×3 cells on a support row, blocks of 2 to 6 cells, counted by enumeration
+RECORD = record_type(FACES).itemsize
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("scene") / "wall.json"
+    file.write_text(json.dumps(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[2, 6])))
+    return file
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run that nothing disturbs."""
+    folder = tmp_path_factory.mktemp("undisturbed") / "out"
+    outcome = process("explore", scene, "--out", folder, "--jobs", "1", "--json")
+    assert outcome.code == 0
+    facts = json.loads(outcome.out)
+    assert (facts["evaluated"], facts["solved"]) == (CLASSES, CLASSES)
+    return folder
+
+
+def table(folder: Path, name: str = "results.csv") -> pd.DataFrame:
+    """A table of a folder as text, without what clocks decide."""
+    return pd.read_csv(folder / name, dtype=str, keep_default_na=False).drop(columns="seconds")
+
+
+def records(folder: Path) -> list[bytes]:
+    """The whole records of a store, in order."""
+    file = folder / NAME
+    if not file.exists():
+        return []
+    content = file.read_bytes()
+    start = content.find(b"\n") + 1
+    count = (len(content) - start) // RECORD if start else 0
+    return [content[start + n * RECORD : start + (n + 1) * RECORD] for n in range(count)]
+
+
+def labellings(found: list[bytes]) -> list[bytes]:
+    return [record[: (FACES + 7) // 8] for record in found]
+
+
+@contextmanager
+def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """`jld` in a session of its own; whatever is left of it is gone at the end."""
+    run = subprocess.Popen(
+        command(*arguments),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(),
+        start_new_session=True,
+    )
+    family: list[psutil.Process] = []
+    try:
+        yield run
+    finally:
+        if run.poll() is None:
+            family = psutil.Process(run.pid).children(recursive=True)
+            run.kill()
+        run.communicate()
+        for child in family:
+            if child.is_running():
+                child.kill()
+
+
+def wait_for_records(run: subprocess.Popen[str], folder: Path, count: int) -> None:
+    """Until so many records are on disk, or the run is over."""
+    file, end = folder / NAME, time.monotonic() + 60.0
+    while run.poll() is None and time.monotonic() < end:
+        if file.exists() and file.stat().st_size >= count * RECORD and len(records(folder)) >= count:
+            return
+        time.sleep(0.002)
+    raise AssertionError(f"{len(records(folder))} records, {count} wanted, exit code {run.returncode}")
+
+
+def wait_until_gone(family: list[psutil.Process], seconds: float = 20.0) -> None:
+    _, alive = psutil.wait_procs(family, timeout=seconds)
+    for orphan in alive:
+        orphan.kill()
+    assert not alive, f"{len(alive)} processes outlived the run"
+
+
+def resumed(scene: Path, folder: Path, jobs: int, undisturbed: Path) -> dict[str, Any]:
+    """Go on to the end; nothing that was on disk may have been evaluated again. Returns the summary."""
+    before = records(folder)
+    outcome = process("explore", scene, "--out", folder, "--jobs", str(jobs), "--resume", "--json")
+    assert outcome.code == 0, outcome.err
+    facts: dict[str, Any] = json.loads(outcome.out)
+    after = records(folder)
+    assert after[: len(before)] == before
+    assert len(set(labellings(after))) == len(after) == CLASSES
+    assert facts["solved"] + len(before) == CLASSES
+    assert facts["stop_reason"] == "exhausted"
+    assert facts["proven"] is True
+    pd.testing.assert_frame_equal(table(folder), table(undisturbed))
+    pd.testing.assert_frame_equal(table(folder, "pareto.csv"), table(undisturbed, "pareto.csv"))
+    assert (folder / "faces.csv").read_bytes() == (undisturbed / "faces.csv").read_bytes()
+    return facts
+
+
+@pytest.mark.parametrize(("jobs", "moments"), [(1, (0, 1, 700)), (2, (300,))])
+def test_parent_killed(jobs: int, moments: tuple[int, ...], scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+    """kill -9 of the parent, again and again in one folder; its workers do not outlive it."""
+    folder = tmp_path / "out"
+    for count in moments:
+        with started(
+            "explore", scene, "--out", folder, "--jobs", str(jobs), *(["--resume"] if folder.exists() else [])
+        ) as run:
+            wait_for_records(run, folder, count)
+            family = psutil.Process(run.pid).children(recursive=True)
+            run.send_signal(signal.SIGKILL)
+            assert run.wait(timeout=10) == -signal.SIGKILL
+        assert len(records(folder)) >= count
+        wait_until_gone(family)
+    assert 0 < len(records(folder)) < CLASSES
+    resumed(scene, folder, jobs, undisturbed)
+
+
+def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
+    """Worker processes of a run, without joblib's own helpers."""
+    children = psutil.Process(run.pid).children(recursive=True)
+    return [child for child in children if "resource_tracker" not in " ".join(child.cmdline())]
+
+
+def test_workers_killed(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+    """kill -9 of one worker, twice: the run goes on to the end by itself, and loses nothing."""
+    folder = tmp_path / "out"
+    with started("explore", scene, "--out", folder, "--jobs", "2", "--json") as run:
+        for count in (64, 500):
+            wait_for_records(run, folder, count)
+            victims = workers_of(run)
+            assert victims
+            victims[0].kill()
+        out, err = run.communicate(timeout=60)
+    assert run.returncode == 0, err
+    facts = json.loads(out)
+    assert (facts["evaluated"], facts["solved"]) == (CLASSES, CLASSES)
+    assert "failed" not in facts["counts_by_status"]
+    pd.testing.assert_frame_equal(table(folder), table(undisturbed))
+
+
+def test_worker_and_parent_killed(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with started("explore", scene, "--out", folder, "--jobs", "2") as run:
+        wait_for_records(run, folder, 200)
+        family = psutil.Process(run.pid).children(recursive=True)
+        workers_of(run)[0].kill()
+        run.kill()
+        run.wait(timeout=10)
+    wait_until_gone(family)
+    resumed(scene, folder, 1, undisturbed)
+
+
+@pytest.mark.parametrize(("number", "jobs"), [(signal.SIGTERM, 1), (signal.SIGINT, 2)], ids=["SIGTERM-1", "SIGINT-2"])
+def test_signals(number: signal.Signals, jobs: int, scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+    """Exit code 3, one line, tables of what was finished, and a folder to go on with."""
+    folder = tmp_path / "out"
+    with started("explore", scene, "--out", folder, "--jobs", str(jobs)) as run:
+        wait_for_records(run, folder, 100)
+        family = psutil.Process(run.pid).children(recursive=True)
+        if jobs == 1:
+            run.send_signal(number)
+        else:
+            os.killpg(run.pid, number)  # as a terminal does it: to the workers as well
+        _, err = run.communicate(timeout=20)
+    assert run.returncode == 3, err
+    assert err.count("\n") == 1
+    assert "--resume" in err
+    wait_until_gone(family)
+    finished = records(folder)
+    assert 100 <= len(finished) < CLASSES
+    assert len(table(folder)) == len(finished)
+    facts = json.loads((folder / "summary.json").read_text())
+    assert (facts["stop_reason"], facts["evaluated"]) == ("interrupted", len(finished))
+    assert facts["proven"] is False
+    resumed(scene, folder, jobs, undisturbed)
+
+
+def copy_of(folder: Path, target: Path) -> Path:
+    target.mkdir()
+    (target / NAME).write_bytes((folder / NAME).read_bytes())
+    return target
+
+
+def test_torn_tail(
+    scene: Path,
+    undisturbed: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A store cut at any byte, or with anything after its last record, keeps what is whole and no more."""
+    content = (undisturbed / NAME).read_bytes()
+    head = content.find(b"\n") + 1
+    rng = random.Random(11)
+    late = head + (CLASSES - 60) * RECORD
+    cuts = [rng.randrange(late, len(content)) for _ in range(2)] + [len(content) - 1, late + 1]
+    for number, cut in enumerate(cuts):
+        folder = copy_of(undisturbed, tmp_path / f"cut {number}")
+        (folder / NAME).write_bytes(content[:cut])
+        whole = (cut - head) // RECORD
+        outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
+        assert outcome.code == 0
+        assert json.loads(outcome.out)["solved"] == CLASSES - whole
+        assert records(folder)[:whole] == records(undisturbed)[:whole]
+        pd.testing.assert_frame_equal(table(folder), table(undisturbed))
+    for number, tail in enumerate((b"\0" * 200, rng.randbytes(RECORD))):
+        folder = copy_of(undisturbed, tmp_path / f"tail {number}")
+        (folder / NAME).write_bytes(content + tail)
+        outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
+        assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
+        assert (folder / NAME).read_bytes() == content
+
+
+def test_torn_header(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Killed before the header was whole: nothing was finished, and --resume begins."""
+    for name, content in ((NAME, b'{"jld": "evalua'), ("evaluations.new", b"{"), (NAME, b"")):
+        folder = tmp_path / f"{name} {len(content)}"
+        folder.mkdir()
+        (folder / name).write_bytes(content)
+        outcome = call(
+            *(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume"),
+            *("--jobs", "1", "--budget", "5", "--json"),
+        )
+        assert outcome.code == 0, outcome.err
+        assert json.loads(outcome.out)["solved"] == 5
+
+
+def test_budget(
+    scene: Path,
+    undisturbed: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Distinct classes evaluated at the most; raised step by step it gives what it gives at once."""
+
+    def run(folder: Path, *options: str) -> dict[str, Any]:
+        outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--jobs", "1", "--json", *options)
+        assert outcome.code == 0
+        facts: dict[str, Any] = json.loads(outcome.out)
+        return facts
+
+    steps, once = tmp_path / "steps", tmp_path / "once"
+    first = run(steps, "--budget", "70")
+    assert (first["stop_reason"], first["evaluated"], first["solved"]) == ("budget", 70, 70)
+    assert first["proven"] is False
+    again = run(steps, "--budget", "70", "--resume")
+    assert (again["stop_reason"], again["evaluated"], again["solved"]) == ("budget", 70, 0)
+    more = run(steps, "--budget", "201", "--resume")
+    assert (more["evaluated"], more["solved"]) == (201, 131)
+    assert run(once, "--budget", "201")["solved"] == 201
+    pd.testing.assert_frame_equal(table(steps), table(once))
+    last = run(steps, "--resume", "--budget", str(10 * CLASSES))
+    assert (last["stop_reason"], last["evaluated"], last["proven"]) == ("exhausted", CLASSES, True)
+    pd.testing.assert_frame_equal(table(steps), table(undisturbed))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_time_limit(jobs: int, tmp_path: Path) -> None:
+    """Ends within 5 s after the limit, tables and pictures included; measured from outside."""
+    folder = tmp_path / "out"
+    start = time.monotonic()
+    outcome = process(
+        *("explore", SCENES / "flat_beam_arch.json", "--out", folder),
+        *("--seconds", "1.5", "--jobs", str(jobs), "--json"),
+    )
+    assert time.monotonic() - start < 1.5 + 5.0
+    assert outcome.code == 0
+    facts = json.loads(outcome.out)
+    assert facts["stop_reason"] == "time"
+    assert facts["evaluated"] < 6382
+    assert facts["evaluated"] > 0 or jobs == 2  # processes may take longer than that to start
+    assert len(table(folder)) == facts["evaluated"]
+
+
+def other_scene(scene: Path, tmp_path: Path) -> Path:
+    document = json.loads(scene.read_text())
+    document["materials"]["density"] += 1
+    file = tmp_path / "other.json"
+    file.write_text(json.dumps(document))
+    return file
+
+
+def test_another_study_is_refused(
+    scene: Path,
+    undisturbed: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """--resume with another seed, scene or driver names what differs, and leaves the folder as it is."""
+    folder = copy_of(undisturbed, tmp_path / "out")
+    content = (folder / NAME).read_bytes()
+    tries: list[tuple[str, list[str | Path]]] = [
+        ("seed", [scene, "--seed", "4"]),
+        ("scene", [other_scene(scene, tmp_path)]),
+    ]
+    tries += [("driver", [scene, "--driver", name]) for name in DRIVERS if name != "enumeration"][:1]
+    for word, arguments in tries:
+        outcome: Outcome = call(monkeypatch, capsys, "explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
+        assert (outcome.code, outcome.err.count("\n")) == (2, 1)
+        assert f"{folder / NAME}: it was made with {word} " in outcome.err
+        assert f"expected the same {word} to resume" in outcome.err
+        assert [path.name for path in folder.iterdir()] == [NAME]
+        assert (folder / NAME).read_bytes() == content
+    outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder)
+    assert outcome.code == 2
+    assert "--resume" in outcome.err
+
+
+def test_notes_may_change_between_runs(
+    scene: Path,
+    undisturbed: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What the numbers do not depend on does not stand in the way of going on."""
+    folder = copy_of(undisturbed, tmp_path / "out")
+    document = {**json.loads(scene.read_text()), "name": "renamed", "notes": "seen again"}
+    file = tmp_path / "renamed.json"
+    file.write_text(json.dumps(document))
+    outcome = call(monkeypatch, capsys, "explore", file, "--out", folder, "--resume", "--jobs", "1", "--json")
+    assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
+
+
+def test_nothing_but_the_summary_is_printed(undisturbed: Path) -> None:
+    """What --json printed is what summary.json holds, and pictures are there."""
+    facts = json.loads((undisturbed / "summary.json").read_text())
+    assert facts["classes"] == facts["evaluated"] == CLASSES
+    for name in ("pareto.png", "best.png"):
+        assert (undisturbed / name).read_bytes().startswith(b"\x89PNG")
+    parquet = pd.read_parquet(undisturbed / "results.parquet")
+    numbers = pd.read_csv(undisturbed / "results.csv", dtype={"labelling": str})
+    assert parquet["labelling"].tolist() == numbers["labelling"].tolist()
+    assert parquet["load_factor"].tolist() == pytest.approx(numbers["load_factor"].tolist(), rel=1e-12)
