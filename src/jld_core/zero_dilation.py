@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,9 @@ def zero_dilation(
     associative = associative or analysis.solve(labels, stands=stands)
     if associative.status is Status.UNSTABLE or associative.forces is None:
         return _closed(associative, analysis, None, 0, start)
+    if associative.status is Status.LOCKED:
+        # whatever friction follows the present N would build up self-stress without end
+        scheme = replace(scheme, alpha=0.0)
     run = Run(analysis, labels, scheme)
     forces = run.first_forces(associative)
     pair = run.robust(forces) if scheme.variant == "robust" else run.plain(forces)

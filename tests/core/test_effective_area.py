@@ -1,0 +1,131 @@
+"""Torsion about effective areas (Iannuzzo et al. 2024, eq. 5 and 8): closed forms, fixed points, support functions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cases_spatial
+from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene
+from jld_core.effective_area import change, contact_of, frozen_contact, solve_effective_area
+from jld_core.frozen import FrozenYield
+from jld_core.program import Template
+from jld_core.sections import rectangle_torsion_length
+from jld_core.solvers.clarabel_ import ClarabelRoute
+from jld_core.zero_dilation import solve_zero_dilation
+from paths import SCENES
+
+FRICTION, WIDTH, DEPTH = 0.7, 1.2, 0.7
+
+
+def prism(eccentric: float, axis: int = 0, moment: float = 1.0) -> Assembly:
+    """A prism of weight 1 under a second unit weight, twice `eccentric` off its axis, turned by a couple."""
+    elements = [
+        cases_spatial.box("prism", [0, 0, 0], [WIDTH, DEPTH, 1 / (WIDTH * DEPTH)]),
+        cases_spatial.box("ground", [-1, -1, -1], [2, 2, 0], support=True),
+    ]
+    at = [WIDTH / 2, DEPTH / 2, 0.5]
+    at[axis] += 2.0 * eccentric
+    document: dict[str, Any] = cases_spatial.scene(elements)
+    document["loads"] = {
+        "dead": [{"element": "prism", "force": [0, 0, -1], "at": at}],
+        "live": [{"element": "prism", "force": [0, 0, 0], "moment": [0, 0, moment]}],
+    }
+    return build_assembly(parse_scene(document))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("eccentric", [0.0, 0.05, 0.15, 0.25])
+def test_prism_in_torsion(eccentric: float, axis: int) -> None:
+    """λ = μ N c_T of the rectangle less 2|x|; without effective area of the whole one."""
+    analysis = LimitAnalysis(prism(eccentric, axis))
+    result = solve_effective_area(analysis)
+    sides = np.array([WIDTH, DEPTH])
+    whole = FRICTION * 2.0 * rectangle_torsion_length(*sides[:, None])[0]
+    sides[axis] -= 2.0 * eccentric
+    expected = FRICTION * 2.0 * rectangle_torsion_length(*sides[:, None])[0]
+    assert result.status is Status.COLLAPSE
+    assert result.load_factor == pytest.approx(expected, rel=1e-8)
+    assert result.extra["load_factor_whole_faces"] == pytest.approx(whole, rel=1e-8)
+    assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    if eccentric:
+        assert result.load_factor < result.extra["load_factor_whole_faces"] - 1e-3
+    zero = solve_zero_dilation(analysis.assembly, effective_area=True)
+    assert zero.status is Status.COLLAPSE
+    assert zero.load_factor == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("live", [[1, 0, 0], [0, 1, 0]])
+def test_walls_reach_a_fixed_point(live: list[float]) -> None:
+    assembly = cases_spatial.assembly(cases_spatial.wall(4, 3, 1), live=[{"body": live}])
+    dry = np.ones(len(assembly.interfaces), dtype=bool)
+    analysis = LimitAnalysis(assembly, reference=dry)
+    result = solve_effective_area(analysis, dry)
+    assert result.status is Status.COLLAPSE
+    assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    assert result.forces is not None
+    scaled = result.forces / analysis.template.scaling.face
+    contact = contact_of(assembly, scaled, dry)
+    frozen = frozen_contact(analysis.template, contact)
+    # the forces lie in the set that they themselves ask for
+    assert frozen.yield_set.slack(scaled, dry).min() >= -1e-12
+    assert solve_zero_dilation(assembly, dry, effective_area=True).status is Status.COLLAPSE
+
+
+def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, FrozenYield, np.random.Generator]:
+    rng = np.random.default_rng(seed)
+    analysis = LimitAnalysis(build_assembly(load_scene(SCENES / "spatial_cubes.json")))
+    template, count = analysis.template, len(analysis.assembly.interfaces)
+    forces = np.column_stack([rng.uniform(0.5, 2.0, count), rng.uniform(-0.4, 0.4, (count, 5))])
+    dry = np.ones(count, dtype=bool)
+    areas = contact_of(analysis.assembly, forces, dry) if contact else None
+    base = template.yield_set
+    sets = FrozenYield(base, alpha, rng.uniform(0.0, 2.0, count), areas)  # type: ignore[arg-type]
+    return template.renumbered(sets), sets, rng
+
+
+@pytest.mark.parametrize("contact", [False, True])
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 1.0])
+def test_rows_slack_and_dissipation_say_the_same(alpha: float, contact: bool) -> None:
+    """The greatest work over the solver's rows is the closed-form dissipation; its forces have no slack left."""
+    template, sets, rng = random_set(3, alpha, contact)
+    count = len(template.assembly.interfaces)
+    dry = np.ones(count, dtype=bool)
+    jumps = rng.normal(size=(count, 6))
+    # opening enough for a finite dissipation, and N held from growing
+    jumps[:, 0] -= np.minimum(sets.margin(jumps, dry), 0.0) * (1.0 + 1e-6) - 1e-3
+    program = template.program(dry)
+    rows, s = program.matrix.tocsr(), program.structure
+    keep = np.arange(s.equalities, s.shape[0])
+    structure = replace(s, equalities=0, shape=(len(keep), s.shape[1]))
+    part = rows[keep].tocsc()
+    part.sort_indices()
+    structure = replace(structure, indices=part.indices, indptr=part.indptr)
+    objective = np.zeros(s.shape[1])
+    objective[: 6 * count] = jumps.ravel()
+    # λ is in its own bound only
+    objective[-1] = 1.0
+    answer = ClarabelRoute().solve(
+        replace(program, structure=structure, data=part.data, rhs=program.rhs[keep], objective=objective)
+    )
+    forces = answer.point[: 6 * count].reshape(count, 6)
+    work = -np.einsum("ij,ij->i", forces, jumps)
+    assert sets.dissipation(jumps, dry) == pytest.approx(work, abs=1e-6)
+    assert sets.slack(forces, dry) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
+    assembly = prism(0.1)
+    forces = np.array([[2.0, 0.1, 0.2, 0.3, 0.4, 0.5]])
+    dry = np.ones(1, dtype=bool)
+    first = contact_of(assembly, forces, dry)
+    assert change(first, first) == 0.0
+    assert change(first, contact_of(assembly, 0.0 * forces, dry)) > 0.1
+    with pytest.raises(InputError, match="planar"):
+        solve_effective_area(LimitAnalysis(build_assembly(load_scene(SCENES / "ferris_tinloi_1.json"))))
+    odd = cases_spatial.stools([cases_spatial.TRIANGLE])
+    with pytest.raises(InputError, match="no rectangle"):
+        solve_effective_area(LimitAnalysis(odd))
