@@ -1,0 +1,197 @@
+"""Operators on labellings: whatever they are given, what comes out is in the space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cases import grid_document
+from cases_spatial import box
+from cases_spatial import scene as spatial_scene
+from jld_core.assembly import Bits
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.scene import parse_scene
+from jld_explore.candidates import SearchSpace, search_space
+from jld_explore.constraints import counts, feasible
+from jld_explore.drivers.atoms import Dice
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.operators import Segmentations, operators
+from jld_explore.drivers.searcher import Register
+from jld_explore.labelling import blocks_of, canonical, keys
+
+DOWN = [{"body": [0, -1]}]
+
+
+def space_of(rows: list[str], live: Any = None, **search: Any) -> SearchSpace:
+    scene = parse_scene(grid_document(rows, live=live, **search))
+    return search_space(scene, build_assembly(scene))
+
+
+def dice(seed: int = 0) -> Dice:
+    return Dice(np.random.default_rng(seed))
+
+
+SEARCHES: list[dict[str, Any]] = [
+    {},
+    {"block_cells": [1, 6]},
+    {"block_cells": [3, 3]},
+    {"block_cells": [2, 4], "candidates": "all+supports"},
+    {"blocks": [3, 5]},
+    {"dry_faces": [6, 9]},
+    {"block_cells": [2, 5], "blocks": [4, 5], "dry_faces": [None, 11]},
+    {"block_extent": [None, 0.2]},
+    {"block_extent": [0.2, 0.3]},
+    {"block_weight": [25.0, 70.0], "block_extent": [None, 0.3]},
+    {"keep": {"dry": [["c1r0", "c2r0"]], "inner": [["c0r1", "c1r1"], ["c1r1", "c2r1"]]}, "block_cells": [2, 7]},
+    {"candidates": "inside-blocks"},
+    {"segmentation": False},
+    {"segmentation": False, "block_cells": [2, 5], "dry_faces": [8, 12]},
+    {"segmentation": False, "dry_faces": [15, None], "candidates": "all+supports"},
+    {"segmentation": False, "blocks": [2, 4], "keep": {"dry": [["c1r0", "c2r0"]]}},
+]
+
+
+@pytest.mark.parametrize("search", SEARCHES, ids=str)
+def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
+    space = space_of(["aabb", "aabb", "aabb", "#.##"], **search)
+    tools, chance = operators(space), dice()
+    drawn = tools.draw(200, chance)
+    assert feasible(space, drawn).all()
+    assert len(drawn) >= 120  # few draws are given up, even where all blocks must be of one size
+    assert len(set(keys(drawn))) >= 20
+    varied = tools.vary(drawn, chance)
+    crossed = tools.cross(drawn, drawn[::-1], chance)
+    for rows in (varied, crossed):
+        assert feasible(space, rows).all()
+        assert len(rows) >= 0.5 * len(drawn)
+    read = [tools.read(chance.reals(tools.keys)) for _ in range(50)]
+    assert all(feasible(space, row).all() for row in read)
+    assert sum(map(len, read)) >= 40
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.data())
+def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
+    rows = ["".join(data.draw(st.sampled_from("aab.#")) for _ in range(4)) for _ in range(3)]
+    bound = st.none() | st.integers(0, 6)
+
+    def limits() -> list[int | None]:
+        low, high = data.draw(bound), data.draw(bound)
+        return sorted((low, high)) if low is not None and high is not None else [low, high]  # type: ignore[type-var]
+
+    search: dict[str, Any] = {
+        key: limits() for key in ("block_cells", "blocks", "dry_faces") if data.draw(st.booleans())
+    }
+    search["segmentation"] = data.draw(st.booleans())
+    search["candidates"] = data.draw(st.sampled_from(["all", "all+supports", "inside-blocks"]))
+    try:
+        space = space_of(rows, data.draw(st.sampled_from([None, DOWN])), **search)
+    except InputError:
+        return
+    tools, chance = operators(space), dice(data.draw(st.integers(0, 9)))
+    rows_of = tools.draw(30, chance)
+    every = Enumeration(space).ask(40)
+    if not len(every):
+        assert not len(rows_of)
+        return
+    parents = np.concatenate([rows_of, every])
+    for found in (rows_of, tools.vary(parents, chance), tools.cross(parents, parents[::-1], chance)):
+        assert feasible(space, found).all()
+    known = {key for part, _ in Enumeration(space).batches() for key in keys(part)}
+    assert set(keys(canonical(rows_of, space.group))) <= known
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([{}, {"block_cells": [2, 4]}, {"segmentation": False}]))
+def test_keys_are_written_and_read_back(seed: int, search: dict[str, Any]) -> None:
+    space = space_of(["aaaa", "aaaa", "aaaa", "####"], **search)
+    tools = operators(space)
+    drawn = tools.draw(5, dice(seed))
+    for labels in drawn:
+        written = tools.write(labels)
+        assert len(written) == tools.keys
+        assert np.array_equal(tools.read(written), labels[None])
+    same = dice(seed).reals(tools.keys)
+    assert np.array_equal(tools.read(same), tools.read(list(same)))
+
+
+def names(space: SearchSpace, labels: Bits) -> list[int]:
+    return blocks_of(space.graph, labels)[space.assembly.elements.free].tolist()
+
+
+def test_what_each_operator_does() -> None:
+    space = space_of(["aaaa", "aaaa", "####"])
+    tools, chance = Segmentations(space), dice()
+    free = len(space.assembly.elements.free)
+    labels = np.where(space.candidates, False, space.fixed)
+    whole = tools.parts(labels[None])[0]
+    ids = space.assembly.elements.ids
+    west = [ids[tools.graph.first[a]][1] in "01" for a in range(len(tools.graph))]
+    halves = [name if not left else -1 for name, left in zip(whole, west, strict=True)]
+
+    def blocks(part: Any) -> int:
+        return int(counts(space.assembly, tools.labels([part])).blocks[0])
+
+    assert (blocks(whole), blocks(halves)) == (1, 2)
+    assert tools.merge(whole, chance) is None  # no joint to merge across
+    for _ in range(50):
+        split = tools.split(whole, chance)
+        assert split is None or 2 <= blocks(split) <= free
+        assert blocks(tools.merge(halves, chance)) == 1
+        moved = tools.labels([tools.move(halves, chance)])[0]
+        changed = np.count_nonzero(moved[space.candidates] != tools.labels([halves])[0][space.candidates])
+        assert 1 <= changed <= 3  # one cell of a straight joint of two faces has three faces
+    shifted = {tuple(names(space, tools.labels([tools.shift(halves, chance)])[0])) for _ in range(100)}
+    columns = {len(set(n)) for n in shifted}
+    assert len(shifted) == 2  # the one joint line, moved by a column to the left or to the right
+    assert columns == {2}
+
+
+def test_children_of_equal_parents_are_their_parents() -> None:
+    space = space_of(["aaaa", "aaaa", "aaaa", "####"])
+    tools = operators(space)
+    parents = tools.draw(40, dice(1))
+    assert np.array_equal(tools.cross(parents, parents, dice(2)), parents)
+
+
+def test_every_class_can_be_drawn() -> None:
+    space = space_of(["aaa", "aaa", "###"], block_cells=[1, 4])
+    known = {key for rows, _ in Enumeration(space).batches() for key in keys(rows)}
+    drawn = canonical(operators(space).draw(6000, dice()), space.group)
+    assert set(keys(drawn)) == known
+
+
+def test_register_admits_each_class_once() -> None:
+    space = space_of(["aaa", "aaa", "###"], DOWN)
+    assert len(space.group) == 2
+    register, tools = Register(space), operators(space)
+    rows = tools.draw(300, dice())
+    broken = np.ones_like(rows[:5])
+    broken[:, np.flatnonzero(space.candidates)[1:]] = False
+    first = register.admit(np.concatenate([broken, rows]))
+    assert feasible(space, first).all()
+    assert np.array_equal(canonical(first, space.group), first)
+    assert len(set(keys(first))) == len(first)
+    assert len(register.admit(rows[:, space.group[1]][::1])) <= len(rows)
+    mirrored = np.array([row[space.group[1]] for row in rows])
+    assert len(register.admit(mirrored)) == 0
+    assert len(register.admit(tools.draw(500, dice(5)), most=2)) <= 2
+
+
+def test_spatial_cubes() -> None:
+    cells = [(x, y, z) for z in range(2) for y in range(2) for x in range(3)]
+    elements = [box(f"c{x}{y}{z}", (x, y, z), (x + 1, y + 1, z + 1)) for x, y, z in cells]
+    elements.append(box("base", (0, 0, -1), (3, 2, 0), support=True))
+    parsed = parse_scene(spatial_scene(elements, search={"block_cells": [2, 4], "block_extent": [None, 2.0]}))
+    space = search_space(parsed, build_assembly(parsed))
+    tools = operators(space)
+    drawn = tools.draw(100, dice())
+    assert len(drawn) == 100
+    assert feasible(space, drawn).all()
+    assert feasible(space, tools.vary(drawn, dice())).all()
+    assert feasible(space, tools.cross(drawn, drawn[::-1], dice())).all()
