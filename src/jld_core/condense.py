@@ -175,6 +175,8 @@ def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -
         state, failing = found
         if failing.size == 0:
             checked = full.prover.state(np.append(state.ravel(), load / scale.load), labels)
+            if not checked.admissible:
+                checked = full.unloaded(labels) or checked
             low = checked.load * scale.load if checked.admissible else -math.inf
             high = proof.motion.bound * scaling.load
             if relative_width(low, high, load_floor(full.template)) > gap:

@@ -55,7 +55,9 @@ class Interior:
             motion = self.prover.open_up(motion, opening, labels)
         if motion.margin < 0.0:
             motion = self.reduced(motion, labels, normalise=False) or motion
-        return False if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING else None
+        if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING:
+            return False
+        return True if self.edge_state(raw.point, labels, load_fixed=True) is not None else None
 
     def _deepest_answer(self, labels: Bits) -> RawSolution:
         key = np.packbits(labels).tobytes()
@@ -64,20 +66,22 @@ class Interior:
             self._deepest_key = key
         return self._deepest
 
-    def edge_state(self, point: Floats, labels: Bits) -> State | None:
+    def edge_state(self, point: Floats, labels: Bits, load_fixed: bool = False) -> State | None:
         """A state where some yield rows are equations in disguise (no admissible force leaves them any slack).
 
-        The point is projected on equilibrium and those equations together, then blended with a state that
-        leaves all other rows slack; on the faces of the equations a slack of rounding size counts as zero.
+        point: (≥ columns,) to start from, without λ where that is fixed at 0. It is projected on equilibrium and
+        those equations together, then blended with a state that leaves all other rows slack; on the faces of
+        the equations a slack of rounding size counts as zero.
         """
         program = self.template.program(labels)
         s = program.structure
         if s.cones or s.shape[1] > _DENSE:
             return None
-        answer, slack = self._spread(program, program.rhs, s.shape[1], cap=_LITTLE)
+        columns = s.shape[1] - int(load_fixed)
+        answer, slack = self._spread(program, program.rhs, columns, cap=_LITTLE)
         tight = _tips(s)[slack < 1e-3 * _LITTLE]
         rows = np.concatenate([np.arange(s.equalities), tight])
-        equations = program.matrix.tocsr()[rows].toarray()
+        equations = program.matrix.tocsr()[rows][:, :columns].toarray()
         inverse = np.linalg.pinv(equations, rcond=1e-12)
 
         def project(y: Floats) -> Floats:
@@ -87,19 +91,20 @@ class Interior:
 
         if not (usable(point) and usable(answer.point)):
             return None
-        start, inside = project(point[: s.shape[1]]), project(answer.point[: s.shape[1]])
+        start, inside = project(point[:columns]), project(answer.point[:columns])
         sets = self.template.yield_set
         edge = np.isin(np.arange(len(labels)), sets.pattern.row_face[tight - s.equalities - 1])
         for share in (0.0, *np.logspace(-13.0, -3.0, 11)):
             y = (1.0 - share) * start + share * inside
             forces = y[: self.template.matrix.shape[1]].reshape(len(labels), -1)
             forces = np.where(sets.active(labels), forces, 0.0)
-            left = self.template.matrix @ forces.ravel() + self.template.dead + y[-1] * self.template.live
+            load = 0.0 if load_fixed else float(y[-1])
+            left = self.template.matrix @ forces.ravel() + self.template.dead + load * self.template.live
             noise = tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
             room = sets.slack(forces, labels)
             room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
             if abs(left).max() <= noise and room.min() >= 0.0:
-                return State(forces, float(y[-1]), float(max(room.min(), 0.0)), 0.0)
+                return State(forces, load, float(max(room.min(), 0.0)), 0.0)
         return None
 
     # --- rays and self-stress ---------------------------------------------------------------------------

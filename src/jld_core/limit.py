@@ -42,12 +42,26 @@ class Proof:
             self.motion = motion
 
     @property
+    def _crossed(self) -> bool:
+        """Do the two proofs contradict each other by more than rounding? Then neither is to be relied on."""
+        if self.state is None or self.motion is None:
+            return False
+        low, high = self.state.load, self.motion.bound
+        return low - high > 10.0 * tolerances.ROUNDING * max(1.0, abs(low), abs(high))
+
+    @property
     def low(self) -> float:
-        return self.state.load if self.state is not None else -math.inf
+        """Proven lower bound, scaled; −inf where there is none."""
+        if self.state is None or self._crossed:
+            return -math.inf
+        return self.state.load if self.motion is None else min(self.state.load, self.motion.bound)
 
     @property
     def high(self) -> float:
-        return self.motion.bound if self.motion is not None else math.inf
+        """Proven upper bound, scaled; +inf where there is none."""
+        if self.motion is None or self._crossed:
+            return math.inf
+        return self.motion.bound if self.state is None else max(self.state.load, self.motion.bound)
 
 
 class LimitAnalysis:
@@ -86,6 +100,9 @@ class LimitAnalysis:
         labels: (m,) True dry.
         """
         proof = Proof()
+        unloaded = self.unloaded(labels)
+        if unloaded is not None:
+            proof.offer_state(unloaded)
         if not self._reference_known and hasattr(self.route, "rebuilds"):
             self.route.solve(self.template.program(self._reference, self.margin))
             self._reference_known = True
@@ -94,6 +111,13 @@ class LimitAnalysis:
         if status is Status.UNCERTIFIED:
             status = self._try_harder(proof, raw, labels)
         return status, proof
+
+    def unloaded(self, labels: Bits) -> State | None:
+        """Without dead load no force at all is a state, at λ = 0: exact where rounding leaves nothing else."""
+        if self.template.dead.any():
+            return None
+        nothing = np.zeros(self.template.scaling.face.shape)
+        return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
 
     def _attempt(self, proof: Proof, route: Route, labels: Bits, margin: float) -> RawSolution:
         raw = route.solve(self.template.program(labels, margin))
