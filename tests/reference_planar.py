@@ -57,10 +57,16 @@ def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.
     return cp.Problem(cp.Maximize(load), constraints), load
 
 
-def reference_load_factor(assembly: Assembly, labels: Bits) -> float:
-    """λ by CVXPY: +inf where it is unbounded, −inf where no λ ≥ 0 is admissible."""
+def reference_load_factor(assembly: Assembly, labels: Bits, simplex: bool = False) -> float:
+    """λ by CVXPY: +inf where it is unbounded, −inf where no λ ≥ 0 is admissible.
+
+    simplex: HiGHS instead of Clarabel, for data that an interior point on an unscaled program gets wrong.
+    """
     problem, load = reference_problem(assembly, labels)
-    problem.solve(solver=cp.CLARABEL, tol_gap_abs=1e-11, tol_gap_rel=1e-11, tol_feas=1e-11)
+    if simplex:
+        problem.solve(solver=cp.HIGHS)
+    else:
+        problem.solve(solver=cp.CLARABEL, tol_gap_abs=1e-11, tol_gap_rel=1e-11, tol_feas=1e-11)
     unit = assembly.total_dead / max(len(assembly.elements.free), 1) or assembly.total_live
     if problem.status in ("infeasible", "infeasible_inaccurate"):
         return -np.inf
