@@ -1,0 +1,165 @@
+"""What every study leaves behind: a table, pictures and a page that says where they come from and what agrees."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from jld_core.plotting import save_figure
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+SCENES: Final = ROOT / "scenes"
+RESULTS: Final = ROOT / "studies" / "results"
+
+PAIRED: Final = (
+    ("#0072B2", "solid", "o"),
+    ("#D55E00", (0, (5.0, 2.0)), "s"),
+    ("#009E73", (0, (6.0, 1.5, 1.0, 1.5)), "^"),
+    ("#CC79A7", (0, (1.0, 1.2)), "D"),
+    ("#1B1B1B", (0, (3.0, 1.0, 1.0, 1.0, 1.0, 1.0)), "v"),
+)
+"""Colour, dash and marker that go together, so that nothing is told apart by colour alone."""
+
+GREY: Final = "#5C5C5C"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a study says beside its table and pictures.
+
+    name: stem of its files. title. question: what it asks. source: whose geometry and numbers. model: geometry,
+    materials and choices that are ours. agrees, differs: findings against the source, one sentence each.
+    pictures: what is seen in each, by the ending of its name ("" for the first).
+    """
+
+    name: str
+    title: str
+    question: str
+    source: str
+    model: str
+    agrees: tuple[str, ...]
+    differs: tuple[str, ...]
+    pictures: dict[str, str]
+
+    @property
+    def caption(self) -> str:
+        """The report as plain text, as printed by the study."""
+        parts = [self.title, self.question, f"Source: {self.source}", f"Model: {self.model}"]
+        parts += [f"+ {line}" for line in self.agrees] + [f"- {line}" for line in self.differs]
+        return "\n".join(textwrap.fill(part, 110, subsequent_indent="  ") for part in parts)
+
+
+def write(
+    out: Path,
+    report: Report,
+    table: pd.DataFrame,
+    figures: dict[str, Figure],
+    shown: pd.DataFrame | None = None,
+) -> None:
+    """Write NAME.csv, NAME.md, and NAME.png and NAME.svg for every figure.
+
+    out: a folder, made where it is missing. figures: by the ending of their names. shown: the table of the page,
+    default the whole one.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(out / f"{report.name}.csv", index=False, float_format="%.10g")
+    for ending, figure in figures.items():
+        for kind in ("png", "svg"):
+            save_figure(figure, out / f"{report.name}{ending}.{kind}")
+        _lighten(out / f"{report.name}{ending}.png")
+    (out / f"{report.name}.md").write_text(_page(report, table if shown is None else shown, figures), "utf-8")
+
+
+def _lighten(path: Path) -> None:
+    """Store a drawing in 256 colours, a third of the size; deterministic."""
+    with Image.open(path) as picture:
+        fewer = picture.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    fewer.save(path, optimize=True)
+
+
+def _page(report: Report, table: pd.DataFrame, figures: dict[str, Figure]) -> str:
+    lines = [f"# {report.title}", "", report.question, ""]
+    for ending in figures:
+        file = f"{report.name}{ending}.png"
+        what = report.pictures.get(ending, report.title)
+        lines += [f"![{what}]({file})", "", f"*{what}*", ""]
+    lines += [f"**Source.** {report.source}", "", f"**Model.** {report.model}", "", "**What agrees**", ""]
+    lines += [f"- {line}" for line in report.agrees]
+    lines += ["", "**What does not, or is not known**", ""]
+    lines += [f"- {line}" for line in report.differs]
+    lines += ["", markdown_table(table), "", f"Run: `python -m studies.{report.name}` · [table]({report.name}.csv)", ""]
+    return "\n".join(lines)
+
+
+def markdown_table(table: pd.DataFrame) -> str:
+    """A table as markdown, numbers to five digits, blank where there is no value."""
+    rows = [list(table.columns), ["---"] * len(table.columns)]
+    rows += [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def _cell(value: Any) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def main(run: Callable[[Path, bool], pd.DataFrame], name: str) -> None:
+    """Command line of one study: run it, write its files, print its caption. name: its stem."""
+    parser = argparse.ArgumentParser(description=f"Study {name}: table, pictures and page.")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder to write into")
+    parser.add_argument("--quick", action="store_true", help="coarser, for tests")
+    given = parser.parse_args()
+    table = run(given.out, given.quick)
+    print(f"{name}: {len(table)} rows, written to {given.out}")
+    print((given.out / f"{name}.md").read_text("utf-8"))
+
+
+def figure_of(width: float, height: float) -> Figure:
+    """An empty figure in inches, on a canvas without a display."""
+    figure = Figure(figsize=(width, height), dpi=110)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def axes_at(figure: Figure, left: float, bottom: float, width: float, height: float, **keys: Any) -> Axes:
+    """Axes at a place in inches from the lower left corner, small ticks, no box. keys: of `Figure.add_axes`."""
+    wide, high = figure.get_size_inches()
+    ax = figure.add_axes((left / wide, bottom / high, width / wide, height / high), **keys)
+    ax.tick_params(labelsize=8)
+    if keys.get("projection") != "polar":
+        for side in ("top", "right"):
+            ax.spines[side].set_visible(False)
+    return ax
+
+
+def without_legend(ax: Axes, title: str) -> None:
+    """Take the legend of a drawing away and give it another title: for rows of equal drawings."""
+    found = ax.get_legend()
+    if found is not None:
+        found.remove()
+    ax.set_title(title, fontsize=9)
+
+
+def legend_at(figure: Figure, handles: list[Any], left: float, bottom: float, columns: int = 6) -> None:
+    """One legend for a whole figure, its lower left corner at a place in inches."""
+    wide, high = figure.get_size_inches()
+    figure.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(left / wide, bottom / high),
+        ncols=columns,
+        frameon=False,
+        fontsize=8,
+    )
