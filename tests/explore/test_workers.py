@@ -1,0 +1,167 @@
+"""Workers that die or hang, and a cluster in the place of processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+import psutil
+import pytest
+
+from cases import grid_document
+from jld_core.assembly import Assembly, Bits
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_core.solvers.status import Status
+from jld_explore.candidates import search_space
+from jld_explore.drivers import make_driver
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.study import StopReason, Study
+from jld_explore.tables import results_table
+from jld_explore.workers import Recipe, Workers, batch_size
+
+CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
+"""What joblib says of the tasks of a pool that was given up, which is what is tested."""
+
+
+def wall() -> tuple[Assembly, Any, Bits]:
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"]))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    return assembly, space, Enumeration(space).ask(90)
+
+
+def everything(workers: Workers, rows: Bits) -> list[Evaluation]:
+    found: dict[int, Evaluation] = {}
+    for part, evaluations in workers.run(rows):
+        assert part.stop - part.start == len(evaluations)
+        found |= dict(zip(range(part.start, part.stop), evaluations, strict=True))
+    assert sorted(found) == list(range(len(rows)))
+    return [found[n] for n in range(len(rows))]
+
+
+def values(evaluations: list[Evaluation]) -> list[tuple[str, str]]:
+    return [(str(e.status), repr(e.load_factor)) for e in evaluations]
+
+
+def test_one_job_and_two_agree() -> None:
+    assembly, _, rows = wall()
+    recipe = Recipe.of(assembly, EvaluatorSettings())
+    pool = Workers(recipe, 2, rows.shape[1])
+    try:
+        assert values(everything(pool, rows)) == values(everything(Workers(recipe, 1, rows.shape[1]), rows))
+    finally:
+        pool.close()
+
+
+def test_a_deadline_is_kept_inside_batches() -> None:
+    assembly, _, rows = wall()
+    workers = Workers(Recipe.of(assembly, EvaluatorSettings()), 1, rows.shape[1])
+    assert [part for part, found in workers.run(rows, time.time() - 1.0) if found] == []
+
+
+@pytest.mark.filterwarnings(CANCELLED)
+def test_a_worker_killed_once_costs_nothing(tmp_path: Path) -> None:
+    """Workers killed from outside: their batches are tried again, and all results are those of one job."""
+    assembly, _, rows = wall()
+    rows = np.concatenate([rows] * 4)
+    recipe = Recipe.of(assembly, EvaluatorSettings())
+    pool, found, killed = Workers(recipe, 2, rows.shape[1]), {}, 0
+    try:
+        for part, evaluations in pool.run(rows):
+            found |= dict(zip(range(part.start, part.stop), evaluations, strict=True))
+            if killed < 2:
+                victims = [p for p in psutil.Process().children() if "popen_loky" in " ".join(p.cmdline())]
+                for victim in victims[:1]:
+                    os.kill(victim.pid, signal.SIGKILL)
+                    killed += 1
+    finally:
+        pool.close()
+    assert killed
+    reference = everything(Workers(recipe, 1, rows.shape[1]), rows)
+    assert values([found[n] for n in range(len(rows))]) == values(reference)
+
+
+@pytest.mark.filterwarnings(CANCELLED)
+@pytest.mark.parametrize("way", ["dies", "hangs"])
+def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(way: str) -> None:
+    """Its batch is tried twice and given up; all others are evaluated."""
+    assembly, _, rows = wall()
+    recipe = Recipe.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
+    pool = Workers(recipe, 2, rows.shape[1], hang=3.0)
+    try:
+        found = everything(pool, rows)
+    finally:
+        pool.close()
+    size = batch_size(rows.shape[1], len(rows))
+    lost = [n for n, e in enumerate(found) if e.status is Status.FAILED]
+    assert lost == list(range(17 // size * size, 17 // size * size + size))
+    assert pool.deaths >= 2
+
+
+class Poison:
+    """Stands for an assembly in a recipe: unpickling it makes evaluations of one labelling fatal."""
+
+    def __init__(self, assembly: Assembly, labels: Bits, way: str) -> None:
+        self.content = assembly, labels.tolist(), way
+
+    def __reduce__(self) -> Any:
+        return poisoned, self.content
+
+
+def poisoned(assembly: Assembly, labels: list[bool], way: str) -> Assembly:
+    """Make evaluators of this process die or hang on a labelling."""
+    from jld_explore.evaluator import Evaluator
+
+    healthy = Evaluator.evaluate
+
+    def evaluate(self: Evaluator, row: Bits, *more: Any) -> Evaluation:
+        if row.tolist() == labels:
+            if way == "dies":
+                os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(60.0)
+        return healthy(self, row, *more)
+
+    Evaluator.evaluate = evaluate  # type: ignore[method-assign]
+    return assembly
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_of_two_loses_one_worker(tmp_path: Path) -> None:
+    """A study inside parallel_config(backend="dask"), one of two workers killed on the way: the same table."""
+    distributed = pytest.importorskip("distributed")
+    scene = parse_scene(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3]))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+
+    def study(folder: Path) -> Study:
+        return Study(scene, assembly, space, make_driver("genetic", space, 3), folder, seed=3, budget=250)
+
+    reference = study(tmp_path / "alone")
+    assert reference.run() is StopReason.BUDGET
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, worker_dashboard_address=None
+    )
+    try:
+        with distributed.Client(cluster) as client, joblib.parallel_config(backend="dask"):
+            pids = list(client.run(os.getpid).values())
+            away = study(tmp_path / "away")
+
+            def kill(now: Any) -> None:
+                if now.done >= 100 and pids:
+                    os.kill(pids.pop(), signal.SIGKILL)
+                    pids.clear()
+
+            away.report = kill
+            assert away.run() is StopReason.BUDGET
+            assert not pids
+    finally:
+        cluster.close()
+    one, two = (results_table(s.store, assembly, space, "genetic").drop(columns="seconds") for s in (reference, away))
+    assert one.equals(two)
