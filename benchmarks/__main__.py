@@ -1,0 +1,26 @@
+"""Run every benchmark in order; each prints its table and writes it to benchmarks/results."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from importlib.util import find_spec
+from typing import Final
+
+BENCHMARKS: Final = ("build_once", "tolerance", "flagship", "enumeration", "drivers")
+"""Modules of this package that hold a `main()`, in the order in which they run; those not written yet are left out."""
+
+
+def main() -> None:
+    """Run the benchmarks named on the command line, or all."""
+    wanted = sys.argv[1:] or [name for name in BENCHMARKS if find_spec(f"benchmarks.{name}") is not None]
+    for name in wanted:
+        start = time.perf_counter()
+        print(f"== {name}", flush=True)
+        importlib.import_module(f"benchmarks.{name}").main()
+        print(f"== {name}: {time.perf_counter() - start:.0f} s\n", flush=True)
+
+
+if __name__ == "__main__":
+    main()
