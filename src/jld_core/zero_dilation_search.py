@@ -33,9 +33,11 @@ COMPLEMENTARITY: Final = 1e-3
 """Largest Γ over the dissipation of a converged run."""
 
 SETTLED: Final = 1e-6
-"""Difference of λ between the last two programs, relative, of a converged run."""
+"""Difference of λ between the last two programs, relative, of a converged run: of the least Γ and of the problem
+frozen at it (robust), of the last two without any dilation (plain)."""
 
 _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
+_BACK = 6  # times that a proximal step goes back half way before it is given up
 _HOLD = 30.0  # weight of the proximal term while effective areas settle
 _SHY = 1e-8  # most slack asked of a state so that it fits the effective areas of its own forces
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
@@ -50,7 +52,8 @@ class Scheme:
     beta: share of the new N in the smoothed one (plain). damping: weight ε of the proximal term about the last
     forces (robust), for scaled forces of order one. anchor: the same where Γ is minimised. block: proximal
     steps between two minimisations of Γ. start: forces of the associative solution, the "gravity" state of
-    least forces at λ = 0, or an associative "vertex" (planar). most: programs solved at most.
+    least forces at λ = 0, or an associative "vertex" (planar). most: programs after which no further
+    attempt begins. effective_area: update effective areas in the same loop (spatial, dry rectangles).
     """
 
     variant: Literal["robust", "plain"] = "robust"
@@ -82,7 +85,8 @@ class Pair:
 
     state: in equilibrium, and admissible under true friction as far as that could be had. motion: of the
     problem frozen at the state's N, None where none has finite dissipation. locked: that problem has no finite
-    λ. violation, dilation: as in the result. gap: Γ. dissipation: Σ D_N(J).
+    λ. violation, dilation: as in the result. gap: Γ. dissipation: Σ D_N(J). moved: change of the effective areas
+    that the forces ask for. floor: scaled λ below which λ counts as zero. settled: see `SETTLED`.
     """
 
     state: State
@@ -94,6 +98,7 @@ class Pair:
     dissipation: float
     moved: float
     floor: float
+    settled: bool
 
     @property
     def relative_gap(self) -> float:
@@ -120,7 +125,7 @@ class Pair:
             self.violation <= VIOLATION
             and self.dilation <= DILATION
             and self.relative_gap <= COMPLEMENTARITY
-            and self.closes(SETTLED)
+            and self.settled
             and self.moved <= FIXED
         )
 
@@ -142,6 +147,7 @@ class Run:
         self.route = ClarabelRoute(residual)
         self.shared: Template = template
         self.floor = load_floor(template) / template.scaling.load
+        self.reached = np.zeros(self.count)
         self.solves = 0
 
     # --- frozen problems ----------------------------------------------------------------------------------
@@ -178,9 +184,17 @@ class Run:
 
     def walk_on(self, forces: Floats, alpha: float) -> RawSolution:
         """A proximal step on the problem frozen at the forces' own N."""
-        template, _ = self.frozen(alpha, self.normals(forces), self.contact(forces))
-        self.solves += 1
-        return self.walk.solve(template.program(self.labels, self.margin), forces[: self.count])
+        centre = forces[: self.count]
+        for _ in range(_BACK):
+            template, _ = self.frozen(alpha, self.normals(centre), self.contact(centre))
+            raw = self.walk.solve(template.program(self.labels, self.margin), centre)
+            self.solves += 1
+            if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST):
+                self.reached = centre
+                break
+            # less pressure where the loads need friction can leave no equilibrium at all: go back half way
+            centre = 0.5 * (centre + self.reached)
+        return raw
 
     def matching(self, forces: Floats, dual: Floats, contact: Contact | None, held: float | None = None) -> State:
         """The state of least Γ against velocities among those of true friction, near given forces.
@@ -220,10 +234,16 @@ class Run:
             state = analysis.interior.edge_state(point, labels) or state
         return state
 
-    def judge(self, state: State, contact: Contact | None, violation: float | None = None) -> Pair:
+    def judge(
+        self,
+        state: State,
+        contact: Contact | None,
+        violation: float | None = None,
+        settled: bool | None = None,
+    ) -> Pair:
         """Velocities without any dilation for the N of a state: the last of the programs, and Γ.
 
-        violation: of the forces before repair; None takes that of the state.
+        violation, settled: as the search found them; None takes them from the state and its Γ.
         """
         labels = self.labels
         template, sets = self.frozen(0.0, state.forces[:, 0], contact)
@@ -249,16 +269,18 @@ class Run:
         if violation is None:
             violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
-            return Pair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor)
+            return Pair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
         jumps = motion.jumps
         slip = sets.slip(jumps, labels)[sets.dry(labels)].max(initial=0.0)
-        size = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
+        widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
         pressed = state.forces[:, 0] > _PRESSED * largest
-        dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(size or 1.0)
+        dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
         moved = 0.0 if contact is None else change(contact, self.contact_under(state))
-        return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor)
+        size = max(abs(motion.bound), abs(state.load), self.floor)
+        settled = abs(gap) <= SETTLED * size if settled is None else settled
+        return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled)
 
     # --- the two variants ---------------------------------------------------------------------------------
 
@@ -269,14 +291,14 @@ class Run:
         which such steps let drift along the many solutions.
         """
         scheme, best, held = self.scheme, None, None
+        self.reached = forces[: self.count]
         alpha, dual = scheme.alpha, np.zeros(0)
         while True:
             if held is None:
-                for _ in range(scheme.block):
-                    forces = self.walk_on(forces, alpha).point
+                for step in range(scheme.block + 1):
+                    raw = self.walk_on(forces, alpha if step < scheme.block else 0.0)
+                    forces, dual = raw.point, raw.dual
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
-                raw = self.walk_on(forces, 0.0)
-                forces, dual = raw.point, raw.dual
             contact = self.contact(forces)
             state = self.matching(forces, dual, contact, held)
             if contact is not None:
@@ -289,7 +311,7 @@ class Run:
                 return pair
             if self.solves + scheme.block + 3 > scheme.most:
                 return best
-            forces = state.forces.ravel()
+            forces = self.reached = state.forces.ravel()
             if contact is not None and pair.motion is not None:
                 held, dual = self.margin, pair.motion.velocity
 
@@ -312,7 +334,7 @@ class Run:
         """Gilbert's loop: N_prev smoothed, until λ and N have settled, first with α and then without."""
         scheme, labels, alpha = self.scheme, self.labels, self.scheme.alpha
         normals, contact, last = self.normals(forces), self.contact(forces), math.inf
-        violation, point = math.inf, forces
+        violation, point, settled = math.inf, forces, False
         for _ in range(scheme.most - 1):
             template, sets = self.frozen(alpha, normals, contact)
             point = self.route.solve(template.program(labels, self.margin)).point
@@ -330,7 +352,7 @@ class Run:
             contact = self.contact(point)
         # moving these forces into the true cone would cost far more λ than they violate it by
         state = self.analysis.prover.state(point, labels, passes=3)
-        return self.judge(state, contact, violation)
+        return self.judge(state, contact, violation, settled and alpha == 0.0)
 
     def first_forces(self, associative: LimitAnalysisResult) -> Floats:
         """Forces to start from, scaled (q·m,)."""
