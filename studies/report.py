@@ -22,7 +22,7 @@ ROOT: Final = Path(__file__).resolve().parent.parent
 SCENES: Final = ROOT / "scenes"
 RESULTS: Final = ROOT / "studies" / "results"
 
-PAIRED: Final = (
+PAIRED: Final[tuple[tuple[str, Any, str], ...]] = (
     ("#0072B2", "solid", "o"),
     ("#D55E00", (0, (5.0, 2.0)), "s"),
     ("#009E73", (0, (6.0, 1.5, 1.0, 1.5)), "^"),

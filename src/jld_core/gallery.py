@@ -122,3 +122,49 @@ def semicircular_arch(
             "loads": {"live": live or [{"body": [1.0, 0.0]}]},
         }
     )
+
+
+def _box(name: str, low: tuple[float, ...], high: tuple[float, ...], **keys: Any) -> dict[str, Any]:
+    """A spatial element between two corners of a box."""
+    corners = [
+        [(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for k in (0, 1) for j in (0, 1) for i in (0, 1)
+    ]
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    return {"id": name, "vertices": corners, "faces": faces, **keys}
+
+
+def stacked_cubes(
+    count: int, *, friction: float, tension: float, shear: float, base: str = "dry", direction: float | None = None
+) -> Scene:
+    """Unit cubes of unit weight on top of one another on a slab, under a horizontal body load.
+
+    count: cubes. friction: of the base where it is "dry". tension, shear: σt A/W and τA/W of the faces between the
+    cubes, which are inner, and of the base where it is "inner". direction: of the load, radians from x about z, in a
+    spatial scene; None makes a planar one under a load along x.
+    Source: Iannuzzo et al. 2024, section 3.2.
+    """
+    elements: list[dict[str, Any]]
+    if direction is None:
+        elements = [{"id": f"b{k}", "polygon": [[0, k], [1, k], [1, k + 1], [0, k + 1]]} for k in range(count)]
+        elements.append({"id": "ground", "polygon": [[-0.5, -0.3], [1.5, -0.3], [1.5, 0], [-0.5, 0]], "support": True})
+        along = [1.0, 0.0]
+    else:
+        elements = [_box(f"b{k}", (0, 0, k), (1, 1, k + 1)) for k in range(count)]
+        elements.append(_box("ground", (-0.5, -0.5, -0.3), (1.5, 1.5, 0), support=True))
+        along = [float(np.cos(direction)), float(np.sin(direction)), 0.0]
+    inner = [[f"b{k}", f"b{k + 1}"] for k in range(count - 1)]
+    return parse_scene(
+        {
+            "name": f"{count} cubes on a {base} base",
+            "units": {"length": "cube side", "force": "weight of a cube"},
+            "elements": elements,
+            "materials": {
+                "density": 1.0,
+                "gravity": 1.0,
+                "dry": {"friction_coefficient": friction},
+                "inner": {"tensile_strength": tension, "shear_strength": shear},
+            },
+            "loads": {"live": [{"body": along}]},
+            "labels": {"inner": inner + ([["b0", "ground"]] if base == "inner" else [])},
+        }
+    )

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
-from studies import walls_of_section_3_1
+from studies import one_block_two_cubes, walls_of_section_3_1
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -31,3 +30,15 @@ def test_walls_of_section_3_1(tmp_path: Path) -> None:
         # 0.02 % below the published local minimum is the lowest that was ever found here, on wall 2
         assert zero["load_factor"].min() >= lowest * (1.0 - 5e-4)
         assert zero["load_factor"].min() < associative * (1.0 - 1e-3)
+
+
+def test_one_block_two_cubes(tmp_path: Path) -> None:
+    """Paper 3.2: every λ in closed form to 1e-8, every mechanism the governing one."""
+    table = one_block_two_cubes.run(tmp_path, quick=True)
+    written(tmp_path, one_block_two_cubes.NAME)
+    assert set(table["status"]) == {"collapse"}
+    assert (table["load_factor"] / table["closed_form"] - 1.0).abs().max() < 1e-8
+    mapped = table[table["part"] == "map"]
+    assert (mapped["mechanism"] == mapped["expected"]).all()
+    assert mapped[mapped["tension"] == 1.0]["load_factor"].max() == pytest.approx(0.5, rel=1e-8)
+    assert mapped[mapped["tension"] == 0.0]["load_factor"].max() == pytest.approx(1.0 / 3.0, rel=1e-8)
