@@ -14,7 +14,7 @@ from jld_core.bracket import Motion, Prover, State, load_floor, relative_width
 from jld_core.interior import Interior
 from jld_core.program import Template
 from jld_core.result import LimitAnalysisResult
-from jld_core.solvers import HighsRoute, RawStatus, Route, make_route
+from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus, Route, make_route
 from jld_core.solvers.status import RawSolution, Status
 from jld_core.yield_sets import require_materials
 
@@ -244,8 +244,9 @@ class LimitAnalysis:
         return raw
 
     def _unshrunk(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
-        """The interior-point route again without margins, for yield sets that leave none."""
-        return self._repair(proof, self._attempt(proof, self.route, labels, 0.0), labels)
+        """An interior point with refined linear systems and no margins, for yield sets that leave none."""
+        refined = ClarabelRoute(self.template.precision.residual, iterative_refinement_enable=True)
+        return self._repair(proof, self._attempt(proof, refined, labels, 0.0), labels)
 
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
         """Limit analysis of one labelling, in full.
