@@ -12,13 +12,14 @@ from typing import Final
 import numpy as np
 
 from jld_core.assembly import Assembly, Floats
+from jld_core.bending import InnerBending
 from jld_core.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.frozen import Contact, FrozenYield
 from jld_core.program import Template
 from jld_core.result import LimitAnalysisResult
 from jld_core.scaling import scaling_of
 from jld_core.yield_sets import YieldSet, planar_yield
-from jld_core.yield_spatial import InnerBending, spatial_yield
+from jld_core.yield_spatial import spatial_yield
 
 SMALL: Final = 0.01
 """Share of the largest movement of a mechanism below which a face counts as closed."""

@@ -94,7 +94,7 @@ def _closed(
     scaling, nan = analysis.template.scaling, math.nan
     status, load, bracket, gap = associative.status, nan, (nan, nan), nan
     forces = mechanism = None
-    converged = pair is not None and pair.converged
+    converged = pair is not None and bool(pair.converged)
     if pair is not None:
         low = pair.state.load * scaling.load if pair.state.admissible else nan
         high = pair.motion.bound * scaling.load if pair.motion is not None else nan

@@ -38,6 +38,7 @@ frozen at it (robust), of the last two without any dilation (plain)."""
 
 _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
 _BACK = 6  # times that a proximal step goes back half way before it is given up
+_LEAST = 0.1  # least share of a proximal step that is taken
 _HOLD = 30.0  # weight of the proximal term while effective areas settle
 _SHY = 1e-8  # most slack asked of a state so that it fits the effective areas of its own forces
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
@@ -292,12 +293,16 @@ class Run:
         """
         scheme, best, held = self.scheme, None, None
         self.reached = forces[: self.count]
-        alpha, dual = scheme.alpha, np.zeros(0)
+        alpha, dual, share, last = scheme.alpha, np.zeros(0), 1.0, np.zeros(self.count)
         while True:
             if held is None:
                 for step in range(scheme.block + 1):
                     raw = self.walk_on(forces, alpha if step < scheme.block else 0.0)
-                    forces, dual = raw.point, raw.dual
+                    way = raw.point[: self.count] - forces[: self.count]
+                    # a step that turns back shows that the last one went too far: less of it is taken
+                    back = float(way @ last) < 0.0
+                    share = max(0.5 * share, _LEAST) if back else min(2.0 * share, 1.0)
+                    forces, dual, last = forces[: self.count] + share * way, raw.dual, way
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             contact = self.contact(forces)
             state = self.matching(forces, dual, contact, held)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -51,6 +52,7 @@ def test_prism_in_torsion(eccentric: float, axis: int) -> None:
     assert result.load_factor == pytest.approx(expected, rel=1e-8)
     assert result.extra["load_factor_whole_faces"] == pytest.approx(whole, rel=1e-8)
     assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    json.dumps(result.to_json(), allow_nan=False)
     if eccentric:
         assert result.load_factor < result.extra["load_factor_whole_faces"] - 1e-3
     zero = solve_zero_dilation(analysis.assembly, effective_area=True)

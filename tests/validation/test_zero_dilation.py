@@ -6,6 +6,7 @@ the local minima of a public MPEC solver as lower ends of the plausible range (R
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,9 @@ def test_given_walls(name: str, start: str) -> None:
     assert result.extra["complementarity_gap"] <= 1e-3
     assert WALLS[name] * (1.0 - 1e-5) <= result.load_factor <= result.extra["associative_load_factor"] * (1.0 + 1e-8)
     assert work_balance(result).error <= 1e-7
+    printed = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert printed["friction"] == "zero-dilation"
+    assert printed["converged"] is True
 
 
 @pytest.mark.parametrize(("damping", "block"), [(1e-3, 3), (1e-1, 8)])
