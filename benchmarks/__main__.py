@@ -8,7 +8,7 @@ import time
 from importlib.util import find_spec
 from typing import Final
 
-BENCHMARKS: Final = ("build_once", "tolerance", "flagship", "enumeration", "drivers")
+BENCHMARKS: Final = ("build_once", "tolerance", "flagship", "condensation", "enumeration", "drivers")
 """Modules of this package that hold a `main()`, in the order in which they run; those not written yet are left out."""
 
 
