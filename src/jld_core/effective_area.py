@@ -34,7 +34,7 @@ FIXED: Final = 1e-8
 _PRESSED = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
 _STEPS = 5  # steps towards larger λ before the forces are held
 _HOLD = 30.0  # weight of the proximal term while effective areas settle
-_SHY = 1e-8  # most slack asked of a state so that it fits the effective areas of its own forces
+_SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its own forces, five times it at most
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the face
 
 
@@ -170,7 +170,7 @@ def _iterate(analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, w
         prover.template = frozen
         forces = state.forces.ravel()
         own = prover.state(np.append(forces, state.load), labels, passes=1)
-        slack = min(max(margin, -2.0 * own.slack), _SHY)
+        slack = min(max(margin, -2.0 * own.slack), _SHY * min(1 + steps // 5, 5))
         if own.admissible and (moved <= FIXED or steps > _STEPS):
             proven = _proven(analysis, frozen, labels)
             solves += proven.iterations

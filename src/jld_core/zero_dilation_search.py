@@ -40,7 +40,7 @@ _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the leas
 _BACK = 6  # times that a proximal step goes back half way before it is given up
 _LEAST = 0.1  # least share of a proximal step that is taken
 _HOLD = 30.0  # weight of the proximal term while effective areas settle
-_SHY = 1e-8  # most slack asked of a state so that it fits the effective areas of its own forces
+_SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its own forces, five times it at most
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
 
 
@@ -323,15 +323,18 @@ class Run:
     def settle_contact(self, state: State, dual: Floats, contact: Contact) -> tuple[State, Contact]:
         """Match the same velocities until the state is admissible under the effective areas of its own forces.
 
-        What one set of areas lets through the next may not; the slack asked for follows what was lacking.
+        What one set of areas lets through the next may not; the slack asked for follows what was lacking, and may
+        grow where that does not end.
         """
+        tries = 0
         while self.solves < self.scheme.most - 2:
+            tries += 1
             contact = self.contact_under(state)
             template, _ = self.frozen(1.0, state.forces[:, 0], contact)
             own = self.prover(template).state(np.append(state.forces.ravel(), state.load), self.labels, passes=1)
             if own.admissible:
                 return own, contact
-            held = min(max(self.margin, -2.0 * own.slack), _SHY)
+            held = min(max(self.margin, -2.0 * own.slack), _SHY * min(1 + tries // 5, 5))
             state = self.matching(state.forces.ravel(), dual, contact, held)
         return state, contact
 
