@@ -26,7 +26,7 @@ from jld_explore.labelling import above, below, representatives
 
 Names = NDArray[np.unsignedinteger[Any]]
 
-PORTION: Final = 1024
+PORTION: Final = 16384
 """Labellings handed out by one `ask` at the most."""
 
 _BYTES: Final = 256 << 20
