@@ -182,6 +182,9 @@ def explore_command(
         str | None, typer.Option(help="Optuna driver: URL of its database; default: a file in the folder.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
+    certificates: Annotated[
+        bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
     ] = False,
@@ -201,6 +204,7 @@ def explore_command(
         jobs=jobs or os.cpu_count() or 1,
         seed=seed,
         resume=resume,
+        certificates=certificates,
         options={"population": population, "sampler": sampler, "storage": storage},
     )
     announce = None if as_json else _say

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits
+from jld_core.assembly import Assembly, Bits, Bools
+from jld_core.bracket import load_floor
 from jld_core.condense import solve_condensed, worth_condensing
-from jld_core.limit import LimitAnalysis
+from jld_core.limit import LimitAnalysis, Proof
 from jld_core.solvers.status import Status
 from jld_core.zero_dilation import zero_dilation
+from jld_explore.certificates import Proofs, forces_of, mechanism_of, proofs_of
+from jld_explore.sharpen import Sharpener
 
 SOLVE: Final = "solve"
 CERTIFICATE: Final = "certificate"
+
+_GIVEN: Final = 0.1  # share of the gap that forces and mechanisms made for reuse may give away
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,8 @@ class Evaluation:
     """What is known of one labelling; λ in scene units, NaN where not computed or infinite.
 
     status: of the objective. low, high: proven bounds. associative: λ with associative friction.
-    zero_dilation: λ without dilation. settled: "solve" or "certificate". seconds: spent on it.
+    zero_dilation: λ without dilation. settled: "solve" or "certificate". seconds: spent on it. proofs: what the
+    solve proves about other labellings, where that was asked for.
     """
 
     status: Status
@@ -33,6 +41,7 @@ class Evaluation:
     zero_dilation: float = math.nan
     settled: str = SOLVE
     seconds: float = 0.0
+    proofs: Proofs | None = field(default=None, compare=False, repr=False)
 
     @property
     def load_factor(self) -> float:
@@ -48,23 +57,34 @@ FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
 class EvaluatorSettings:
     """What an evaluator is asked for.
 
-    objective: "associative" or "zero-dilation". gap: width above which it is uncertified.
+    objective: "associative" or "zero-dilation". gap: width above which it is uncertified. prove: also say what
+    a solve proves about other labellings.
     """
 
     objective: str = "associative"
     gap: float = tolerances.GAP
+    prove: bool = False
 
 
 class Evaluator:
-    """Evaluates labellings of one assembly; an answer depends on the labelling alone, never on the order."""
+    """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order."""
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self.assembly, self.settings = assembly, settings
         self._analysis = LimitAnalysis(assembly, gap=settings.gap)
+        self._sharpener: Sharpener | None = None
 
-    def evaluate(self, labels: Bits) -> Evaluation:
-        """Evaluate one labelling. labels: (m,) True dry."""
+    def evaluate(self, labels: Bits, likely: float = math.inf) -> Evaluation:
+        """Evaluate one labelling.
+
+        labels: (m,) True dry. likely: a proven upper bound on its scaled λ that it probably reaches; tried
+        first where it is finite and proofs are asked for.
+        """
         start = time.perf_counter()
+        if self.settings.prove and math.isfinite(likely):
+            confirmed = self._confirm(labels, likely, start)
+            if confirmed is not None:
+                return confirmed
         if self.settings.objective == "zero-dilation":
             return self._without_dilation(labels, start)
         if worth_condensing(self._analysis.template, labels):
@@ -73,6 +93,7 @@ class Evaluator:
                 low, high = found.bracket
                 return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
         status, proof = self._analysis.prove(labels)
+        proofs = self._proofs(status, proof, labels, likely) if self.settings.prove else None
         scale, nan = self._analysis.template.scaling.load, math.nan
         low = proof.low * scale if math.isfinite(proof.low) else nan
         high = proof.high * scale if math.isfinite(proof.high) else nan
@@ -83,7 +104,60 @@ class Evaluator:
             high = load_factor = nan
         elif status is Status.UNCERTIFIED and math.isnan(load_factor):
             load_factor = proof.guess * scale
-        return Evaluation(status, low, high, load_factor, seconds=time.perf_counter() - start)
+        seconds = time.perf_counter() - start
+        return Evaluation(status, low, high, load_factor, seconds=seconds, proofs=proofs)
+
+    @property
+    def _sharp(self) -> Sharpener:
+        if self._sharpener is None:
+            own = self._analysis
+            every: Bools = np.ones(len(self.assembly.interfaces), dtype=bool)
+            self._sharpener = Sharpener(own.template, own.prover, own.interior, every)
+        return self._sharpener
+
+    def _width(self, load: float) -> float:
+        """What a certificate may give away of a scaled λ, so that two of them still make a narrow bracket."""
+        floor = load_floor(self._analysis.template) / self._analysis.template.scaling.load
+        return _GIVEN * self.settings.gap * max(abs(load), floor)
+
+    def _confirm(self, labels: Bits, likely: float, start: float) -> Evaluation | None:
+        """The evaluation of a labelling that reaches a proven upper bound; None where it does not."""
+        if not self._sharp.usable:
+            return None
+        state = self._sharp.forces(labels, likely - self._width(likely))
+        if state is None:
+            return None
+        scale = self._analysis.template.scaling.load
+        low, high = state.load * scale, likely * scale
+        return Evaluation(
+            Status.COLLAPSE,
+            low,
+            high,
+            0.5 * (low + high),
+            seconds=time.perf_counter() - start,
+            proofs=Proofs((forces_of(self._analysis.template, state, labels),)),
+        )
+
+    def _proofs(self, status: Status, proof: Proof, labels: Bits, likely: float) -> Proofs:
+        """What a limit analysis proves, with forces and a mechanism that prove more where they are to be had."""
+        template, sharp = self._analysis.template, self._sharp
+        found = proofs_of(template, proof, labels)
+        if not sharp.usable:
+            return found
+        forces, mechanisms = found.forces, found.mechanisms
+        if status is Status.COLLAPSE:
+            state = sharp.forces(labels, proof.low - self._width(proof.low))
+            if state is not None:
+                forces += (forces_of(template, state, labels),)
+            if likely - proof.low > self._width(proof.low):
+                motion = sharp.motion(labels, proof.high + self._width(proof.high))
+                if motion is not None:
+                    mechanisms += (mechanism_of(template, motion, labels),)
+        elif status is Status.UNSTABLE:
+            motion = sharp.fall(labels)
+            if motion is not None:
+                mechanisms += (mechanism_of(template, motion, labels, falls=True),)
+        return Proofs(forces, mechanisms)
 
     def _without_dilation(self, labels: Bits, start: float) -> Evaluation:
         associative = self._analysis.solve(labels, stands=False)

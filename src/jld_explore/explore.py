@@ -19,6 +19,7 @@ from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_explore import plotting, tables
 from jld_explore.candidates import SearchSpace, search_space
+from jld_explore.consult import NAME as ARCHIVE
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.evaluator import EvaluatorSettings
@@ -47,7 +48,7 @@ class Exploration:
 class ExploreSettings:
     """How to search. driver: a name, or None to choose. budget: classes; seconds: time limit; seed, jobs as said.
 
-    resume: go on with a folder that holds a study.
+    resume: go on with a folder that holds a study. certificates: let past solves settle labellings.
     """
 
     driver: str | None = None
@@ -57,6 +58,7 @@ class ExploreSettings:
     jobs: int = 1
     seed: int = 0
     resume: bool = False
+    certificates: bool = False
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -91,6 +93,7 @@ def explore(
         budget=settings.budget,
         seconds=settings.seconds,
         settings=EvaluatorSettings(objective=settings.objective),
+        certificates=settings.certificates and settings.objective == "associative",
         total=total,
         report=report,
     )
@@ -102,8 +105,8 @@ def explore(
         raise
     if reason is StopReason.EXHAUSTED and not len(study.store):
         # a space too large to see through beforehand has turned out empty: leave nothing behind
-        for path in (study.store.path, folder / "scene.json"):
-            path.unlink()
+        for path in (study.store.path, folder / ARCHIVE, folder / "scene.json"):
+            path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
         raise _nothing_to_search()

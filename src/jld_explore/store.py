@@ -157,7 +157,8 @@ def settled(rows: NDArray[np.void]) -> NDArray[np.object_]:
 
 def _evaluation(row: np.void) -> Evaluation:
     numbers = {name: float(row[name]) for name in ("low", "high", "associative", "zero_dilation", "seconds")}
-    return Evaluation(status=_STATUSES[row["status"]], settled=_SETTLED[row["settled"]], **numbers)
+    status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
+    return Evaluation(status=status, settled=settled_by, proofs=None, **numbers)
 
 
 def _compare_headers(path: str, found: bytes, wanted: bytes) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -19,10 +19,14 @@ from typing import Any
 import numpy as np
 
 from jld_core._version import __version__
-from jld_core.assembly import Assembly, Bits
+from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.bracket import load_floor
+from jld_core.program import Template
 from jld_core.scene import Scene
 from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
+from jld_explore.certificates import Pool, Proofs
+from jld_explore.consult import Archive, Consultant
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluator import Evaluation, EvaluatorSettings
 from jld_explore.labelling import orbit_sizes
@@ -59,8 +63,9 @@ class Progress:
 class Study:
     """One search over labellings of a scene.
 
-    budget: distinct classes evaluated at the most. seconds: time limit. jobs: worker processes. report: called
-    after every batch. The same scene, driver, seed and budget give the same store rows whatever `jobs` is.
+    budget: distinct classes evaluated at the most. seconds: time limit. jobs: worker processes. certificates: ask
+    what past solves prove before solving (associative friction only). report: called after every batch. The same
+    scene, driver, seed and budget give the same store rows whatever `jobs` is.
     """
 
     scene: Scene
@@ -73,6 +78,7 @@ class Study:
     budget: int | None = None
     seconds: float | None = None
     settings: EvaluatorSettings = field(default_factory=EvaluatorSettings)
+    certificates: bool = False
     total: int | None = None
     report: Callable[[Progress], None] | None = None
 
@@ -81,7 +87,18 @@ class Study:
         self.solved = 0
         self.evaluated = 0
         self._best = np.nan
-        self.store = Store(self.folder, self.header, len(self.assembly.interfaces))
+        faces = len(self.assembly.interfaces)
+        self.store = Store(self.folder, self.header, faces)
+        self._consultant: Consultant | None = None
+        if self.certificates:
+            template = Template(self.assembly)
+            self._consultant = Consultant(
+                Pool(faces, self.space.group),
+                scale=template.scaling.load,
+                floor=load_floor(template) / template.scaling.load,
+                gap=self.settings.gap,
+                archive=Archive(self.folder, faces),
+            )
 
     @property
     def header(self) -> dict[str, Any]:
@@ -93,6 +110,7 @@ class Study:
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
             "objective": self.settings.objective,
             "bracket width": self.settings.gap,
+            "certificates": self.certificates,
             "versions": versions(),
         }
 
@@ -103,7 +121,8 @@ class Study:
 
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
-        workers = Workers(Recipe.of(self.assembly, self.settings), self.jobs, len(self.assembly.interfaces))
+        settings = replace(self.settings, prove=self.certificates)
+        workers = Workers(Recipe.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces))
         try:
             while True:
                 left = None if self.budget is None else self.budget - self.evaluated
@@ -121,21 +140,53 @@ class Study:
         finally:
             workers.close()
             self.store.close()
+            if self._consultant is not None:
+                self._consultant.archive.close()
 
     @property
     def _late(self) -> bool:
         return self.seconds is not None and self.elapsed >= self.seconds
 
     def _evaluate(self, workers: Workers, labellings: Bits) -> list[Evaluation] | None:
+        """Evaluations in the order asked, by certificates where they settle one; None where time ran out."""
+        if self._consultant is None:
+            return self._solve(workers, labellings)
+        return self._consultant.evaluate(
+            labellings, lambda part, likely: self._solve(workers, part, likely), self._settle
+        )
+
+    def _settle(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
+        """Record what certificates settled; of labellings that are on record, what the record says."""
+        stored = [self.store.find(labels) for labels in labellings]
+        new = np.array([n for n, evaluation in enumerate(stored) if evaluation is None], dtype=np.int64)
+        if new.size:
+            weights = orbit_sizes(labellings[new], self.space.group)
+            self.store.append(labellings[new], weights.tolist(), [evaluations[n] for n in new])
+        told = [old or made for old, made in zip(stored, evaluations, strict=True)]
+        self._count(told)
+        return told
+
+    def _recall(self, labels: Bits) -> Evaluation | None:
+        """What is on record of a labelling, with its proofs where the pool needs them."""
+        found = self.store.find(labels)
+        if found is None or self._consultant is None:
+            return found
+        return replace(found, proofs=self._consultant.archive.find(labels))
+
+    def _solve(self, workers: Workers, labellings: Bits, likely: Floats | None = None) -> list[Evaluation] | None:
         """Evaluations in the order asked, from the store where it has them; None where time ran out."""
-        found: list[Evaluation | None] = [self.store.find(labels) for labels in labellings]
+        found: list[Evaluation | None] = [self._recall(labels) for labels in labellings]
         known = [evaluation for evaluation in found if evaluation is not None]
         self._count(known)
         missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
         if missing.size:
             weights = orbit_sizes(labellings[missing], self.space.group)
             deadline = None if self.seconds is None else time.time() + self.seconds - self.elapsed
-            for part, evaluations in workers.run(labellings[missing], deadline):
+            bounds = None if likely is None else likely[missing]
+            for part, evaluations in workers.run(labellings[missing], deadline, bounds):
+                if self._consultant is not None:
+                    proofs = [evaluation.proofs or Proofs() for evaluation in evaluations]
+                    self._consultant.archive.append(labellings[missing[part]], proofs)
                 self.store.append(labellings[missing[part]], weights[part].tolist(), evaluations)
                 self.solved += len(evaluations)
                 for position, evaluation in zip(missing[part], evaluations, strict=True):

@@ -23,7 +23,7 @@ import numpy as np
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from jld_core.assembly import Assembly, Bits
+from jld_core.assembly import Assembly, Bits, Floats
 from jld_explore.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
 
 HANG: Final = 600.0
@@ -55,12 +55,16 @@ def batch_size(faces: int, asked: int) -> int:
 
 
 def evaluate_batch(
-    recipe: Recipe, number: int, labellings: Bits, deadline: float | None = None
+    recipe: Recipe,
+    number: int,
+    labellings: Bits,
+    deadline: float | None = None,
+    likely: Floats | None = None,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process, with the evaluator this thread keeps.
 
-    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. Returns
-    the batch's number and the evaluations, k or those up to the deadline.
+    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. likely:
+    (k,) see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to the deadline.
     """
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
@@ -68,10 +72,11 @@ def evaluate_batch(
         assembly, settings = pickle.loads(recipe.content)
         _own.evaluator, _own.digest = Evaluator(assembly, settings), recipe.digest
     found: list[Evaluation] = []
-    for labels in labellings:
+    bounds = np.full(len(labellings), np.inf) if likely is None else likely
+    for labels, bound in zip(labellings, bounds.tolist(), strict=True):
         if deadline is not None and time.time() >= deadline:
             break
-        found.append(_own.evaluator.evaluate(labels))
+        found.append(_own.evaluator.evaluate(labels, bound))
     return number, found
 
 
@@ -87,17 +92,21 @@ class Workers:
         self.deaths = 0
         self._outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
 
-    def run(self, labellings: Bits, deadline: float | None = None) -> Iterator[tuple[slice, list[Evaluation]]]:
+    def run(
+        self, labellings: Bits, deadline: float | None = None, likely: Floats | None = None
+    ) -> Iterator[tuple[slice, list[Evaluation]]]:
         """Evaluate (k, m) labellings; yields (where they stand, their evaluations) as batches finish.
 
-        deadline: time since the epoch, s; what was not begun by then is left out.
+        deadline: time since the epoch, s; what was not begun by then is left out. likely: (k,) see
+        `Evaluator.evaluate`.
         """
+        likely = np.full(len(labellings), np.inf) if likely is None else likely
         size = batch_size(self.faces, len(labellings))
         starts = range(0, len(labellings), size)
         slices = [slice(low, min(low + size, len(labellings))) for low in starts]
         if self.jobs == 1 and not self._outside:
             for number, part in enumerate(slices):
-                evaluations = evaluate_batch(self.recipe, number, labellings[part], deadline)[1]
+                evaluations = evaluate_batch(self.recipe, number, labellings[part], deadline, likely[part])[1]
                 yield slice(part.start, part.start + len(evaluations)), evaluations
             return
         done: set[int] = set()
@@ -109,7 +118,7 @@ class Workers:
                 waiting = suspects[:1]
             sent: list[int] = []
             try:
-                for number, evaluations in self._parallel(waiting, slices, labellings, sent, deadline):
+                for number, evaluations in self._parallel(waiting, slices, (labellings, likely), sent, deadline):
                     done.add(number)
                     low = slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
@@ -128,14 +137,15 @@ class Workers:
         self,
         numbers: list[int],
         slices: list[slice],
-        labellings: Bits,
+        asked: tuple[Bits, Floats],
         sent: list[int],
         deadline: float | None,
     ) -> Iterator[tuple[int, list[Evaluation]]]:
         def tasks() -> Iterator[Any]:
             for number in numbers:
                 sent.append(number)
-                yield joblib.delayed(evaluate_batch)(self.recipe, number, labellings[slices[number]], deadline)
+                labellings, likely = (part[slices[number]] for part in asked)
+                yield joblib.delayed(evaluate_batch)(self.recipe, number, labellings, deadline, likely)
 
         how: dict[str, Any] = {
             "return_as": "generator_unordered",

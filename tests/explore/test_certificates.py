@@ -1,0 +1,168 @@
+"""What the pool says of labellings, against solving every one of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cases import DOWN, grid_document
+from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis
+from jld_core.scene import parse_scene
+from jld_core.solvers.status import Status
+from jld_explore import explore as exploring
+from jld_explore.candidates import search_space
+from jld_explore.certificates import Forces, Mechanism, Pool, Proofs, proofs_of
+from jld_explore.consult import NAME, Archive
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.explore import ExploreSettings, explore
+
+SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "wall": (["aaa", "aaa", "###"], {}),
+    "weak wall": (["aaaa", "aaaa", "####"], {"tension": 2e3, "shear": 2e3, "block_cells": [1, 4]}),
+    "bridge": (["aaaaa", "a...a", "#...#"], {"live": DOWN, "candidates": "all+supports"}),
+    "crushing arch": (["#aaaaa#"], {"live": DOWN, "crush_dry": 5e5, "crush_inner": 5e5}),
+    "no friction": (["aaa", "aaa", "###"], {"friction": 0.0}),
+    "slits": (["aaa", "aa.", "###"], {"segmentation": False}),
+    "overhang": (["aaaa", "aa..", "#..."], {"live": [{"body": [0, -1]}]}),
+}
+
+
+@pytest.fixture(autouse=True)
+def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
+
+
+def table(rows: list[str], options: dict[str, Any], folder: Path, **settings: Any) -> pd.DataFrame:
+    settings = {"certificates": True, **settings}
+    scene = parse_scene(grid_document(rows, **options))
+    done = explore(scene, folder, ExploreSettings(driver="enumeration", **settings))
+    return done.results.drop(columns=["seconds"])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_settled_is_solved(name: str, tmp_path: Path) -> None:
+    rows, options = SCENES[name]
+    with_pool = table(rows, options, tmp_path / "pool").set_index("labelling").sort_index()
+    without = table(rows, options, tmp_path / "plain", certificates=False).set_index("labelling").sort_index()
+    assert list(with_pool.index) == list(without.index)
+    assert (with_pool["status"] == without["status"]).all()
+    one, other = with_pool["load_factor"].to_numpy(float), without["load_factor"].to_numpy(float)
+    known = np.isfinite(other)
+    assert np.array_equal(np.isfinite(one), known)
+    size = np.maximum(abs(other[known]), 1e-3)
+    assert np.all(abs(one[known] - other[known]) <= 1e-6 * size)
+    both = known & (with_pool["status"] == "collapse").to_numpy()
+    rounding = 1e-9 * np.maximum(abs(one[both]), 1e-3)
+    assert np.all(with_pool["bracket_lo"][both] <= without["bracket_hi"][both] + rounding)
+    assert np.all(with_pool["bracket_hi"][both] >= without["bracket_lo"][both] - rounding)
+
+
+def test_most_are_settled(tmp_path: Path) -> None:
+    found = table(["aaaa", "aaaa", "####"], {"tension": 2e5, "shear": 2e5}, tmp_path / "a")
+    assert (found["settled"] == "certificate").mean() > 0.5
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_interrupted_and_resumed(jobs: int, tmp_path: Path) -> None:
+    rows, options = SCENES["weak wall"]
+    whole = table(rows, options, tmp_path / "whole")
+    scene = parse_scene(grid_document(rows, **options))
+    folder = tmp_path / "part"
+    explore(scene, folder, ExploreSettings(driver="enumeration", jobs=jobs, certificates=True))
+    # as if it had been killed: the last records are torn off both files
+    for name, share in (("evaluations.jld", 0.5), (NAME, 0.8)):
+        content = (folder / name).read_bytes()
+        (folder / name).write_bytes(content[: int(share * len(content))])
+    settings = ExploreSettings(driver="enumeration", jobs=jobs, resume=True, certificates=True)
+    again = explore(scene, folder, settings)
+    pd.testing.assert_frame_equal(again.results.drop(columns=["seconds"]), whole)
+
+
+@pytest.mark.parametrize("rows", [["aaaa", "aaaa", "####"], ["#aaaa#"]])
+def test_every_bound_holds(rows: list[str]) -> None:
+    scene = parse_scene(grid_document(rows, tension=5e3, shear=5e3, live=DOWN))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    labellings = np.concatenate([part for part, _ in Enumeration(space).batches()])
+    analysis = LimitAnalysis(assembly)
+    proven = [analysis.prove(labels) for labels in labellings]
+    pool = Pool(len(assembly.interfaces), space.group)
+    for labels, (_, proof) in list(zip(labellings, proven, strict=True))[::5]:
+        pool.add(proofs_of(analysis.template, proof, labels))
+    bounds = pool.ask(labellings)
+    for n, (status, proof) in enumerate(proven):
+        if status is Status.UNSTABLE:
+            assert bounds.low[n] < 1e-9
+        else:
+            assert not bounds.unstable[n]
+            assert bounds.low[n] <= proof.high + 1e-9
+            assert bounds.high[n] >= proof.low - 1e-9
+        if n % 5 == 0 and status is Status.COLLAPSE:
+            assert bounds.low[n] >= proof.low - 1e-12
+            assert bounds.high[n] <= proof.high + 1e-9
+
+
+def test_pool_answers_as_plain_python_does() -> None:
+    rng = np.random.default_rng(3)
+    m = 70  # more than one word of bits
+    pool = Pool(m, np.arange(m)[None])
+    forces = [Forces(float(n), rng.random(m) < 0.97, rng.random(m) < 0.97) for n in range(40)]
+    moves = []
+    for n in range(40):
+        dry, inner = rng.random(m), rng.random(m)
+        dry[rng.random(m) < 0.03] = np.inf
+        inner[rng.random(m) < 0.03] = np.inf
+        moves.append(Mechanism(-float(n), dry, inner, n % 7 == 0))
+    pool.add(Proofs(tuple(forces), tuple(moves)))
+    labellings = rng.random((50, m)) < 0.5
+    found = pool.ask(labellings)
+    for n, labels in enumerate(labellings):
+        fits = [f.load for f in forces if np.where(labels, f.dry, f.inner).all()]
+        costs = [(move.constant + np.where(labels, move.dry, move.inner).sum(), move.falls) for move in moves]
+        high = min([c for c, falls in costs if not falls], default=np.inf)
+        assert found.low[n] == max(fits, default=-np.inf)
+        assert np.isclose(found.high[n], high) or found.high[n] == high
+        assert found.unstable[n] == (high < 0.0 or any(c < 0.0 for c, falls in costs if falls))
+
+
+def test_pool_keeps_what_settles() -> None:
+    m = 8
+    pool = Pool(m, np.arange(m)[None], forces=10)
+    every = np.ones(m, dtype=bool)
+    pool.add(Proofs((Forces(100.0, every, every),)))
+    for n in range(50):
+        pool.ask(np.zeros((3, m), dtype=bool))
+        pool.add(Proofs((Forces(float(n), every, ~every),)))
+    assert len(pool) <= 10
+    assert pool.ask(np.zeros((1, m), dtype=bool)).low[0] == 100.0
+
+
+def test_archive_round_trip(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    m = 13
+    labels = rng.random((3, m)) < 0.5
+    proofs = [
+        Proofs(),
+        Proofs((Forces(1.5, labels[0], ~labels[0]),)),
+        Proofs((), (Mechanism(-2.0, np.full(m, np.inf), np.arange(m, dtype=float), True),)),
+    ]
+    archive = Archive(tmp_path, m)
+    archive.append(labels, proofs)
+    archive.close()
+    with open(tmp_path / NAME, "ab") as file:
+        file.write(b"torn")
+    archive = Archive(tmp_path, m)
+    for row, proof in zip(labels, proofs, strict=True):
+        back = archive.find(row)
+        assert back is not None
+        assert len(back.forces) == len(proof.forces)
+        for one, other in zip(back.forces + back.mechanisms, proof.forces + proof.mechanisms, strict=True):
+            for name, value in vars(other).items():
+                assert np.array_equal(getattr(one, name), value)
+    assert archive.find(labels[0]) is None
+    archive.close()
