@@ -105,7 +105,13 @@ class Cutter:
         root = {a: a for a in members}
         tree: dict[int, list[tuple[int, float]]] = {a: [] for a in members}
         left = len(members) - 1
+        agreed = False
         for key, _, a, b in keyed:
+            if key > threshold and not agreed:
+                agreed = True
+                parts = self._as_they_are(members, root)
+                if parts is not None:
+                    return parts
             p, q = a, b
             while root[p] != p:
                 root[p] = p = root[root[p]]
@@ -119,6 +125,25 @@ class Cutter:
                 if not left:
                     break
         return self._cut_tree(members, tree)
+
+    def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
+        """The parts that the keys ask for, if they are allowed: then no other cuts agree better."""
+        least, most = self.limits.cells
+        cells = self.graph.cells
+        parts: dict[int, list[int]] = {}
+        for a in members:
+            p = a
+            while root[p] != p:
+                root[p] = p = root[root[p]]
+            if p in parts:
+                parts[p].append(a)
+            else:
+                parts[p] = [a]
+        for part in parts.values():
+            count = sum([cells[a] for a in part])
+            if count > most or 0 < count < least:
+                return None
+        return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
         name = {a: a for a in members}

@@ -37,15 +37,16 @@ class Register:
 
     def admit(self, rows: Bits, most: int | None = None) -> Bits:
         """The first `most` new classes among the feasible of rows (k, m), canonical; registers them."""
-        if len(rows):
-            rows = canonical(rows[feasible(self.space, rows)], self.space.group)
-        kept: list[int] = []
-        for number, key in enumerate(keys(rows)):
-            if len(kept) == most:
-                break
-            if key not in self.seen:
-                self.seen.add(key)
-                kept.append(number)
+        rows = canonical(rows, self.space.group)
+        named = keys(rows)
+        # known classes are most of what a search that converges proposes: they are not checked again
+        unknown = list(
+            {key: number for number, key in reversed(list(enumerate(named))) if key not in self.seen}.values()
+        )
+        unknown.sort()
+        good = feasible(self.space, rows[unknown])
+        kept = [number for number, fine in zip(unknown, good.tolist(), strict=True) if fine][:most]
+        self.seen.update(named[number] for number in kept)
         return rows[kept]
 
 
