@@ -24,7 +24,7 @@ from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.evaluator import EvaluatorSettings
 from jld_explore.labelling import from_string
-from jld_explore.store import NAME
+from jld_explore.store import NAME, Store
 from jld_explore.study import Interrupted, Progress, StopReason, Study, versions
 
 SMALL = 20_000
@@ -101,6 +101,9 @@ def explore(
     try:
         reason = study.run()
     except BaseException:
+        # a signal may come between the disk and the memory: what is on disk is what was finished
+        study.store = Store(folder, study.header, len(assembly.interfaces))
+        study.store.close()
         _write_tables(study, name, StopReason.INTERRUPTED, total)
         raise
     if reason is StopReason.EXHAUSTED and not len(study.store):
@@ -135,13 +138,9 @@ def check_folder(folder: Path, resume: bool) -> None:
     if not folder.exists() or not any(folder.iterdir()):
         return
     if not resume:
-        raise InputError(
-            str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it"
-        )
+        raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
     if not any(folder.glob(NAME.partition(".")[0] + ".*")):
-        raise InputError(
-            str(folder), f"nothing to go on with: no {NAME} in it", "a folder written by jld explore"
-        )
+        raise InputError(str(folder), f"nothing to go on with: no {NAME} in it", "a folder written by jld explore")
 
 
 def check_writable(folder: Path) -> None:
@@ -159,9 +158,7 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, i
     Raises InputError for an unknown name, and for a space that provably holds no labelling.
     """
     if settings.driver is not None and settings.driver not in DRIVERS:
-        raise InputError(
-            "--driver", f"no driver is named {settings.driver!r}", "one of " + ", ".join(DRIVERS)
-        )
+        raise InputError("--driver", f"no driver is named {settings.driver!r}", "one of " + ", ".join(DRIVERS))
     known = size_up_to(space, SMALL)
     if known == 0:
         raise _nothing_to_search()
@@ -169,9 +166,7 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, i
 
 
 def _nothing_to_search() -> InputError:
-    return InputError(
-        "search", "no labelling satisfies the constraints", "constraints that some labelling meets"
-    )
+    return InputError("search", "no labelling satisfies the constraints", "constraints that some labelling meets")
 
 
 def _write_tables(study: Study, driver: str, reason: StopReason, total: int | None) -> Exploration:
@@ -190,9 +185,7 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
         seed=study.seed,
         versions=versions(),
     )
-    write_text(
-        study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False)
-    )
+    write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
     write_text(study.folder / "results.csv", results.to_csv(index=False))
     fresh = study.folder / "results.parquet.new"
     results.to_parquet(fresh, index=False)
@@ -207,9 +200,7 @@ def write_pictures(done: Exploration) -> list[Path]:
     """Draw the front with its layouts and, where one was found, the best layout. Returns what was written."""
     front_of = done.scene.search.front
     written = [done.folder / "pareto.png"]
-    figure = plotting.plot_pareto(
-        done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense
-    )
+    figure = plotting.plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)
     core_plotting.save_figure(figure, written[0])
     best = done.summary["best_labelling"]
     if best is not None:
@@ -220,9 +211,7 @@ def write_pictures(done: Exploration) -> list[Path]:
     pictures["dry_frequency.png"] = plotting.plot_dry_frequency(done.results, done.assembly)
     history = done.folder / tables.CONVERGENCE
     if history.exists():
-        pictures["convergence.png"] = plotting.plot_convergence(
-            {str(done.summary["driver"]): pd.read_csv(history)}
-        )
+        pictures["convergence.png"] = plotting.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
     for name, figure in pictures.items():
         written.append(done.folder / name)
         core_plotting.save_figure(figure, written[-1])
