@@ -26,6 +26,10 @@ NEAR: Final = 0.5
 """Threshold between keys that ask for a joint and keys that ask for none."""
 
 
+_TREES: Final = 6
+"""Spanning trees tried for one set of keys."""
+
+
 class Operators(Protocol):
     """What drivers ask for; labellings are rows (k, m), and answers hold at most one row for each wanted."""
 
@@ -119,12 +123,18 @@ class Segmentations:
         return self._assemble(dice.reals(self.keys), threshold, dice)
 
     def _assemble(self, keys: list[float], threshold: float, dice: Dice) -> Parts | None:
-        pairs = zip(keys, self.graph.pairs, strict=True)
-        keyed = sorted([(key, n, a, b) for n, (key, (a, b)) in enumerate(pairs)])
-        pieces = self.cutter.assemble(self._every, keyed, threshold)
+        pieces = None
+        for tries in range(_TREES):
+            if tries:  # no cuts of that tree are allowed: others, ever farther from these keys, may have some
+                keys = [0.7 * key + 0.3 * dice.real() for key in keys]
+            pairs = zip(keys, self.graph.pairs, strict=True)
+            keyed = sorted([(key, n, a, b) for n, (key, (a, b)) in enumerate(pairs)])
+            pieces = self.cutter.assemble(self._every, keyed, threshold)
+            if pieces is not None:
+                break
         sound = self._sound and pieces is not None
         if pieces is None:
-            # no cuts of that tree are allowed: start from parts that are not too large
+            # none of them had: start from parts that are not too large
             pieces = self.cutter.grow(self._every, keyed, 1.0)
         part = [0] * len(self.graph)
         for name, members in enumerate(pieces):
