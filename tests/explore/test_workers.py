@@ -94,7 +94,7 @@ def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(way: str)
     """Its batch is tried twice and given up; all others are evaluated."""
     assembly, _, rows = wall()
     recipe = Recipe.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
-    pool = Workers(recipe, 2, rows.shape[1], hang=3.0)
+    pool = Workers(recipe, 2, rows.shape[1], hang=60.0 if way == "dies" else 10.0)
     try:
         found = everything(pool, rows)
     finally:
