@@ -8,6 +8,7 @@ than joblib's own processes (a dask or ray cluster) that backend does the work, 
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import os
 import pickle
 import signal
@@ -187,7 +188,7 @@ def _leave_with(parent: int) -> None:
 
 def _deaths() -> tuple[type[BaseException], ...]:
     """What is raised where a worker died or hung; a cluster's own words for it where one is in use."""
-    known: tuple[type[BaseException], ...] = (TerminatedWorkerError, TimeoutError)
+    known: tuple[type[BaseException], ...] = (TerminatedWorkerError, TimeoutError, multiprocessing.TimeoutError)
     distributed = sys.modules.get("distributed")
     if distributed is not None:
         known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)
