@@ -21,7 +21,7 @@ from jld_core.assembly import Floats
 from jld_core.gallery import stacked_cubes
 from jld_core.mechanism import Movement, face_motions
 from jld_core.plotting import draw_mechanism
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, main, without_legend, write
 
 NAME: Final = "one_block_two_cubes"
 
@@ -242,13 +242,7 @@ def _map(ax: Axes, tension: float, table: pd.DataFrame) -> None:
         mask = kinds == f"{face}: {kind}"
         if not mask.any():
             continue
-        edges = np.append(values - half, values[-1] + half)
-        shown = np.where(mask, 1.0, np.nan)
-        ax.pcolormesh(edges, edges, shown, cmap=_flat(fill), rasterized=True)
-        if hatch:
-            drawn = ax.contourf(values, values, mask.astype(float), levels=[0.5, 1.5], colors="none", hatches=[hatch])
-            drawn.set_edgecolor("#A9A9A9")
-            drawn.set_linewidth(0.0)
+        fill_region(ax, values, values, mask, fill, hatch)
         rows, columns = np.nonzero(mask)
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0}
         ax.text(values[columns].mean(), values[rows].mean(), words, ha="center", va="center", fontsize=9, bbox=box)
@@ -265,12 +259,6 @@ def _map(ax: Axes, tension: float, table: pd.DataFrame) -> None:
     ax.text(
         1.0, -0.155, "every cell is one solve", transform=ax.transAxes, ha="right", va="top", fontsize=8, color=GREY
     )
-
-
-def _flat(colour: str) -> Any:
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap([colour])
 
 
 if __name__ == "__main__":

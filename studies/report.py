@@ -10,12 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from PIL import Image
 
+from jld_core.assembly import Bools, Floats
 from jld_core.plotting import save_figure
 
 ROOT: Final = Path(__file__).resolve().parent.parent
@@ -142,6 +145,21 @@ def axes_at(figure: Figure, left: float, bottom: float, width: float, height: fl
         for side in ("top", "right"):
             ax.spines[side].set_visible(False)
     return ax
+
+
+def fill_region(ax: Axes, x: Floats, y: Floats, mask: Bools, fill: str, hatch: str) -> None:
+    """Cells of a map whose mask (len(y), len(x)) is set, filled and hatched; x, y: evenly spaced on their axes."""
+    logs = (ax.get_xscale() == "log", ax.get_yscale() == "log")
+    edges = []
+    for values, log in zip((x, y), logs, strict=True):
+        even = np.log(values) if log else values
+        ends = np.append(even, even[-1] + (even[1] - even[0])) - 0.5 * (even[1] - even[0])
+        edges.append(np.exp(ends) if log else ends)
+    ax.pcolormesh(*edges, np.where(mask, 1.0, np.nan), cmap=ListedColormap([fill]), rasterized=True)
+    if hatch:
+        drawn = ax.contourf(x, y, mask.astype(float), levels=[0.5, 1.5], colors="none", hatches=[hatch])
+        drawn.set_edgecolor("#A9A9A9")
+        drawn.set_linewidth(0.0)
 
 
 def without_legend(ax: Axes, title: str) -> None:

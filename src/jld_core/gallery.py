@@ -168,3 +168,93 @@ def stacked_cubes(
             "labels": {"inner": inner + ([["b0", "ground"]] if base == "inner" else [])},
         }
     )
+
+
+def _springings(inner: float, outer: float) -> list[dict[str, Any]]:
+    """Supports under both ends of a semicircular arch."""
+    depth = outer - inner
+    return [
+        {
+            "id": name,
+            "polygon": [[side * inner, 0.0], [side * outer, 0.0], [side * outer, -depth], [side * inner, -depth]],
+            "support": True,
+        }
+        for name, side in (("right", 1.0), ("left", -1.0))
+    ]
+
+
+def ring_arch(pieces: int, thickness: float, friction: float, cuts: str = "radial", fine: int = 12) -> Scene:
+    """A semicircular arch under the true weight of its ring, cut radially or vertically.
+
+    pieces: blocks; thickness: over the radius of the centreline, which is the unit of length; friction: coefficient;
+    cuts: "radial" (equal angles) or "vertical" (equal angles of the points where the cuts meet the centreline);
+    fine: chords per block along the arcs. Density and gravity 1, horizontal body load.
+    """
+    inner, outer = 1.0 - thickness / 2.0, 1.0 + thickness / 2.0
+    angles = np.linspace(0.0, np.pi, pieces + 1)
+    elements: list[dict[str, Any]] = []
+    for k in range(pieces):
+        first, last = float(angles[k]), float(angles[k + 1])
+        lower, upper = (_arc(inner, first, last, fine), _arc(outer, first, last, fine))
+        if cuts == "vertical":
+            right, left = float(np.cos(first)), float(np.cos(last))
+            right = outer if k == 0 else right
+            left = -outer if k == pieces - 1 else left
+            lower, upper = (_arc(r, *_angles_over(r, left, right), fine) for r in (inner, outer))
+        outline = np.concatenate([lower[::-1], upper])
+        keep = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > 1e-9
+        elements.append({"id": f"v{k}", "polygon": outline[keep].tolist()})
+    return parse_scene(
+        {
+            "name": f"semicircular arch, {cuts} cuts, {pieces} blocks",
+            "units": {"length": "R", "force": "ρgR³"},
+            "elements": elements + _springings(inner, outer),
+            "materials": {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": friction}},
+            "loads": {"live": [{"body": [1.0, 0.0]}]},
+        }
+    )
+
+
+def _arc(radius: float, first: float, last: float, chords: int) -> Floats:
+    """(chords + 1, 2) points of an arc about the origin, angles in radians."""
+    angles = np.linspace(first, last, chords + 1)
+    return radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _angles_over(radius: float, left: float, right: float) -> tuple[float, float]:
+    """Angles of the upper half circle between two abscissae, from right to left."""
+    ends = np.arccos(np.clip(np.array([right, left]) / radius, -1.0, 1.0))
+    return float(ends[0]), float(ends[1])
+
+
+def polar_grid_arch(
+    rings: int, sectors: int, thickness: float, live: list[dict[str, Any]], search: dict[str, Any] | None = None
+) -> Scene:
+    """A semicircular arch of candidate cells in polar coordinates, R = 1 m at the centreline, 0.2 m deep.
+
+    rings, sectors: cells across and along the arch; cell "r{ring}s{sector}", ring 0 the innermost, sector 0 at the
+    right springing; chords for arcs. thickness: m. live: load entries. search: as in a scene file. Stone of
+    2000 kg/m³, dry 30°, σt = τ = 0.2 MPa.
+    """
+    radii = np.linspace(1.0 - thickness / 2.0, 1.0 + thickness / 2.0, rings + 1)
+    angles = np.linspace(0.0, np.pi, sectors + 1)
+    elements: list[dict[str, Any]] = []
+    for ring in range(rings):
+        for sector in range(sectors):
+            first, last = float(angles[sector]), float(angles[sector + 1])
+            inner, outer = (_arc(float(r), first, last, 1) for r in radii[ring : ring + 2])
+            elements.append({"id": f"r{ring}s{sector}", "polygon": [*inner[::-1].tolist(), *outer.tolist()]})
+    return parse_scene(
+        {
+            "name": f"semicircular arch of {rings} × {sectors} cells",
+            "elements": elements + _springings(float(radii[0]), float(radii[-1])),
+            "thickness": 0.2,
+            "materials": {
+                "density": 2000,
+                "dry": {"friction_angle": 30},
+                "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+            },
+            "loads": {"live": live},
+            "search": search or {},
+        }
+    )

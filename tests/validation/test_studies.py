@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from studies import one_block_two_cubes, walls_of_section_3_1
+from studies import one_block_two_cubes, semicircular_arch, walls_of_section_3_1
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -42,3 +42,21 @@ def test_one_block_two_cubes(tmp_path: Path) -> None:
     assert (mapped["mechanism"] == mapped["expected"]).all()
     assert mapped[mapped["tension"] == 1.0]["load_factor"].max() == pytest.approx(0.5, rel=1e-8)
     assert mapped[mapped["tension"] == 0.0]["load_factor"].max() == pytest.approx(1.0 / 3.0, rel=1e-8)
+
+
+def test_semicircular_arch(tmp_path: Path) -> None:
+    """Cocchetti & Rizzi 2020, Table 3, to the error of the joints' angles; freed joints beat radial ones."""
+    table = semicircular_arch.run(tmp_path, quick=True)
+    written(tmp_path, semicircular_arch.NAME)
+    by_friction = table[table["part"] == "friction"].set_index("friction")["thickness"]
+    assert by_friction[0.6] == pytest.approx(semicircular_arch.ROTATION, abs=3e-4)
+    assert by_friction[0.3094] == pytest.approx(semicircular_arch.LIMIT[1], abs=3e-3)
+    assert by_friction.isna()[0.305]
+    errors = table[table["part"] == "convergence"]
+    ratio = errors["error"] / errors["hinge_offset_degrees"] ** 2
+    assert ratio.max() < 1.2 * ratio.min()
+    cuts = table[table["part"].str.contains("true weight")]
+    assert list(cuts["thickness"]) == pytest.approx([0.1075, 0.1095], abs=3e-4)
+    freed = table[table["part"].str.contains("free joints")]
+    assert (freed["gain"] > 1.0).all()
+    assert freed["proven"].all()
