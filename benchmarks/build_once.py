@@ -23,7 +23,8 @@ from jld_core import Assembly, LimitAnalysis, Status
 from jld_core.assembly import Bits
 from jld_core.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.program import ConicProgram, Template
-from jld_core.solvers import CvxpyRoute, RawSolution
+from jld_core.solvers import RawSolution
+from jld_core.solvers.cvxpy_ import CvxpyRoute
 
 cp: Any = importlib.import_module("cvxpy")  # half of it is typed, and a strict check trips over the other
 

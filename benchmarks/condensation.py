@@ -58,10 +58,12 @@ def main() -> None:
     ]
     write(
         "condensation",
-        "# Condensation\n\nRandom segmentations of walls under a horizontal body load. Condensing pays where blocks are so "
-        "strong that the full program is badly scaled; elsewhere building a program of its own for every labelling costs "
-        "more than the smaller program saves, so `--condense auto` turns to it only above a strength of 300 force scales, "
-        "and where the full model could not be certified.\n\n" + table(head, rows),
+        "# Condensation\n\n"
+        "Random segmentations of walls under a horizontal body load, against a full analysis that is set up already. "
+        "A condensed program is another one for every labelling, so on small scenes building it costs more than its "
+        "size saves; it pays on large ones whose blocks are so strong that the full program is badly scaled, and there "
+        "and everywhere it is the more exact of the two. `--condense auto` turns to it above a strength of 300 force "
+        "scales, and where the full model could not be certified.\n\n" + table(head, rows),
     )
 
 

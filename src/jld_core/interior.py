@@ -300,6 +300,8 @@ class Interior:
             if abs(snapped - jumps[face]).max() > noise:
                 return Motion(velocity, jumps, work, -np.inf, np.inf)
             jumps[face] = snapped
+        # a jump below the rounding of the sums it comes from is none
+        jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
         edge: Ints = np.array(sorted(bases), dtype=np.int64)

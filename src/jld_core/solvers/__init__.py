@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from jld_core.errors import InputError
 from jld_core.solvers.clarabel_ import ClarabelRoute
-from jld_core.solvers.cvxpy_ import CvxpyRoute
 from jld_core.solvers.highs_ import HighsRoute
 from jld_core.solvers.status import RawSolution, RawStatus, Route
 
@@ -23,6 +22,8 @@ def make_route(name: str, threads: int = 1, tolerance: float | None = None) -> R
     if name in ("highs", "highs-ipm"):
         return HighsRoute(name, threads=threads)
     if name == "cvxpy":
+        from jld_core.solvers.cvxpy_ import CvxpyRoute  # half a second that every other start would pay
+
         return CvxpyRoute()
     raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))
 
@@ -30,7 +31,6 @@ def make_route(name: str, threads: int = 1, tolerance: float | None = None) -> R
 __all__ = [
     "ROUTES",
     "ClarabelRoute",
-    "CvxpyRoute",
     "HighsRoute",
     "RawSolution",
     "RawStatus",
