@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases_spatial import ELL, assembly, box, prism, rotation, scene, split, stools, wall
 
+from cases_spatial import ELL, assembly, box, prism, rotation, scene, split, stools, wall
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError

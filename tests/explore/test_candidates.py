@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases import grid_document
 
+from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import load_scene, parse_scene

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases import grid_document
 
+from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore.candidates import SearchSpace, search_space

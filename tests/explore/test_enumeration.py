@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases import grid_document
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import grid_document
 from jld_core.assembly import Bits
 from jld_core.build import build_assembly
 from jld_core.errors import InputError

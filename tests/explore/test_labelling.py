@@ -6,11 +6,11 @@ import json
 
 import numpy as np
 import pytest
-from cases import grid_assembly, grid_document
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+from cases import grid_assembly, grid_document
 from jld_core.assembly import Assembly, Bits
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
