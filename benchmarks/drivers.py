@@ -235,8 +235,8 @@ def large() -> dict[str, tuple[Assembly, SearchSpace]]:
     del spatial["grid"]
     spatial |= {"name": "cubes 3x3x3", "elements": elements}
     return {
-        "planar 88 faces": _read(parse_scene(grid(["a" * 8] * 6 + ["#" * 8], [2, 6], push, **weak))),
-        "planar 278 faces": _read(parse_scene(grid(["a" * 14] * 10 + ["#" * 14], [2, 6], push, **weak))),
+        "planar 88 faces": _read(parse_scene(grid(["a" * 6] * 8 + ["#" * 6], [2, 6], push, **weak))),
+        "planar 278 faces": _read(parse_scene(grid(["a" * 15] * 10 + ["#......#......#"], [2, 6], push, **weak))),
         "spatial 3x3x3": _read(parse_scene(spatial)),
     }
 
@@ -245,14 +245,15 @@ def main(arguments: list[str] | None = None) -> None:
     """Run what was asked for and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--full", action="store_true", help="three scenes, 10 seeds, up to 10 000 evaluations")
-    parser.add_argument("--scenes", nargs="*", choices=list(SCENES), help="only these of the enumerated scenes")
+    parser.add_argument("--scenes", nargs="*", choices=list(SCENES), help="these enumerated scenes, or none")
     parser.add_argument("--curves", type=int, default=300, help="evaluations of the convergence curves; 0: none")
     asked = parser.parse_args(arguments)
     RESULTS.mkdir(exist_ok=True)
     seeds, budget = (10, CHECKPOINTS[-1]) if asked.full else (3, 1_000)
     rows: list[dict[str, Any]] = []
     lines: list[str] = []
-    for name in asked.scenes or list(SCENES)[: 3 if asked.full else 2]:
+    chosen = list(SCENES)[: 3 if asked.full else 2] if asked.scenes is None else asked.scenes
+    for name in chosen:
         scene = known(name)
         for driver in DRIVERS:
             rows += judge(scene, driver, seeds, budget)

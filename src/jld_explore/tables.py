@@ -12,11 +12,10 @@ from jld_core.assembly import Assembly
 from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
+from jld_explore.drivers.ranking import ORDER
 from jld_explore.labelling import unpack
 from jld_explore.pareto import on_front
 from jld_explore.store import Store, settled, statuses
-
-ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
 
 
 CONVERGENCE: Final = "convergence.csv"
