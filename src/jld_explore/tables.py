@@ -17,7 +17,6 @@ from jld_explore.labelling import unpack
 from jld_explore.pareto import on_front
 from jld_explore.store import Store, settled, statuses
 
-
 CONVERGENCE: Final = "convergence.csv"
 
 
@@ -118,11 +117,13 @@ def summary(
     seed: int,
     versions: dict[str, str],
     bound: float | None = None,
+    proven: bool = False,
 ) -> dict[str, Any]:
     """summary.json: the best labelling, what is proven of it, and how it was found.
 
     complete: every class of the space has its evaluation, so that the best of them is the best there is up to the
-    widths of the brackets. bound: a proven upper bound on λ over the whole space, where the driver has one.
+    widths of the brackets. bound: a proven upper bound on λ over the whole space, where the driver has one. proven:
+    the driver has proven what it was to prove.
     """
     tally = Counter(results["status"])
     ranked = results[results["status"] == str(Status.COLLAPSE)]
@@ -139,7 +140,7 @@ def summary(
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "unbounded": unbounded,
-        "proven": certain,
+        "proven": certain or proven,
         "bound": bound,
         "gap": gap,
         "stop_reason": stop_reason,
