@@ -258,3 +258,37 @@ def polar_grid_arch(
             "search": search or {},
         }
     )
+
+
+def t_block(tension: float, shear: float, load: str = "arm", rigid: bool = False) -> Scene:
+    """A T of five cells of 0.1 m on a dry base: three cells on top, two below their middle; four inner faces.
+
+    tension, shear: σt and τ, Pa. load: "arm", a vertical force on the tip of the right arm, or "top", a horizontal
+    one at the middle of the top. rigid: the same outline as a single element. 1400 kg/m³, dry 30°, 0.1 m deep.
+    Source: after Figure 1 of Iannuzzo et al. 2024; the measures are ours.
+    """
+    cells = {"left": (0, 2), "middle": (1, 2), "right": (2, 2), "stem": (1, 1), "foot": (1, 0)}
+    elements: list[dict[str, Any]] = [
+        {"id": name, "polygon": [[0.1 * (x + i), 0.1 * (y + j)] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]}
+        for name, (x, y) in cells.items()
+    ]
+    if rigid:
+        grid = [(1, 0), (2, 0), (2, 2), (3, 2), (3, 3), (0, 3), (0, 2), (1, 2)]
+        elements = [{"id": "block", "polygon": [[0.1 * x, 0.1 * y] for x, y in grid]}]
+    ground = [[0.0, -0.05], [0.3, -0.05], [0.3, 0.0], [0.0, 0.0]]
+    held = ("right", [0.3, 0.3], [0, -1]) if load == "arm" else ("middle", [0.15, 0.25], [1, 0])
+    faces = [["left", "middle"], ["middle", "right"], ["middle", "stem"], ["stem", "foot"]]
+    return parse_scene(
+        {
+            "name": "T block, rigid" if rigid else "T block of five elements",
+            "elements": [*elements, {"id": "ground", "polygon": ground, "support": True}],
+            "thickness": 0.1,
+            "materials": {
+                "density": 1400,
+                "dry": {"friction_angle": 30},
+                "inner": {"tensile_strength": tension, "shear_strength": shear},
+            },
+            "loads": {"live": [{"element": "block" if rigid else held[0], "at": held[1], "force": held[2]}]},
+            "labels": {} if rigid else {"inner": faces},
+        }
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from studies import one_block_two_cubes, semicircular_arch, walls_of_section_3_1
+from studies import one_block_two_cubes, semicircular_arch, t_block, walls_of_section_3_1
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -60,3 +60,14 @@ def test_semicircular_arch(tmp_path: Path) -> None:
     freed = table[table["part"].str.contains("free joints")]
     assert (freed["gain"] > 1.0).all()
     assert freed["proven"].all()
+
+
+def test_t_block(tmp_path: Path) -> None:
+    """Statics by hand of a tree of five cells; the rigid block is reached where nothing cracks."""
+    table = t_block.run(tmp_path, quick=True)
+    written(tmp_path, t_block.NAME)
+    standing = table[table["expected"] != "falls"]
+    assert (standing["load_factor_N"] / standing["closed_form_N"] - 1.0).abs().max() < 1e-7
+    assert (table["gives_way"] == table["expected"]).all()
+    assert t_block.rigid("arm").load_factor == pytest.approx(2.5 * t_block.CELL, rel=1e-8)
+    assert standing[standing["load"] == "arm"]["load_factor_N"].max() == pytest.approx(2.5 * t_block.CELL, rel=1e-8)
