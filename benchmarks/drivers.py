@@ -72,14 +72,14 @@ def grid(rows: list[str], cells: list[int], live: list[dict[str, Any]], **inner:
     }
 
 
-def three(row: str = "r0") -> list[dict[str, Any]]:
-    """Three equal loads on the middle of seven columns."""
-    return [{"element": f"c{column}{row}", "force": [0, -1]} for column in (2, 3, 4)]
+def middle(*columns: int) -> list[dict[str, Any]]:
+    """Equal loads on the top of some columns."""
+    return [{"element": f"c{column}r0", "force": [0, -1]} for column in columns]
 
 
 SCENES: Final[dict[str, Callable[[], tuple[Assembly, SearchSpace]]]] = {
     "flagship": lambda: _read(load_scene(FLAGSHIP)),
-    "bridge 7x3": lambda: _read(parse_scene(grid(["a" * 7] * 3 + ["##...##"], [3, 6], three()))),
+    "bridge 7x3": lambda: _read(parse_scene(grid(["a" * 7] * 3 + ["##...##"], [3, 6], middle(2, 3, 4)))),
     # a wall pushed at its top left corner: no symmetry, and a best that is no sliding of the whole
     "wall 6x4": lambda: _read(
         parse_scene(grid(["a" * 6] * 4 + ["##..##"], [2, 3], [{"element": "c1r0", "force": [1, -2]}]))
@@ -221,7 +221,6 @@ def converge(assembly: Assembly, space: SearchSpace, budget: int, names: list[st
 
 def large() -> dict[str, tuple[Assembly, SearchSpace]]:
     """Grids beyond enumeration: 88 and 278 planar faces, and 3×3×3 cubes."""
-    push = [{"body": [1, 0]}]
     weak = {"tensile_strength": 2e4, "shear_strength": 2e4}
     cells = [(x, y, z) for z in range(3) for y in range(3) for x in range(3)]
     cube = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
@@ -231,12 +230,14 @@ def large() -> dict[str, tuple[Assembly, SearchSpace]]:
     ]
     base = (np.array(cube) * [0.3, 0.3, 0.1] - [0.0, 0.0, 0.1]).tolist()
     elements.append({"id": "base", "vertices": base, "faces": sides, "support": True})
-    spatial = grid([], [2, 6], [{"body": [1, 0.3, 0]}], **weak)
+    spatial = grid([], [2, 6], [{"element": "c002", "force": [1, 0.3, 0]}], **weak)
     del spatial["grid"]
     spatial |= {"name": "cubes 3x3x3", "elements": elements}
     return {
-        "planar 88 faces": _read(parse_scene(grid(["a" * 6] * 8 + ["#" * 6], [2, 6], push, **weak))),
-        "planar 278 faces": _read(parse_scene(grid(["a" * 15] * 10 + ["#......#......#"], [2, 6], push, **weak))),
+        "planar 88 faces": _read(parse_scene(grid(["a" * 8] * 6 + ["###..###"], [2, 6], middle(3, 4)))),
+        "planar 278 faces": _read(
+            parse_scene(grid(["a" * 15] * 10 + ["#......#......#"], [2, 6], middle(3, 4, 10, 11)))
+        ),
         "spatial 3x3x3": _read(parse_scene(spatial)),
     }
 
