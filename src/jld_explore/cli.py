@@ -181,6 +181,9 @@ def explore_command(
     storage: Annotated[
         str | None, typer.Option(help="Optuna driver: URL of its database; default: a file in the folder.")
     ] = None,
+    aim: Annotated[
+        str | None, typer.Option(help="Exact driver: best, or front (the best for every count).")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
     certificates: Annotated[
         bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
@@ -205,7 +208,7 @@ def explore_command(
         seed=seed,
         resume=resume,
         certificates=certificates,
-        options={"population": population, "sampler": sampler, "storage": storage},
+        options={"population": population, "sampler": sampler, "storage": storage, "aim": aim},
     )
     announce = None if as_json else _say
     with ProgressBar(parsed.name) as bar:

@@ -22,6 +22,8 @@ from jld_explore.candidates import SearchSpace, search_space
 from jld_explore.consult import NAME as ARCHIVE
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
 from jld_explore.drivers.enumeration import size_up_to
+from jld_explore.drivers.exact import Exact
+from jld_explore.drivers.exact import front as exact_front
 from jld_explore.evaluator import EvaluatorSettings
 from jld_explore.labelling import from_string
 from jld_explore.store import NAME, Store
@@ -184,7 +186,13 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
         driver=driver,
         seed=study.seed,
         versions=versions(),
+        bound=study.driver.bound,
+        proven=study.driver.finished,
     )
+    if isinstance(study.driver, Exact):
+        found |= {"nodes": study.driver.nodes, "programs": study.driver.programs}
+        if study.driver.aim == "front":
+            found["front"] = exact_front(study.driver)
     write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
     write_text(study.folder / "results.csv", results.to_csv(index=False))
     fresh = study.folder / "results.parquet.new"

@@ -29,7 +29,7 @@ from jld_explore.certificates import Pool, Proofs
 from jld_explore.consult import Archive, Consultant
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluator import Evaluation, EvaluatorSettings
-from jld_explore.labelling import orbit_sizes
+from jld_explore.labelling import orbit_sizes, unpack
 from jld_explore.store import Store
 from jld_explore.workers import Recipe, Workers
 
@@ -57,6 +57,7 @@ class Progress:
     solved: int
     best: float
     seconds: float
+    bound: float = np.nan
 
 
 @dataclass
@@ -123,6 +124,12 @@ class Study:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
         settings = replace(self.settings, prove=self.certificates)
         workers = Workers(Recipe.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces))
+        rows = unpack(self.store.rows["labelling"], self.store.faces)
+        if len(rows):
+            known = [self.store.find(labels) for labels in rows]
+            self.driver.recall(rows, [evaluation for evaluation in known if evaluation is not None])
+        deadline = None if self.seconds is None else self.started + self.seconds
+        self.driver.attend(deadline, lambda: self._count([]))
         try:
             while True:
                 left = None if self.budget is None else self.budget - self.evaluated
@@ -132,7 +139,10 @@ class Study:
                     return StopReason.TIME
                 labellings = self.driver.ask(left)
                 if len(labellings) == 0:
-                    return StopReason.EXHAUSTED
+                    if self.driver.finished:
+                        return StopReason.PROVEN
+                    # a driver that was still at work came back for lack of time
+                    return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
                 evaluations = self._evaluate(workers, labellings)
                 if evaluations is None:
                     return StopReason.TIME
@@ -202,8 +212,9 @@ class Study:
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
         if self.report is not None:
+            bound = np.nan if self.driver.bound is None else self.driver.bound
             total = self.total if self.budget is None else min(self.budget, self.total or self.budget)
-            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed))
+            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound))
 
 
 def versions() -> dict[str, str]:

@@ -8,6 +8,7 @@ from typing import Any, Final
 from jld_explore.candidates import SearchSpace
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact import Exact
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.random_ import Random
@@ -25,10 +26,12 @@ DRIVERS: Final[dict[str, Callable[..., Driver]]] = {
     "hillclimb": HillClimb,
     "genetic": Genetic,
     "optuna": _optuna,
+    "exact": Exact,
 }
 
 OPTIONS: Final[dict[str, tuple[str, ...]]] = {
     "genetic": ("population", "aims"),
+    "exact": ("aim",),
     "optuna": ("sampler", "storage", "title"),
 }
 """Options that the drivers take from a study, beside space and seed."""

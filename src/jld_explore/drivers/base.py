@@ -10,7 +10,7 @@ more to propose, because its space is used up or because it gave up.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 from jld_core.assembly import Bits
@@ -32,6 +32,30 @@ class Driver(ABC):
     def settings(self) -> dict[str, Any]:
         """What the sequence of proposals depends on besides space, seed and answers; a resumed study must agree."""
         return {}
+
+    @property
+    def bound(self) -> float | None:
+        """A proven upper bound on λ over the whole space, scene units, where the driver has one of its own."""
+        return None
+
+    @property
+    def finished(self) -> bool:
+        """Whether the driver has proven all that it was to prove, though not every labelling was evaluated."""
+        return False
+
+    @property
+    def working(self) -> bool:
+        """Whether there is more to do for a driver that came back with nothing because time is up."""
+        return False
+
+    def attend(self, deadline: float | None, pulse: Callable[[], None]) -> None:  # noqa: B027 – most ask in no time
+        """Told once before the first ask: when to come back from a long one, and what to call meanwhile.
+
+        deadline: as `time.perf_counter` counts, s. pulse: reports progress; signals are heard when it is called.
+        """
+
+    def recall(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
+        """What a study that is gone on with knows already; it is told again when it is asked again."""
 
     @abstractmethod
     def ask(self, limit: int | None = None) -> Bits:

@@ -1,0 +1,119 @@
+"""The exact driver against enumeration: the best and the whole front, and what it says when it is stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import DOWN, grid_document
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_explore import explore as exploring
+from jld_explore.candidates import search_space
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact import Exact
+from jld_explore.exact.polyominoes import polyominoes
+from jld_explore.explore import Exploration, ExploreSettings, explore
+
+SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
+    "weak": (["aaaa", "aaaa", "####"], {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}),
+    "strong": (["aaa", "aaa", "###"], {"tension": 2e5, "shear": 2e5, "block_cells": [1, 4]}),
+    "no limit": (["aaa", "aaa", "###"], {"tension": 5e3, "shear": 5e3}),
+    "equal blocks": (["aaaa", "aaaa", "####"], {"block_cells": [2, 2]}),
+    "counts": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "blocks": [3, 4], "dry_faces": [4, 6]}),
+    "extent": (["aaa", "aaa", "###"], {"block_extent": [None, 0.2], "tension": 5e3, "shear": 8e3}),
+    "kept": (
+        ["aaa", "aaa", "###"],
+        {"block_cells": [1, 3], "keep": {"dry": [["c0r0", "c1r0"]], "inner": [["c1r1", "c2r1"]]}},
+    ),
+    "bridge": (["aaaa", "a..a", "#..#"], {"live": DOWN, "block_cells": [1, 3], "shear": 2e5, "tension": 2e5}),
+    "crushing blocks": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "crush_inner": 1e5}),
+}
+
+
+@pytest.fixture(autouse=True)
+def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
+
+
+def search(rows: list[str], options: dict[str, Any], folder: Path, driver: str, **settings: Any) -> Exploration:
+    scene = parse_scene(grid_document(rows, **options))
+    own = {"aim": settings.pop("aim")} if "aim" in settings else {}
+    return explore(scene, folder, ExploreSettings(driver=driver, options=own, **settings))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_exact_is_enumeration(name: str, tmp_path: Path) -> None:
+    rows, options = SCENES[name]
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact", aim="front")
+    best = every.summary["best"]
+    assert found.summary["stop_reason"] == "proven"
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == pytest.approx(best, rel=1e-6)
+    assert best <= found.summary["bound"] * (1.0 + 1e-6)
+    assert found.summary["bound"] <= best * (1.0 + 2e-6)
+    table = every.results[every.results["status"] == "collapse"]
+    known = table.groupby("dry_faces")["load_factor"].max()
+    proven = {row["count"]: row for row in found.summary["front"]}
+    assert sorted(proven) == sorted(known.index)
+    for count, value in known.items():
+        assert proven[count]["proven"]
+        assert proven[count]["load_factor"] == pytest.approx(value, rel=1e-6, abs=1e-6)
+        assert proven[count]["bound"] >= value * (1.0 - 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "options"),
+    [
+        (["aa", "aa", "##"], {"candidates": "all+supports"}),
+        (["aa", "aa", "##"], {"segmentation": False}),
+        (["aaa", "###"], {"crush_dry": 1e5}),
+        (["#aaa#"], {"live": [{"element": "c2r0", "force": [0, -1]}]}),
+    ],
+    ids=["supports", "slits", "crushing joints", "confined"],
+)
+def test_what_programs_do_not_cover_is_enumerated(rows: list[str], options: dict[str, Any], tmp_path: Path) -> None:
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact")
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == every.summary["best"]
+    assert found.summary["unbounded"] == every.summary["unbounded"]
+
+
+@pytest.mark.parametrize("options", [s[1] for s in SCENES.values()], ids=list(SCENES))
+def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
+    rows = ["aaa", "aaa", "###"] if "live" not in options else ["aaaa", "a..a", "#..#"]
+    scene = parse_scene(grid_document(rows, **{**options, "blocks": [None, None], "dry_faces": [None, None]}))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    blocks = polyominoes(space)
+    assert blocks is not None
+    free = assembly.elements.free.tolist()
+
+    def covers(left: frozenset[int]) -> int:
+        if not left:
+            return 1
+        first = min(left)
+        return sum(covers(left - set(m)) for m in blocks.members if first in m and left.issuperset(m))
+
+    assert covers(frozenset(free)) == Enumeration(space).count().labellings
+
+
+def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows, options = ["aaaa", "aaaa", "aaaa", "####"], {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
+    monkeypatch.setattr(Exact, "_late", property(lambda self: self.programs >= 1))
+    first = search(rows, options, tmp_path, "exact", seconds=60.0)
+    assert first.summary["stop_reason"] in ("time", "proven")
+    assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
+    monkeypatch.undo()
+    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
+    last = search(rows, options, tmp_path, "exact", resume=True)
+    assert last.summary["stop_reason"] == "proven"
+    assert last.summary["bound"] <= first.summary["bound"] * (1.0 + 1e-9)
+    assert last.summary["gap"] <= 1e-6
+    assert np.isclose(last.summary["best"], max(last.summary["best"], first.summary["best"]))
