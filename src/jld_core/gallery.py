@@ -292,3 +292,37 @@ def t_block(tension: float, shear: float, load: str = "arm", rigid: bool = False
             "labels": {} if rigid else {"inner": faces},
         }
     )
+
+
+def leonardo_flat_arch(
+    friction: float = float(np.tan(np.radians(30.0))),
+    tension: float = 2e6,
+    shear: float = 2e5,
+    search: dict[str, Any] | None = None,
+    abutments: bool = False,
+) -> Scene:
+    """An interlocking flat arch of five blocks with a T in the middle, on two bearings; cells of 0.1 m.
+
+    friction: coefficient; tension, shear: σt and τ, Pa; search: as in a scene file. 1400 kg/m³; three vertical forces,
+    λ N each, on top of the three upper cells of the T. The arch rests on dry bearings of three cells, 0.3 m apart, and
+    is free to slide, so that its thrust is what friction on them gives; with abutments it is held between two fixed
+    walls instead, and no bearings.
+    Source: after section 3.3 of Iannuzzo et al. 2024; its layout is not at hand, this one is ours.
+    """
+    rows = ["#aabTTTcdd#", "#aabbTccdd#"] if abutments else ["aabTTTcdd", "aabbTccdd", "###...###"]
+    top, first = 0.1 * len(rows), 4 if abutments else 3
+    columns = range(first, first + 3)
+    live = [{"element": f"c{k}r0", "force": [0, -1], "at": [0.1 * k + 0.05, top]} for k in columns]
+    return parse_scene(
+        {
+            "name": "interlocking flat arch after Leonardo",
+            "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
+            "materials": {
+                "density": 1400,
+                "dry": {"friction_coefficient": friction},
+                "inner": {"tensile_strength": tension, "shear_strength": shear},
+            },
+            "loads": {"live": live},
+            "search": search or {},
+        }
+    )

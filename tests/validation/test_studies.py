@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from studies import one_block_two_cubes, semicircular_arch, t_block, walls_of_section_3_1
+from studies import leonardo_flat_arch, one_block_two_cubes, semicircular_arch, t_block, walls_of_section_3_1
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -71,3 +71,15 @@ def test_t_block(tmp_path: Path) -> None:
     assert (table["gives_way"] == table["expected"]).all()
     assert t_block.rigid("arm").load_factor == pytest.approx(2.5 * t_block.CELL, rel=1e-8)
     assert standing[standing["load"] == "arm"]["load_factor_N"].max() == pytest.approx(2.5 * t_block.CELL, rel=1e-8)
+
+
+def test_leonardo_flat_arch(tmp_path: Path) -> None:
+    """Our own layout: value of this project's solver, the shear limit below it, and a segmentation that beats it."""
+    table = leonardo_flat_arch.run(tmp_path, quick=True).set_index("part")
+    written(tmp_path, leonardo_flat_arch.NAME)
+    own, best = table.loc["this arch"], table.loc["strongest segmentation"]
+    assert own["associative_N"] == pytest.approx(2093.98, rel=1e-4)
+    # two faces that shear at τA, less the weight of six cells
+    assert own["zero_lowest_N"] > (4000.0 - 6 * 1400 * 9.81 * 1e-3) / 3.0
+    assert own["zero_lowest_N"] < 0.75 * own["associative_N"]
+    assert best["associative_N"] > 1.1 * own["associative_N"]
