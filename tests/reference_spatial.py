@@ -173,6 +173,7 @@ def load_factor(document: dict[str, Any], concave: bool = False, kern: bool = Fa
         if dry and concave:
             corners = face.origin + face.corners @ face.frame[1:]
             parts = cp.Variable((len(corners), 3))
+            constraints.append(parts[:, 0] >= 0)  # which the cone says only where there is friction
             constraints.append(material["friction"] * parts[:, 0] >= cp.norm(parts[:, 1:], axis=1))
             acting = [(corners[k], parts[k] @ face.frame, np.zeros(3)) for k in range(len(corners))]
         else:

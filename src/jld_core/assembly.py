@@ -153,7 +153,10 @@ class Assembly:
 
     @cached_property
     def total_live(self) -> float:
-        """Sum of the magnitudes of the live forces on free elements; of moments / size where there are none."""
+        """Sum of the magnitudes of the live forces on free elements; of moments / size where those are larger.
+
+        Forces may cancel to a couple on each element, and what rounding leaves of them is no scale.
+        """
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
-        return forces or float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size
+        return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)

@@ -40,7 +40,7 @@ class State:
 class Motion:
     """Velocities (q·free,) with b_λ·u = work, scaled; their least margin, dissipation minus dead work, and jumps.
 
-    bound: Σ D(J) − b·u, meaningful where margin ≥ 0.
+    bound: Σ D(J) − b·u, meaningful where margin ≥ 0. noise: what rounding may have done to the bound.
     """
 
     velocity: Floats
@@ -48,6 +48,7 @@ class Motion:
     work: float
     margin: float
     bound: float
+    noise: float = 0.0
 
 
 class Projector:
@@ -111,16 +112,17 @@ class Prover:
             self._projectors[key] = Projector(sp.csc_array(matrix))
         return self._projectors[key], mask
 
-    def state(self, point: Floats, labels: Bits, passes: int = 2) -> State:
-        """Project y = (F, …, λ) onto equilibrium and measure its slack; λ is kept as it is.
+    def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
+        """Project y = (F, …, λ) onto equilibrium and measure its slack.
 
-        point: (≥ q·m + 1,), λ last. labels: (m,).
+        point: (≥ q·m + 1,), λ last. labels: (m,). held: λ is kept whatever happens; otherwise it moves with the
+        forces where resultants are dropped.
         """
         load = float(point[-1])
         if not usable(point):
             return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
         return self._settle(
-            point[: self._columns], -(self.template.dead + load * self.template.live), load, labels, passes
+            point[: self._columns], -(self.template.dead + load * self.template.live), load, labels, passes, held=held
         )
 
     def ray(self, point: Floats, labels: Bits) -> State:
@@ -130,15 +132,22 @@ class Prover:
         return self._settle(point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True)
 
     def _settle(
-        self, forces: Floats, target: Floats, load: float, labels: Bits, passes: int, recession: bool = False
+        self,
+        forces: Floats,
+        target: Floats,
+        load: float,
+        labels: Bits,
+        passes: int,
+        recession: bool = False,
+        held: bool = False,
     ) -> State:
-        mask: Floats | None
-        if recession:
-            mask = self.template.yield_set.recession_active(labels).ravel().astype(float)
+        sets = self.template.yield_set
+        projector, mask = self.projector(labels)
+        if recession or (held and mask is not None):
+            active = sets.recession_active(labels) if recession else sets.active(labels)
+            mask = active.ravel().astype(float)
             projector = Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)))
-        else:
-            projector, mask = self.projector(labels)
-        if mask is None or recession:
+        if mask is None or recession or held:
             forces = forces if mask is None else forces * mask
             for _ in range(passes):
                 forces = forces - projector.correction(projector.rows @ forces - target)
@@ -155,7 +164,6 @@ class Prover:
         if mask is not None and float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max())):
             error = np.inf  # without the dropped resultants there is no equilibrium here at all
         table = forces.reshape(self._everything.shape)
-        sets = self.template.yield_set
         if recession:
             slack = sets.recession_slack(table, labels)
         else:
@@ -197,7 +205,12 @@ class Prover:
         sets = self.template.yield_set
         margin = float(sets.margin(jumps, labels).min())
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
-        return Motion(velocity, jumps, work, margin, bound)
+        return Motion(velocity, jumps, work, margin, bound, self.noise(velocity, bound))
+
+    def noise(self, velocity: Floats, bound: float) -> float:
+        """Rounding that a bound may carry: of the sums that make it up, and of the velocities themselves."""
+        dead, speed = abs(self.template.dead), abs(velocity)
+        return tolerances.ROUNDING * (float(dead @ speed) + abs(bound) + 1e-3 * float(dead.sum() * speed.max()))
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of a strictly opening motion for the dissipation to become finite."""

@@ -81,10 +81,7 @@ def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
     spans = np.array([np.ptp(p, axis=0).max() for p in polygons])
     tree = shapely.STRtree(shapes)
     boxes = shapely.box(
-        *(
-            np.array([s.bounds for s in shapes])
-            + np.outer(spans, tolerances.CONTACT * np.array([-1, -1, 1, 1]))
-        ).T
+        *(np.array([s.bounds for s in shapes]) + np.outer(spans, tolerances.CONTACT * np.array([-1, -1, 1, 1]))).T
     )
     left, right = tree.query(boxes)
     near = sorted({(int(min(a, b)), int(max(a, b))) for a, b in zip(left, right, strict=True) if a != b})
@@ -128,10 +125,9 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
     joined: list[tuple[Floats, Floats]] = []
     for ends, normal in pieces:
         for index, (others, other) in enumerate(joined):
-            reach = tolerances.CONTACT * max(
-                np.hypot(*(ends[1] - ends[0])), np.hypot(*(others[1] - others[0]))
-            )
-            if normal @ other < 1.0 - tolerances.CONTACT:
+            reach = tolerances.CONTACT * max(np.hypot(*(ends[1] - ends[0])), np.hypot(*(others[1] - others[0])))
+            # the sine of the kink: its cosine would let angles pass that are the root of the tolerance
+            if normal @ other <= 0.0 or abs(normal[0] * other[1] - normal[1] * other[0]) > tolerances.CONTACT:
                 continue
             if np.hypot(*(others[1] - ends[0])) <= reach:
                 joined[index] = (np.array([others[0], ends[1]]), other)

@@ -31,6 +31,7 @@ class Interior:
         self._opening_known = False
         self._deepest_key: bytes | None = None
         self._deepest: RawSolution | None = None
+        self._magnitudes = abs(template.matrix)
 
     # --- states -----------------------------------------------------------------------------------------
 
@@ -47,7 +48,7 @@ class Interior:
         """Is λ = 0 admissible? True with a state, False with a motion that gains energy, None if neither is found."""
         raw = ClarabelRoute().solve(_with_slack(self.template.program(labels), load_fixed=True))
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
-        if self.prover.state(point, labels, passes=3).admissible:
+        if self.prover.state(point, labels, passes=3, held=True).admissible:
             return True
         motion = self.prover.motion(raw.dual, labels, normalise=False)
         opening = self.opening()
@@ -55,7 +56,7 @@ class Interior:
             motion = self.prover.open_up(motion, opening, labels)
         if motion.margin < 0.0:
             motion = self.reduced(motion, labels, normalise=False) or motion
-        if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING:
+        if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
             return False
         return True if self.edge_state(raw.point, labels, load_fixed=True) is not None else None
 
@@ -66,20 +67,20 @@ class Interior:
             self._deepest_key = key
         return self._deepest
 
-    def edge_state(self, point: Floats, labels: Bits, load_fixed: bool = False) -> State | None:
+    def edge_state(self, point: Floats | None, labels: Bits, load_fixed: bool = False) -> State | None:
         """A state where some yield rows are equations in disguise (no admissible force leaves them any slack).
 
-        point: (≥ columns,) to start from, without λ where that is fixed at 0. It is projected on equilibrium and
-        those equations together, then blended with a state that leaves all other rows slack; on the faces of
-        the equations a slack of rounding size counts as zero.
+        point: (≥ columns,) to start from, without λ where that is fixed at 0; None: from a state that leaves all
+        other rows slack. It is projected on equilibrium and those equations together, then blended with such a
+        state. Rounding is judged face by face and row by row, by the numbers that meet there.
         """
         program = self.template.program(labels)
         s = program.structure
-        if s.cones or s.shape[1] > _DENSE:
+        if s.shape[1] > _DENSE:
             return None
         columns = s.shape[1] - int(load_fixed)
         answer, slack = self._spread(program, program.rhs, columns, cap=_LITTLE)
-        tight = _tips(s)[slack < 1e-3 * _LITTLE]
+        tight = self._whole_rows(s, slack < 1e-3 * _LITTLE)
         rows = np.concatenate([np.arange(s.equalities), tight])
         equations = program.matrix.tocsr()[rows][:, :columns].toarray()
         inverse = np.linalg.pinv(equations, rcond=1e-12)
@@ -89,23 +90,43 @@ class Interior:
                 y = y - inverse @ (equations @ y - program.rhs[rows])
             return y
 
-        if not (usable(point) and usable(answer.point)):
+        if not usable(answer.point):
             return None
-        start, inside = project(point[:columns]), project(answer.point[:columns])
-        sets = self.template.yield_set
-        edge = np.isin(np.arange(len(labels)), sets.pattern.row_face[tight - s.equalities - 1])
-        for share in (0.0, *np.logspace(-13.0, -3.0, 11)):
+        inside = project(answer.point[:columns])
+        start = project(point[:columns]) if point is not None and usable(point) else inside
+        edge = np.isin(np.arange(len(labels)), self.template.yield_set.pattern.row_face[tight - s.equalities - 1])
+        for share in (0.0, *np.logspace(-13.0, -3.0, 11), 1.0):
             y = (1.0 - share) * start + share * inside
-            forces = y[: self.template.matrix.shape[1]].reshape(len(labels), -1)
-            forces = np.where(sets.active(labels), forces, 0.0)
-            load = 0.0 if load_fixed else float(y[-1])
-            left = self.template.matrix @ forces.ravel() + self.template.dead + load * self.template.live
-            noise = tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
-            room = sets.slack(forces, labels)
-            room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
-            if abs(left).max() <= noise and room.min() >= 0.0:
-                return State(forces, load, float(max(room.min(), 0.0)), 0.0)
+            state = self._state_at_edge(y, labels, edge, 0.0 if load_fixed else float(y[-1]))
+            if state is not None:
+                return state
         return None
+
+    def _whole_rows(self, s: Structure, tight: Bools) -> Ints:
+        """Yield rows of the tips that are tight, a cone with all of its rows."""
+        linear = s.linear - 1
+        heads = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(np.int64)
+        cones = [np.arange(a, a + k) for a, k, at in zip(heads, s.cones, tight[linear:], strict=True) if at]
+        return np.concatenate([_tips(s)[:linear][tight[:linear]], *cones]).astype(np.int64)
+
+    def _state_at_edge(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
+        """The state of a projected point, or None where more than rounding is missing to admissibility."""
+        template, sets = self.template, self.template.yield_set
+        forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
+        forces = np.where(sets.active(labels), forces, 0.0)
+        largest = abs(forces).max(axis=1)
+        # what a face holds that equations say holds nothing is rounding of forces elsewhere
+        forces[edge & (largest <= 1e-2 * tolerances.ROUNDING * max(1.0, float(largest.max())))] = 0.0
+        dead, live = template.dead, load * template.live
+        left = template.matrix @ forces.ravel() + dead + live
+        met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
+        room = sets.slack(forces, labels)
+        nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # last digit of what was projected
+        noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
+        room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
+        if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or room.min() < 0.0:
+            return None
+        return State(forces, load, float(room.min()), 0.0)
 
     # --- rays and self-stress ---------------------------------------------------------------------------
 
@@ -307,7 +328,7 @@ class Interior:
         edge: Ints = np.array(sorted(bases), dtype=np.int64)
         margin[edge] = np.where(abs(margin[edge]) <= noise, 0.0, margin[edge])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
-        return Motion(velocity, jumps, work, float(margin.min()), bound)
+        return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
 
 
 def _tips(structure: Structure) -> Ints:

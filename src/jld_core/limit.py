@@ -42,7 +42,7 @@ class Proof:
             self.motion = motion
 
     @property
-    def _crossed(self) -> bool:
+    def crossed(self) -> bool:
         """Do the two proofs contradict each other by more than rounding? Then neither is to be relied on."""
         if self.state is None or self.motion is None:
             return False
@@ -52,14 +52,14 @@ class Proof:
     @property
     def low(self) -> float:
         """Proven lower bound, scaled; −inf where there is none."""
-        if self.state is None or self._crossed:
+        if self.state is None or self.crossed:
             return -math.inf
         return self.state.load if self.motion is None else min(self.state.load, self.motion.bound)
 
     @property
     def high(self) -> float:
         """Proven upper bound, scaled; +inf where there is none."""
-        if self.motion is None or self._crossed:
+        if self.motion is None or self.crossed:
             return math.inf
         return self.motion.bound if self.state is None else max(self.state.load, self.motion.bound)
 
@@ -110,6 +110,10 @@ class LimitAnalysis:
         status = self._judge(proof)
         if status is Status.UNCERTIFIED:
             status = self._try_harder(proof, raw, labels)
+        if status is Status.COLLAPSE and relative_width(proof.low, proof.high, 0.0) > self.gap:
+            # narrow beside the weight of the whole, wide beside λ: a vertex says whether λ is small or zero
+            self._crossover(proof, raw, labels)
+            status = self._judge(proof)
         return status, proof
 
     def unloaded(self, labels: Bits) -> State | None:
@@ -151,15 +155,18 @@ class LimitAnalysis:
         motion = self.prover.motion(velocity / size, labels, normalise=False)
         if motion.margin < 0.0:
             motion = self._opened(proof, motion, labels, normalise=False)
-        if motion.margin >= 0.0 and motion.bound < -tolerances.ROUNDING:
-            idle = -tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
+        if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
+            # work below zero proves nothing of large λ, unless it is the rounding of a work that is zero
+            idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
             if motion.work < idle:
                 motion = self.interior.make_work_positive(motion, labels)
-            if motion.work >= idle and motion.bound < -tolerances.ROUNDING:
+            fine = motion.margin >= 0.0 and motion.work >= idle
+            if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
                 proof.collapse_below_zero = motion
 
     def _judge(self, proof: Proof) -> Status:
-        if proof.collapse_below_zero is not None or proof.high < 0.0:
+        falls = proof.motion is not None and proof.motion.bound < -proof.motion.noise and not proof.crossed
+        if proof.collapse_below_zero is not None or falls:
             return Status.UNSTABLE
         if proof.ray is not None and proof.state is not None:
             return Status.LOCKED
@@ -169,14 +176,8 @@ class LimitAnalysis:
 
     def _try_harder(self, proof: Proof, raw: RawSolution, labels: Bits) -> Status:
         """Repairs by interior points, then other routes; each step is named in the route."""
-        steps = (
-            self._repair,
-            self._at_the_edge,
-            self._crossover,
-            self._at_the_edge,
-            self._phase_one,
-            self._unshrunk,
-        )
+        # a vertex comes before the edge: it tells unstable scenes from those that stand by a hair
+        steps = (self._repair, self._crossover, self._at_the_edge, self._phase_one, self._unshrunk)
         for step in steps:
             raw = step(proof, raw, labels)
             status = self._judge(proof)
@@ -220,10 +221,11 @@ class LimitAnalysis:
 
     def _at_the_edge(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
         """A state in yield sets that leave no room, where nothing else gave one."""
-        if proof.state is None and raw.status is not RawStatus.INFEASIBLE:
+        if raw.status is not RawStatus.INFEASIBLE:
             proof.solves += 1
             proof.route.append("edge")
-            state = self.interior.edge_state(raw.point, labels)
+            point = None if raw.status is RawStatus.UNBOUNDED else raw.point
+            state = self.interior.edge_state(point, labels)
             if state is not None:
                 proof.offer_state(state)
         return raw

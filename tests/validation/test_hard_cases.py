@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cases import grid_assembly
+from cases import grid_assembly, grid_document
+from cases_spatial import box
+from cases_spatial import scene as spatial_scene
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from reference_planar import reference_load_factor
 
@@ -203,3 +205,105 @@ def test_an_unreachable_width_is_named(route: str) -> None:
     result = solve(assembly, solver=route, gap=1e-16)
     assert result.status is Status.UNCERTIFIED
     assert result.bracket[0] <= result.load_factor <= result.bracket[1]
+
+
+def pair(extra: list[Entry], live: list[Entry], **materials: Any) -> Assembly:
+    """A unit block on wide ground, and what is said besides."""
+    elements = [ground(-5, 5), block("b", -0.5, 0, 0.5, 1, weight=1.0), *extra]
+    document = {
+        "elements": elements,
+        "materials": {"dry": {"friction_coefficient": 0.5}, **materials},
+        "loads": {"live": live},
+        "labels": {"inner": [["ground", "b"]] if "inner" in materials else []},
+    }
+    return build_assembly(parse_scene(document))
+
+
+def test_only_one_load_is_admissible_and_it_is_not_zero() -> None:
+    """Frictionless, 5 N one way and λ the other: λ = 5 exactly, and at λ = 0 it slides away."""
+    document = grid_document(["a", "#"], friction=0.0, live=[{"element": "c0r0", "force": [-1, 0]}])
+    document["loads"]["dead"] = [{"element": "c0r0", "force": [5.0, 0.0]}]
+    result = solve(build_assembly(parse_scene(document)))
+    proven(result, 5.0)
+    assert result.stands_at_zero is False
+
+
+@pytest.mark.parametrize("body", [[-0.54, 0.36], [0.3, -0.2], [0.9, 0.1], [-0.11, -0.7]])
+def test_a_block_that_stands_and_bears_nothing_is_not_unstable(body: list[float]) -> None:
+    """Between a frictionless floor and ceiling no sideways load is admissible: λ = 0, and it stands."""
+    result = solve(grid_assembly(["#", "a", "#"], friction=0.0, live=[{"body": body}]))
+    assert result.status is Status.COLLAPSE
+    assert result.load_factor == pytest.approx(0.0, abs=1e-12)
+    assert result.stands_at_zero is True
+
+
+def test_forces_that_cancel_to_a_couple_are_no_scale() -> None:
+    live = [
+        {"element": "b", "force": [0, 0.1], "at": [0.5, 0.5]},
+        {"element": "b", "force": [0, 0.2], "at": [0.5, 0.5]},
+        {"element": "b", "force": [0, -0.3], "at": [-0.5, 0.5]},
+    ]
+    proven(solve(pair([], live)), 0.5 / 0.3)
+    proven(
+        solve(
+            pair(
+                [block("c", 2, 0, 3, 1, weight=1.0)],
+                [{"element": "b", "force": [1e-8, 0]}, {"element": "c", "moment": 1.0}],
+            )
+        ),
+        0.5,
+    )
+
+
+@pytest.mark.parametrize("weight", [1e8, 1e10])
+def test_a_light_block_beside_a_heavy_one(weight: float) -> None:
+    """The width of a bracket counts beside λ too where λ is small beside the weight of the whole."""
+    light = block("p", 2, 0, 3, 1, weight=1.0)
+    assembly = pair([block("heavy", -3, 0, -2, 1, weight=weight), light], [{"element": "p", "force": [1, 0]}])
+    proven(solve(assembly), 0.5)
+
+
+@pytest.mark.parametrize(("strength", "weight"), [(1e6, 1e-8), (1e8, 1e-9)])
+def test_a_hanging_pebble_falls_however_strong_the_rest(strength: float, weight: float) -> None:
+    ceiling = [block("ceiling", -5, 5, 5, 6, support=True), block("pebble", 2, 4, 3, 5, weight=weight)]
+    inner = {"tensile_strength": strength, "shear_strength": strength, "compressive_strength": strength}
+    assembly = pair(ceiling, [{"element": "b", "force": [0, -1]}], inner=inner)
+    assert solve(assembly, condense="off").status is Status.UNSTABLE
+
+
+def test_a_pebble_lifted_by_a_millionth_of_the_load_is_not_called_unstable() -> None:
+    """It stands for every λ ≥ 1000: locked in truth, and honest doubt is the least that is asked."""
+    ceiling = [block("ceiling", -5, 5, 5, 6, support=True), block("pebble", 2, 4, 3, 5, weight=1e-3)]
+    live = [{"element": "b", "force": [0, -1e6]}, {"element": "pebble", "force": [0, 1e-6]}]
+    assert solve(pair(ceiling, live)).status in (Status.LOCKED, Status.UNCERTIFIED)
+
+
+@pytest.mark.parametrize("slope", [1e-4, 4.4e-4, 6e-4, 1e-2])
+def test_a_faint_kink_is_a_kink(slope: float) -> None:
+    """A frictionless block on a floor that rises by the slope: λ is the slope, not the zero of a flat floor."""
+    rise = math.tan(slope)
+    floor = [[-3, -3], [3, -3], [3, 0], [2, 0], [1, 0], [0, 0], [-1, rise], [-2, rise], [-3, rise]]
+    elements = [
+        {"id": "floor", "polygon": floor, "support": True},
+        {"id": "b", "polygon": [[-1, rise], [0, 0], [1, 0], [1, 1], [-1, 1]], "weight": 1.0},
+    ]
+    document = {
+        "elements": elements,
+        "materials": {"dry": {"friction_coefficient": 0.0}},
+        "loads": {"live": [{"element": "b", "force": [-1, 0]}]},
+    }
+    assembly = build_assembly(parse_scene(document))
+    assert len(assembly.interfaces) == 2
+    proven(solve(assembly), rise, floor=2e-9)
+
+
+def test_frictionless_cubes_side_by_side_in_space() -> None:
+    """No force can pass between them: a yield set without room, with cones. Lifting one takes its weight."""
+    slab = box("slab", [-5, -5, -1], [5, 5, 0], support=True)
+    cubes = [box("a", [0, 0, 0], [1, 1, 1]), box("b", [1, 0, 0], [2, 1, 1])]
+    lifted = spatial_scene(
+        [*cubes, slab], materials={"dry": {"friction_coefficient": 0.0}}, live=[{"element": "a", "force": [0, 0, 1]}]
+    )
+    result = solve(build_assembly(parse_scene(lifted)))
+    proven(result, 1.0)
+    assert result.stands_at_zero is True
