@@ -76,7 +76,7 @@ def test_a_worker_killed_once_costs_nothing(tmp_path: Path) -> None:
     try:
         for part, evaluations in pool.run(rows):
             found |= dict(zip(range(part.start, part.stop), evaluations, strict=True))
-            if killed < 2:
+            if not killed:  # a second death of the same batch would rightly be recorded
                 victims = [p for p in psutil.Process().children() if "popen_loky" in " ".join(p.cmdline())]
                 for victim in victims[:1]:
                     os.kill(victim.pid, signal.SIGKILL)
