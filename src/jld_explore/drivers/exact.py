@@ -1,7 +1,7 @@
 """The strongest segmentation, proven: incumbents by the genetic driver, bounds by mixed-integer programs.
 
 What is trusted: every λ reported comes from a limit analysis with its own bracket. The upper bound over the whole
-space is the branch-and-bound bound of the solver, whose rows and integrality hold to `milp.FEASIBILITY`; a program
+space is the branch-and-bound bound of the solver, whose rows and integrality hold to the tolerances in `milp`; a program
 asked for λ above the incumbent by `_STEP` and found infeasible bounds λ by that.
 
 Spaces the programs do not cover (spatial scenes, slits, blocks that hold supports, compressive strengths of joints,
@@ -41,7 +41,7 @@ _STEP: Final = 5e-7
 PROVEN: Final = 1e-6
 """Relative distance of bound and incumbent at which the optimum is proven."""
 
-_SEARCH: Final = 12
+_SEARCH: Final = 30
 """Labellings evaluated before the programs, for each face that can change."""
 
 _SMALL: Final = 2

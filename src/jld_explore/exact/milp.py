@@ -14,8 +14,11 @@ import numpy as np
 from jld_core.assembly import Floats
 
 INF: Final = highspy.kHighsInf
-FEASIBILITY: Final = 1e-9
-"""Tolerance on rows and integrality asked of the solver, scaled."""
+FEASIBILITY: Final = 1e-8
+"""Tolerance on rows asked of the solver, scaled."""
+
+INTEGRALITY: Final = 1e-7
+"""Tolerance on integrality asked of the solver."""
 
 
 class Program:
@@ -78,8 +81,9 @@ class Program:
             "threads": threads,
             "primal_feasibility_tolerance": FEASIBILITY,
             "dual_feasibility_tolerance": FEASIBILITY,
-            "mip_feasibility_tolerance": FEASIBILITY,
+            "mip_feasibility_tolerance": INTEGRALITY,
             "mip_rel_gap": 1e-7,
+            "mip_heuristic_effort": 0.0,  # incumbents come from elsewhere
             "mip_abs_gap": 1e-9,
         }
         for key, value in options.items():
