@@ -88,9 +88,7 @@ def wall(rows: int, columns: int, wythes: int = 2, turn: ArrayLike | None = None
                 ends = np.concatenate([[0.0], ends[:-1] + 0.5 * length, [columns * length]])
             for c in range(len(ends) - 1):
                 low = [ends[c], w * width, r * height]
-                elements.append(
-                    box(f"b{r}.{w}.{c}", low, [ends[c + 1], (w + 1) * width, (r + 1) * height], turn)
-                )
+                elements.append(box(f"b{r}.{w}.{c}", low, [ends[c + 1], (w + 1) * width, (r + 1) * height], turn))
     high = [columns * length + 1.0, wythes * width + 1.0, 0.0]
     elements.append(box("slab", [-1.0, -1.0, -0.3], high, turn, support=True))
     return elements

@@ -49,8 +49,7 @@ def make_face(polygon: Array, normal: Array) -> Face:
     corners = corners[keep]
     sides = np.roll(corners, -1, axis=0) - corners
     cosines = [
-        abs(sides[k - 1] @ sides[k]) / np.prod(np.linalg.norm(sides[[k - 1, k]], axis=1))
-        for k in range(len(sides))
+        abs(sides[k - 1] @ sides[k]) / np.prod(np.linalg.norm(sides[[k - 1, k]], axis=1)) for k in range(len(sides))
     ]
     moments, torsion = _integrals(corners)
     return Face(
@@ -143,9 +142,7 @@ def load_factor(document: dict[str, Any], concave: bool = False, kern: bool = Fa
     """Greatest λ of a spatial scene with given interfaces and body loads, faces labelled one by one."""
     elements = {e["id"]: e for e in document["elements"]}
     gravity = document["materials"].get("gravity", 9.81)
-    weight = {
-        k: e.get("density", 1.0) * e["volume"] * gravity for k, e in elements.items() if not e["support"]
-    }
+    weight = {k: e.get("density", 1.0) * e["volume"] * gravity for k, e in elements.items() if not e["support"]}
     unit = sum(weight.values()) / len(weight)
     body = np.sum([np.array(load["body"], dtype=float) for load in document["loads"]["live"]], axis=0)
     force = {k: [] for k in weight}

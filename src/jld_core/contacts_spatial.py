@@ -71,8 +71,7 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
         found += [(int(quick[position]), contact) for position, contact in hits]
     rest = np.flatnonzero(~settled)
     found += [
-        (int(rest[position]), contact)
-        for position, contact in _cut_polygons(facets, frames, one[rest], two[rest])
+        (int(rest[position]), contact) for position, contact in _cut_polygons(facets, frames, one[rest], two[rest])
     ]
     found.sort(key=lambda entry: entry[0])
     return [contact for _, contact in found]
@@ -88,9 +87,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints) -> tuple[Ints, Ints]:
 
     def within(element: Ints, other: Ints) -> tuple[Ints, Ints]:
         owner, facet = spread(start[element], count[element])
-        inside = np.all(
-            (low[facet] <= box_high[other[owner]]) & (high[facet] >= box_low[other[owner]]), axis=1
-        )
+        inside = np.all((low[facet] <= box_high[other[owner]]) & (high[facet] >= box_low[other[owner]]), axis=1)
         return owner[inside], facet[inside]
 
     owner_a, facet_a = within(a, b)
@@ -175,8 +172,7 @@ def _cut_rectangles(
     )
     element_a, element_b = facets.element[one].tolist(), facets.element[two].tolist()
     hits = [
-        (k, SpatialContact(element_a[k], element_b[k], corners[k], normal[k]))
-        for k in np.flatnonzero(hit).tolist()
+        (k, SpatialContact(element_a[k], element_b[k], corners[k], normal[k])) for k in np.flatnonzero(hit).tolist()
     ]
     return aligned, hits
 
@@ -203,9 +199,7 @@ def _cut_polygons(facets: Facets, frames: _Frames, one: Ints, two: Ints) -> list
             if np.max(np.abs(gap)) > reach:
                 continue
             middle = points + 0.5 * gap.mean() * normal
-            found.append(
-                (position, SpatialContact(int(facets.element[a]), int(facets.element[b]), middle, normal))
-            )
+            found.append((position, SpatialContact(int(facets.element[a]), int(facets.element[b]), middle, normal)))
     return found
 
 
@@ -218,9 +212,7 @@ def _regions(facets: Facets, frames: _Frames, which: Ints, plane: Ints) -> Seque
     regions = shapely.polygons(shapely.linearrings(flat, indices=owner))
     for position in [k for k, index in enumerate(which) if len(facets.loops[index]) > 1]:
         at = plane[position]
-        rings = [
-            _project(loop, facets, frames, np.full(len(loop), at)) for loop in facets.loops[which[position]]
-        ]
+        rings = [_project(loop, facets, frames, np.full(len(loop), at)) for loop in facets.loops[which[position]]]
         regions[position] = shapely.Polygon(rings[0], rings[1:])
     bad = np.flatnonzero(~shapely.is_valid(regions))
     regions[bad] = shapely.make_valid(regions[bad])
@@ -229,9 +221,7 @@ def _regions(facets: Facets, frames: _Frames, which: Ints, plane: Ints) -> Seque
 
 def _project(points: Floats, facets: Facets, frames: _Frames, plane: Ints) -> Floats:
     arm = points - facets.origin[plane]
-    return np.column_stack(
-        [np.einsum("ij,ij->i", arm, frames.e1[plane]), np.einsum("ij,ij->i", arm, frames.e2[plane])]
-    )
+    return np.column_stack([np.einsum("ij,ij->i", arm, frames.e1[plane]), np.einsum("ij,ij->i", arm, frames.e2[plane])])
 
 
 def _simple_parts(region: shapely.Geometry, reach: float) -> list[Floats]:
@@ -270,17 +260,11 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
         amount = np.linalg.norm(vector, axis=1)
         extent = np.ptp(stack, axis=1).max(axis=1)
         for index in chosen[~(2.0 * amount > tolerances.FACE * extent**2)][:1]:
-            raise InputError(
-                f"{where(int(index))}.polygon", "it has no area", "three or more corners in order"
-            )
+            raise InputError(f"{where(int(index))}.polygon", "it has no area", "three or more corners in order")
         normal[chosen] = vector / amount[:, None]
-        height = np.abs(np.einsum("nkj,nj->nk", stack - stack.mean(axis=1)[:, None], normal[chosen])).max(
-            axis=1
-        )
+        height = np.abs(np.einsum("nkj,nj->nk", stack - stack.mean(axis=1)[:, None], normal[chosen])).max(axis=1)
         for index in chosen[height > tolerances.FACE * extent][:1]:
-            raise InputError(
-                f"{where(int(index))}.polygon", "its corners do not lie in a plane", "a plane polygon"
-            )
+            raise InputError(f"{where(int(index))}.polygon", "its corners do not lie in a plane", "a plane polygon")
         place[chosen], size[chosen] = stack.mean(axis=1), extent
     return normal * _sides(normal, place, size, a, facets)[:, None]
 
@@ -312,9 +296,7 @@ def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets)
             spot = _project(place[[index]], facets, frames, which)
             region = _regions(facets, frames, which, which)[0]
             distance.append(
-                off[row]
-                + shapely.distance(region, shapely.Point(spot[0]))
-                + size[index] * (1.0 - abs(cosine[row]))
+                off[row] + shapely.distance(region, shapely.Point(spot[0])) + size[index] * (1.0 - abs(cosine[row]))
             )
         nearest = rows[int(np.argmin(distance))]
         side[index] = 1.0 if cosine[nearest] >= 0.0 else -1.0

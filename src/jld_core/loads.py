@@ -35,14 +35,10 @@ def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key
             total[:, :dimension] += np.where(elements.support, 0.0, magnitude)[:, None] * body
             continue
         if entry.element not in elements.index:
-            raise InputError(
-                f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element"
-            )
+            raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
         index = elements.index[entry.element]
         if elements.support[index]:
-            raise InputError(
-                f"{where}.element", f"{entry.element!r} is a support", "the id of a free element"
-            )
+            raise InputError(f"{where}.element", f"{entry.element!r} is a support", "the id of a free element")
         moment = np.atleast_1d(np.asarray(entry.moment, dtype=float))
         if dimension == 3 and moment.size == 1 and moment[0] == 0.0:
             moment = np.zeros(3)

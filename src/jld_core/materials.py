@@ -45,9 +45,7 @@ def direction_of_weight(scene: Scene) -> Floats:
     return vector / length
 
 
-def self_weight(
-    element: Element, volume: float, materials: Materials, direction: Floats, gravity: float
-) -> Floats:
+def self_weight(element: Element, volume: float, materials: Materials, direction: Floats, gravity: float) -> Floats:
     """Self-weight (d,) of one element as a force: "weight" if given, else density × volume × gravity.
 
     direction: unit vector of gravity; gravity: its magnitude. Neither weight nor density means no weight.

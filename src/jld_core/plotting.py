@@ -149,9 +149,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
     pieces = [projection(piece) for piece in marks.thrust_segments(result.assembly, result.forces)]
     if pieces:
         drawn["thrust"] = [
-            line
-            for piece in pieces
-            for line in ax.plot(*piece.T, **furniture.THRUST, zorder=3.0, label="thrust")
+            line for piece in pieces for line in ax.plot(*piece.T, **furniture.THRUST, zorder=3.0, label="thrust")
         ]
 
 
@@ -202,9 +200,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
             faces = assembly.interfaces
             sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
             look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
-            drawn[str(kind)] = [
-                *ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)
-            ]
+            drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
     furniture.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, move)])
     furniture.legend(ax, furniture.mechanism_handles(assembly, labels, ink, drawn))
     ax.set_title(f"Mechanism for live power 1, drawn × {scale:.3g}", fontsize=10)
@@ -309,9 +305,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     ending = Path(path).suffix.lower()
     undated: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     if ending not in undated:
-        raise InputError(
-            str(path), f"{ending!r} is no ending of a picture", "a name ending in .png, .svg or .pdf"
-        )
+        raise InputError(str(path), f"{ending!r} is no ending of a picture", "a name ending in .png, .svg or .pdf")
     with mpl.rc_context({"svg.hashsalt": "jld"}):
         figure.savefig(path, format=ending[1:], metadata=undated[ending])
 

@@ -76,9 +76,7 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
     couples = marks.live_couples(assembly)
     if len(couples):
         at = projection(assembly.elements.centroid[couples])
-        clockwise = (
-            assembly.live[couples, -1] < 0.0 if assembly.dimension == 2 else np.zeros(len(at), dtype=bool)
-        )
+        clockwise = assembly.live[couples, -1] < 0.0 if assembly.dimension == 2 else np.zeros(len(at), dtype=bool)
         look: dict[str, Any] = {"color": LOAD, "markersize": 14.0, "zorder": 5.0, "label": "live couples"}
         drawn["couples"] = [
             line
@@ -159,9 +157,7 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
     columns = int(np.clip(ax.bbox.width / figure.dpi / 2.0, 2, 5))
     size: dict[str, Any] = {"fontsize": FONT, "handlelength": 2.2, "columnspacing": 1.2, "labelspacing": 0.5}
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.0}
-    ax.legend(
-        handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **place, **size
-    )
+    ax.legend(handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **place, **size)
 
 
 def _below(ax: Axes) -> float:
@@ -196,9 +192,7 @@ def label_handles(assembly: Assembly, labels: Bits, ink: Ink) -> list[Artist]:
             first = int(np.flatnonzero(mask)[0])
             width = max(float(ink.widths[first]), 0.8)
             handles.append(_line(name, color=ink.colours[first], linewidth=width, linestyle=dash))
-    handles.append(
-        Patch(facecolor=SUPPORT, edgecolor="#9A9A9A", hatch="////", linewidth=0.4, label="support")
-    )
+    handles.append(Patch(facecolor=SUPPORT, edgecolor="#9A9A9A", hatch="////", linewidth=0.4, label="support"))
     return handles
 
 
@@ -246,7 +240,5 @@ def mechanism_handles(assembly: Assembly, labels: Bits, ink: Ink, drawn: Drawn) 
     handles.append(_line("at rest", color="#8A8A8A", linewidth=0.6))
     for kind, style in MOVES.items():
         if str(kind) in drawn:
-            handles.append(
-                _line(MEANING[kind], linestyle="none", markersize=6.0, markeredgewidth=0.8, **style)
-            )
+            handles.append(_line(MEANING[kind], linestyle="none", markersize=6.0, markeredgewidth=0.8, **style))
     return handles

@@ -74,9 +74,7 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
         choice = min(range(available), key=lambda c: (c in taken, used[c], c))
         colour[k] = choice
         used[choice] += 1
-    return np.array(
-        [-1 if s else colour[int(k)] for k, s in zip(block, support, strict=True)], dtype=np.int64
-    )
+    return np.array([-1 if s else colour[int(k)] for k, s in zip(block, support, strict=True)], dtype=np.int64)
 
 
 def body_load(assembly: Assembly) -> Floats | None:
@@ -115,9 +113,7 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
         shift = shift + x2[:, None] * faces.e2
     used = np.array([_gauge(assembly, k, np.array([x1[k], x2[k]])) for k in range(len(faces))])
     on_face = np.isfinite(x1) & np.isfinite(x2) & (used <= 1.0 + 1e-6)
-    return faces.origin + np.where(
-        on_face[:, None], np.nan_to_num(shift, posinf=0.0, neginf=0.0), 0.0
-    ), on_face
+    return faces.origin + np.where(on_face[:, None], np.nan_to_num(shift, posinf=0.0, neginf=0.0), 0.0), on_face
 
 
 def _gauge(assembly: Assembly, face: int, point: Floats) -> float:

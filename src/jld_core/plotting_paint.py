@@ -67,9 +67,7 @@ def projection_of(assembly: Assembly) -> Projection:
     if assembly.dimension == 2:
         return Projection(np.eye(2), np.zeros(2))
     azimuth, elevation = np.radians(EYE)
-    toward = np.array(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-    )
+    toward = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return Projection(np.column_stack([right, np.cross(toward, right)]), toward)
 
@@ -120,14 +118,10 @@ def paint(
     Returns artists "elements", "supports", and planar also "outlines", "dry", "inner", "ticks".
     """
     ink = default_ink(ax, assembly, labels) if ink is None else ink
-    return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(
-        ax, assembly, labels, fills, ink, move
-    )
+    return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
 
 
-def _paint_planar(
-    ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: Ink, move: Move | None
-) -> Drawn:
+def _paint_planar(ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: Ink, move: Move | None) -> Drawn:
     place = move or (lambda _, points: points)
     shapes = [place(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     support = assembly.elements.support
@@ -232,9 +226,7 @@ def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
     return order
 
 
-def _paint_spatial(
-    ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: Ink, move: Move | None
-) -> Drawn:
+def _paint_spatial(ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: Ink, move: Move | None) -> Drawn:
     projection, faces, elements = projection_of(assembly), assembly.interfaces, assembly.elements
     place = move or (lambda _, points: points)
     order = painter_order(assembly, projection.toward)
@@ -273,9 +265,7 @@ def _paint_spatial(
                 style["hatch"] = "////"
             name = "supports" if grey else "elements"
             zorder = 1.0 + step / len(order)
-            collection = PolyCollection(
-                polygons, closed=False, label=name, zorder=zorder, joinstyle="round", **style
-            )
+            collection = PolyCollection(polygons, closed=False, label=name, zorder=zorder, joinstyle="round", **style)
             ax.add_collection(collection, autolim=False)
             drawn[name].append(collection)
             run = []

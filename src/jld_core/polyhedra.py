@@ -100,9 +100,7 @@ def solids(
     spans = np.array([np.ptp(v, axis=0).max() for v in vertices])
     flat = np.flatnonzero(~(np.abs(volume) > 1e-12 * spans**3))
     if flat.size:
-        raise InputError(
-            f"element {ids[flat[0]]!r}", "its faces enclose no volume", "a polyhedron with a volume"
-        )
+        raise InputError(f"element {ids[flat[0]]!r}", "its faces enclose no volume", "a polyhedron with a volume")
     for index in np.flatnonzero(volume < 0.0):
         faces[index] = tuple(loop[::-1] for loop in faces[index])
     return vertices, faces, np.abs(volume), centroid
@@ -126,9 +124,7 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     Raises InputError where that closes nothing.
     """
     tree = cKDTree(vertices)
-    near = tree.query_pairs(
-        1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray"
-    )
+    near = tree.query_pairs(1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
     size = len(vertices)
     links = csr_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(size, size))
     _, group = connected_components(links, directed=False)
@@ -144,9 +140,7 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     for position, loop in enumerate(welded):
         for u, v in zip(loop, loop[1:] + loop[:1], strict=True):
             users.setdefault((min(u, v), max(u, v)), []).append((position, u < v))
-    refusal = InputError(
-        f"element {name!r}", "its faces do not close", "faces that meet in pairs along every edge"
-    )
+    refusal = InputError(f"element {name!r}", "its faces do not close", "faces that meet in pairs along every edge")
     if not welded or any(len(pair) != 2 for pair in users.values()):
         raise refusal
     pairs = np.array([[one[0], other[0]] for one, other in users.values()])
@@ -245,10 +239,7 @@ def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Int
     count = len(norm)
     if len(one):
         owner, position = spread(surface.start[two], surface.count[two])
-        arm = (
-            surface.points[surface.vertex[position]]
-            - surface.points[surface.vertex[surface.start[one[owner]]]]
-        )
+        arm = surface.points[surface.vertex[position]] - surface.points[surface.vertex[surface.start[one[owner]]]]
         height = np.abs(np.einsum("ij,ij->i", arm, vector[one[owner]])) / norm[one[owner]]
         off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[two])])[:-1])
         plane = off <= tolerances.FACE * np.maximum(size[one], size[two])
@@ -311,9 +302,7 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
     def heights(facet: Ints, other: Ints) -> tuple[Floats, Floats]:
         """Least and greatest height over each facet's plane of the vertices of an element."""
         owner, corner = spread(first_corner[other], corners[other])
-        height = np.einsum(
-            "ij,ij->i", points[corner] - facets.origin[facet[owner]], facets.normal[facet[owner]]
-        )
+        height = np.einsum("ij,ij->i", points[corner] - facets.origin[facet[owner]], facets.normal[facet[owner]])
         begin = np.concatenate([[0], np.cumsum(corners[other])])[:-1]
         return np.minimum.reduceat(height, begin), np.maximum.reduceat(height, begin)
 

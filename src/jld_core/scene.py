@@ -38,9 +38,7 @@ class Units(_Part):
 class Grid(_Part):
     """Planar cells: row 0 is the top row, '.' no cell, '#' a support, equal joined letters one block."""
 
-    cell: Annotated[
-        list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")
-    ]
+    cell: Annotated[list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")]
     thickness: Positive = 1.0
     rows: Annotated[list[str], Field(min_length=1, description="a list of texts, the top row first")]
 
@@ -61,12 +59,12 @@ class Element(_Part):
     """One rigid element: a polygon (planar), or vertices and faces (spatial)."""
 
     id: Annotated[str, Field(min_length=1, description="a name of its own")]
-    polygon: (
-        Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None
-    ) = None
-    vertices: (
-        Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=4)] | None
-    ) = None
+    polygon: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None = (
+        None
+    )
+    vertices: Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=4)] | None = (
+        None
+    )
     faces: Annotated[list[Annotated[list[int], Field(min_length=3)]], Field(min_length=4)] | None = None
     weight: NonNegative | None = None
     density: NonNegative | None = None
@@ -102,9 +100,7 @@ class Contact(_Part):
     """An interface given by hand, used as it is; material keys override "materials" for this face."""
 
     elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
-    polygon: Annotated[
-        list[Vector], Field(min_length=2, description="two points [x, y], or a spatial polygon")
-    ]
+    polygon: Annotated[list[Vector], Field(min_length=2, description="two points [x, y], or a spatial polygon")]
     label: LabelName | None = None
     friction_coefficient: NonNegative | None = None
     friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
@@ -248,9 +244,7 @@ class Search(_Part):
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"
     front: Front = Front()
 
-    _in_order = field_validator("block_cells", "block_weight", "block_extent", "blocks", "dry_faces")(
-        _ordered
-    )
+    _in_order = field_validator("block_cells", "block_weight", "block_extent", "blocks", "dry_faces")(_ordered)
 
 
 class Scene(_Part):
@@ -319,9 +313,7 @@ def load_scene(path: str | Path) -> Scene:
     except json.JSONDecodeError as error:
         what = error.msg.removesuffix(" at").lower()
         problem = (
-            f"it is not JSON (line {error.lineno}, column {error.colno}: {what})"
-            if text.strip()
-            else "it is empty"
+            f"it is not JSON (line {error.lineno}, column {error.colno}: {what})" if text.strip() else "it is empty"
         )
         raise InputError(str(path), problem, "one JSON object") from None
     except RecursionError:
@@ -384,9 +376,7 @@ def _refuse_extremes(document: object) -> None:
             pending += [(f"{where}[{index}]", inner, depth + 1) for index, inner in enumerate(value)]
         elif isinstance(value, str):
             _refuse_surrogates(where, value)
-        elif (
-            isinstance(value, int | float) and value == value and value and not _LEAST <= abs(value) <= _MOST
-        ):
+        elif isinstance(value, int | float) and value == value and value and not _LEAST <= abs(value) <= _MOST:
             shown = f"{value:g}" if isinstance(value, float) else f"a number of {len(str(abs(value)))} digits"
             raise InputError(where.lstrip("."), f"{shown} is out of range", _NUMBERS)
 
@@ -435,9 +425,7 @@ def _first_complaint(error: ValidationError, model: type[BaseModel], known: Iter
         names = list(dict.fromkeys(names))
         near = get_close_matches(str(keys[-1]), names, 1)
         listed = ", ".join(names)
-        return InputError(
-            where, "unknown key", f'"{near[0]}", or another of {listed}' if near else f"one of {listed}"
-        )
+        return InputError(where, "unknown key", f'"{near[0]}", or another of {listed}' if near else f"one of {listed}")
     if kind == "missing":
         return InputError(where, "missing", meaning or "this key to be given")
     value = chosen.get("input")

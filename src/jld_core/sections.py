@@ -37,9 +37,7 @@ def centroid(polygons: Floats) -> Floats:
     p = polygons - polygons[:, :1]
     q = np.roll(p, -1, axis=1)
     cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
-    return np.asarray(
-        polygons[:, 0] + ((p + q) * cross[..., None]).sum(axis=1) / (3.0 * cross.sum(axis=1))[:, None]
-    )
+    return np.asarray(polygons[:, 0] + ((p + q) * cross[..., None]).sum(axis=1) / (3.0 * cross.sum(axis=1))[:, None])
 
 
 def second_moments(polygons: Floats) -> Floats:

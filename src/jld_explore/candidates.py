@@ -70,14 +70,10 @@ def search_space(
     search = scene.search
     candidates = _candidate_faces(scene, assembly)
     keep_dry = faces_of_pairs(search.keep.dry, assembly.elements, assembly.interfaces, "search.keep.dry")
-    keep_inner = faces_of_pairs(
-        search.keep.inner, assembly.elements, assembly.interfaces, "search.keep.inner"
-    )
+    keep_inner = faces_of_pairs(search.keep.inner, assembly.elements, assembly.interfaces, "search.keep.inner")
     if np.any(keep_dry & keep_inner):
         pair = _pair(assembly, keep_dry & keep_inner)
-        raise InputError(
-            "search.keep", f"the pair {pair} stands under both dry and inner", "each pair under one"
-        )
+        raise InputError("search.keep", f"the pair {pair} stands under both dry and inner", "each pair under one")
     fixed = np.where(keep_dry, DRY, np.where(keep_inner, INNER, assembly.labels)).astype(bool)
     chosen = candidates & ~keep_dry & ~keep_inner
     graph = connectivity(assembly)
@@ -158,9 +154,7 @@ def _refuse_impossible(
         smallest, largest = measure(small, key)[holds], measure(large, key)[whole]
         if (heavy := above(smallest, high)).any():
             worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
-            problem = (
-                f"the most is {high:g}, but the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {unit}"
-            )
+            problem = f"the most is {high:g}, but the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {unit}"
             raise InputError(f"search.{key}", problem, f"a most of at least {smallest[worst]:g}")
         if (light := below(largest, low)).any():
             worst = int(np.argmin(np.where(light, largest, np.inf)))
@@ -209,9 +203,7 @@ def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed:
         mirror = np.diag([-1.0] + [1.0] * (d - 1))
         image = _image(assembly, search, candidates, fixed, mirror)
         if isinstance(image, str):
-            raise InputError(
-                "search.symmetry", f"the scene has no mirror-x symmetry: {image}", '"auto" or "none"'
-            )
+            raise InputError("search.symmetry", f"the scene has no mirror-x symmetry: {image}", '"auto" or "none"')
         found.append((mirror, *image))
     elif search.symmetry == "auto":
         for matrix in _possible_matrices(assembly):
@@ -293,9 +285,7 @@ def _image(
     if not _same_loads(assembly, to, matrix):
         return "its loads are not mapped onto themselves"
     weight = np.linalg.norm(elements.weight, axis=1)
-    if search.block_weight != [None, None] and abs(weight[to] - weight).max() > 1e-8 * weight.max(
-        initial=0.0
-    ):
+    if search.block_weight != [None, None] and abs(weight[to] - weight).max() > 1e-8 * weight.max(initial=0.0):
         return "its weights are not mapped onto themselves"
     count = len(elements)
     pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)
@@ -305,10 +295,7 @@ def _image(
     if face_to is None or not _same_corners(faces.polygon, faces.polygon, face_to, matrix, centre, reach):
         return "its interfaces are not mapped onto interfaces"
     sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
-    if (
-        abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0)
-        > 10.0 * tolerances.SYMMETRY
-    ):
+    if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY:
         return "its interfaces are not mapped onto interfaces"
     table = np.column_stack(list(vars(assembly.strengths).values())).reshape(len(faces), -1)
     if not np.array_equal(table[face_to], table, equal_nan=True):
@@ -323,11 +310,7 @@ def _nearest(moved: Floats, points: Floats, allowed: Bools, reach: float) -> Int
     distance = np.linalg.norm(moved[:, None] - points, axis=2)
     to = np.argmin(np.where(allowed, distance, np.inf), axis=1)
     every = np.arange(len(points))
-    fits = (
-        np.all(allowed[every, to])
-        and np.all(distance[every, to] <= reach)
-        and len(np.unique(to)) == len(points)
-    )
+    fits = np.all(allowed[every, to]) and np.all(distance[every, to] <= reach) and len(np.unique(to)) == len(points)
     return to if fits else None
 
 
@@ -360,9 +343,9 @@ def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix
     for loads in (assembly.dead, assembly.live):
         for values, map_, arm in ((loads[:, :d], matrix, 1.0), (loads[:, d:], turn, assembly.size)):
-            total = np.linalg.norm(loads[:, :d], axis=1).sum() * arm + np.linalg.norm(
-                loads[:, d:], axis=1
-            ).sum() * (arm / assembly.size)
+            total = np.linalg.norm(loads[:, :d], axis=1).sum() * arm + np.linalg.norm(loads[:, d:], axis=1).sum() * (
+                arm / assembly.size
+            )
             if abs(values @ map_.T - values[to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY * total:
                 return False
     return True

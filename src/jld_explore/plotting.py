@@ -63,9 +63,7 @@ def plot_pareto(
     best = _collapsed(front).sort_values(count, kind="stable")
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.3
-    chosen = _spread(
-        points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts
-    )
+    chosen = _spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
     rows, columns = (1, len(chosen)) if len(chosen) <= 5 else (2, math.ceil(len(chosen) / 2))
     cell = (width / max(columns, 4), _thumbnail_height(assembly, width / max(columns, 4)) + 0.42)
     total = 0.25 + height + 0.75 + (rows * cell[1] if len(chosen) else 0.0) + 0.35

@@ -107,8 +107,6 @@ def test_forces_and_mechanism_prove_the_bracket_in_scene_units() -> None:
         jumps = (matrix.T @ u).reshape(-1, 3)
         opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
         reach = faces.l1 / np.where(labels, 2.0, 6.0)
-        assert np.all(
-            opening - reach * turn - np.where(labels, s.friction, 0.0) * slip >= -1e-12 * abs(u).max()
-        )
+        assert np.all(opening - reach * turn - np.where(labels, s.friction, 0.0) * slip >= -1e-12 * abs(u).max())
         dissipated = np.where(labels, 0.0, faces.area * (s.tension * opening + s.shear * slip)).sum()
         assert dissipated - dead @ u == pytest.approx(result.bracket[1], rel=1e-9)

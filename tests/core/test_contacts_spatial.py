@@ -69,9 +69,7 @@ def test_normals_come_from_faces_not_from_centroids() -> None:
 
 def test_frames_are_right_handed_and_orthonormal() -> None:
     turn = rotation(0.3, -0.8, 1.1)
-    built = assembly(
-        [box("a", [0, 0, 0], [1, 2, 1], turn), box("s", [0, 0, -1], [1, 2, 0], turn, support=True)]
-    )
+    built = assembly([box("a", [0, 0, 0], [1, 2, 1], turn), box("s", [0, 0, -1], [1, 2, 0], turn, support=True)])
     faces = built.interfaces
     frame = np.stack([faces.normal, faces.e1, faces.e2], axis=1)
     np.testing.assert_allclose(frame @ frame.transpose(0, 2, 1), np.eye(3)[None], atol=1e-14)
@@ -272,9 +270,7 @@ def test_given_interface_in_a_plane_that_the_element_faces_both_ways() -> None:
         built = build_assembly(parse_scene(scene([comb, support], interfaces=entries)))
         assert built.interfaces.normal[0] @ [0, 0, 1] == pytest.approx(up)
     ess = [[0, 0], [2, 0], [2, 2], [1, 2], [1, 1], [0, 1]]
-    both = prism(
-        "a", [*ess[:2], [2, 1], [3, 1], [3, 2], [1, 2], [1, 1], [0, 1]], 0.0, 1.0, rotation(np.pi / 2, 0, 0)
-    )
+    both = prism("a", [*ess[:2], [2, 1], [3, 1], [3, 2], [1, 2], [1, 1], [0, 1]], 0.0, 1.0, rotation(np.pi / 2, 0, 0))
     for x0, up in ((0.0, 1.0), (2.0, -1.0)):
         polygon = [[x0, -1.0, 1.0], [x0 + 1, -1.0, 1.0], [x0 + 1, 0.0, 1.0], [x0, 0.0, 1.0]]
         entries = [{"elements": ["a", "s"], "polygon": polygon}]

@@ -36,9 +36,7 @@ def axes() -> Axes:
     return figure.add_axes((0.15, 0.4, 0.8, 0.55))
 
 
-def block_on_ground(
-    live: list[dict[str, Any]], angle: float = 35.0, rows: tuple[str, ...] = ("a", "#")
-) -> Assembly:
+def block_on_ground(live: list[dict[str, Any]], angle: float = 35.0, rows: tuple[str, ...] = ("a", "#")) -> Assembly:
     """A stack of cells 2 wide and 4 high on a support, weight 80 each."""
     materials = {
         "density": 10.0,
@@ -47,9 +45,7 @@ def block_on_ground(
         "inner": {"tensile_strength": 1.0, "shear_strength": 1.0},
     }
     grid = {"cell": [2.0, 4.0], "rows": list(rows)}
-    return build_assembly(
-        parse_scene({"name": "block", "grid": grid, "materials": materials, "loads": {"live": live}})
-    )
+    return build_assembly(parse_scene({"name": "block", "grid": grid, "materials": materials, "loads": {"live": live}}))
 
 
 PUSH = [{"element": "c0r0", "force": [1.0, 0.0], "at": [0.0, 7.0]}]
@@ -68,9 +64,7 @@ def beam() -> LimitAnalysisResult:
     return solve(build_assembly(load_scene(SCENES / "flat_beam_arch.json")))
 
 
-def outcome(
-    assembly: Assembly, forces: Any = None, mechanism: Any = None, **changes: Any
-) -> LimitAnalysisResult:
+def outcome(assembly: Assembly, forces: Any = None, mechanism: Any = None, **changes: Any) -> LimitAnalysisResult:
     values: dict[str, Any] = {
         "labels": assembly.labels,
         "status": Status.COLLAPSE,
@@ -269,9 +263,7 @@ def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisRes
     moved = np.array([path.vertices[:4].mean(axis=0) for path in paths]) - assembly.elements.centroid[free]
     assert moved == pytest.approx(scale * velocity[free, :2], abs=1e-9)
     assert float(np.sum(moved * assembly.live[free, :2])) == pytest.approx(scale, rel=1e-6)
-    corners = np.vstack([path.vertices[:4] for path in paths]) - np.vstack(
-        [assembly.elements.shape[k] for k in free]
-    )
+    corners = np.vstack([path.vertices[:4] for path in paths]) - np.vstack([assembly.elements.shape[k] for k in free])
     assert np.hypot(*corners.T).max() <= marks.REACH * assembly.size * (1.0 + 1e-9)
 
 
@@ -338,9 +330,7 @@ def test_results_without_mechanism_say_so(status: Status, word: str) -> None:
 
 
 def test_wide_scenes_are_stacked() -> None:
-    assembly = block_on_ground(
-        [{"element": "c0r0", "force": [1.0, 0.0]}], rows=("a" * 30, "#" + "." * 28 + "#")
-    )
+    assembly = block_on_ground([{"element": "c0r0", "force": [1.0, 0.0]}], rows=("a" * 30, "#" + "." * 28 + "#"))
     figure = figure_of_result(outcome(assembly))
     assert len({round(ax.get_position().x0, 6) for ax in figure.axes}) == 1
 

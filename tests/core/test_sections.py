@@ -14,9 +14,7 @@ Array = NDArray[np.float64]
 
 TRIANGLE = np.array([[0.0, 0.0], [3.0, 0.4], [0.7, 2.0]])
 PENTAGON = np.array([[0.0, 0.0], [2.0, -0.3], [3.1, 1.0], [1.5, 2.2], [-0.4, 1.3]])
-NOTCHED = np.array(
-    [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.5, 3.0], [2.5, 1.0], [1.5, 1.0], [1.5, 3.0], [0.0, 3.0]]
-)
+NOTCHED = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.5, 3.0], [2.5, 1.0], [1.5, 1.0], [1.5, 3.0], [0.0, 3.0]])
 
 
 def disc(corners: int, radius: float = 1.0) -> Array:
@@ -59,9 +57,7 @@ def torsion_length_by_quadrature(polygon: Array) -> float:
 def test_torsion_length_equals_quadrature(polygon: Array) -> None:
     """METHOD §2: c_T = (1/A) ∫ r dA about the centroid; 1e-12 relative."""
     far = polygon + np.array([3.0, -7.0])
-    assert sections.torsion_length(far[None])[0] == pytest.approx(
-        torsion_length_by_quadrature(polygon), rel=1e-12
-    )
+    assert sections.torsion_length(far[None])[0] == pytest.approx(torsion_length_by_quadrature(polygon), rel=1e-12)
 
 
 def test_torsion_length_of_rectangles_in_closed_form() -> None:
@@ -92,9 +88,7 @@ def test_torsion_length_where_an_edge_points_at_the_centroid() -> None:
     half = quarter(2.0, 1.0) + quarter(1.0, 1.0)
     for noise in (0.0, 1e-9, 1e-13, 1e-16, 1e-170):
         moved = ess + noise * np.cos(np.arange(16).reshape(8, 2))
-        assert sections.torsion_length(moved[None])[0] == pytest.approx(
-            2.0 * half / 6.0, rel=1e-13 + 10.0 * noise
-        )
+        assert sections.torsion_length(moved[None])[0] == pytest.approx(2.0 * half / 6.0, rel=1e-13 + 10.0 * noise)
 
 
 @pytest.mark.parametrize("polygon", [TRIANGLE, PENTAGON, NOTCHED], ids=["triangle", "pentagon", "notched"])

@@ -36,9 +36,7 @@ SHAPES = [OBLONG, TRIANGLE, IRREGULAR, ELL, TURNED]
 MATERIALS: dict[str, dict[str, dict[str, float]]] = {
     "plain": {},
     "no tension": {"inner": {"tensile_strength": 0.0, "shear_strength": 0.8}},
-    "crushable inside": {
-        "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 3.0}
-    },
+    "crushable inside": {"inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 3.0}},
     "crushable": {
         "dry": {"friction_coefficient": 0.7, "compressive_strength": 2.0},
         "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 3.0},
@@ -305,17 +303,13 @@ def test_variants_that_stand_by_strength_fall_without_it() -> None:
     assert ClarabelRoute().solve(template(built, "kern").program(built.labels)).status is RawStatus.INFEASIBLE
     with pytest.raises(AssertionError, match="infeasible"):
         load_factor(variant_document("glued"), kern=True)
-    soft, softer = (
-        solved(build_assembly(parse_scene(variant_document(name)))) for name in ("soft", "softer")
-    )
+    soft, softer = (solved(build_assembly(parse_scene(variant_document(name)))) for name in ("soft", "softer"))
     hard = variant_document("soft")
     del hard["materials"]["dry"]["compressive_strength"]
     assert softer < soft - 1e-3 < solved(build_assembly(parse_scene(hard))) - 2e-3
 
 
-@pytest.mark.parametrize(
-    ("bending", "expected"), [("paper", np.sqrt(2.0) / 3.0), ("kern", np.sqrt(2.0) / 6.0)]
-)
+@pytest.mark.parametrize(("bending", "expected"), [("paper", np.sqrt(2.0) / 3.0), ("kern", np.sqrt(2.0) / 6.0)])
 def test_uncoupled_bending_against_kern(bending: InnerBending, expected: float) -> None:
     """METHOD §2: two cubes loaded at 45°, inner joint without tensile strength: 0.471 against 0.236."""
     blocks = [box("top", [0, 0, 1], [1, 1, 2]), box("low", [0, 0, 0], [1, 1, 1])]

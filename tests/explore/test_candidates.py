@@ -178,9 +178,7 @@ def test_refusals_name_the_key(rows: list[str], search: dict[str, Any], message:
 def test_contradicting_scene_labels_are_refused_only_without_slits() -> None:
     document = grid_document(SQUARE, candidates=[["c0r0", "c1r0"]])
     document["labels"] = {"default": "inner", "dry": [["c0r1", "c0r2"]]}
-    with pytest.raises(
-        InputError, match=r"search\.segmentation: the face 'c0r1', 'c0r2' is fixed dry inside a block"
-    ):
+    with pytest.raises(InputError, match=r"search\.segmentation: the face 'c0r1', 'c0r2' is fixed dry inside a block"):
         space_of(document)
     document["search"]["segmentation"] = False
     assert space_of(document).candidates.sum() == 1
@@ -262,8 +260,7 @@ def test_labels_strengths_and_candidates_break_symmetry() -> None:
         {"elements": [f"{c}r1", f"{c}r2"], "polygon": polygon} for c, polygon in ends.items()
     ]
     contacts += [
-        {"elements": [f"{c}r0", f"{c}r1"], "polygon": [[x, 0.2], [x + 0.1, 0.2]]}
-        for c, x in (("c0", 0), ("c1", 0.1))
+        {"elements": [f"{c}r0", f"{c}r1"], "polygon": [[x, 0.2], [x + 0.1, 0.2]]} for c, x in (("c0", 0), ("c1", 0.1))
     ]
     document["interfaces"] = contacts
     assert len(space_of(document).group) == 2

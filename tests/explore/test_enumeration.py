@@ -50,8 +50,7 @@ def in_space(space: SearchSpace, labels: tuple[bool, ...]) -> bool:
     for a, b in links + [tuple(pair) for pair in space.graph.touching.tolist()]:
         name[root(a)] = root(b)
     if search.segmentation and any(
-        dry and root(a) == root(b)
-        for a, b, dry in zip(faces.a.tolist(), faces.b.tolist(), labels, strict=True)
+        dry and root(a) == root(b) for a, b, dry in zip(faces.a.tolist(), faces.b.tolist(), labels, strict=True)
     ):
         return False
     members: dict[int, list[int]] = {}
@@ -60,9 +59,7 @@ def in_space(space: SearchSpace, labels: tuple[bool, ...]) -> bool:
 
     def ok(value: float, bounds: Any) -> bool:
         low, high = bounds
-        return (low is None or value >= low - 1e-9 * abs(low)) and (
-            high is None or value <= high + 1e-9 * abs(high)
-        )
+        return (low is None or value >= low - 1e-9 * abs(low)) and (high is None or value <= high + 1e-9 * abs(high))
 
     for block in members.values():
         corners = np.vstack([elements.shape[i] for i in block])

@@ -22,9 +22,7 @@ def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int
     """Smallest index in each element's block, by repeated relabelling."""
     name = list(range(len(assembly.elements)))
     faces = assembly.interfaces
-    links = [
-        (int(a), int(b)) for a, b, dry in zip(faces.a, faces.b, labels, strict=True) if not dry
-    ] + touching
+    links = [(int(a), int(b)) for a, b, dry in zip(faces.a, faces.b, labels, strict=True) if not dry] + touching
     changed = True
     while changed:
         changed = False

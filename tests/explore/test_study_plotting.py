@@ -71,8 +71,7 @@ def front_of(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:
     value = known[count].to_numpy(dtype=float) * (1.0 if sense == "max" else -1.0)
     load = known["load_factor"].to_numpy(dtype=float)
     kept = [
-        not np.any((value >= v) & (load >= p) & ((value > v) | (load > p)))
-        for v, p in zip(value, load, strict=True)
+        not np.any((value >= v) & (load >= p) & ((value > v) | (load > p))) for v, p in zip(value, load, strict=True)
     ]
     return known[np.array(kept, dtype=bool)]
 
@@ -82,9 +81,7 @@ def numbers(figure: Figure) -> list[str]:
 
 
 @pytest.mark.parametrize(("count", "sense"), [("dry_faces", "max"), ("dry_length", "max"), ("blocks", "min")])
-def test_front_and_all_rows_are_on_the_axes(
-    assembly: Assembly, results: pd.DataFrame, count: str, sense: str
-) -> None:
+def test_front_and_all_rows_are_on_the_axes(assembly: Assembly, results: pd.DataFrame, count: str, sense: str) -> None:
     front = front_of(results, count, sense)
     figure = plot_pareto(results, front, assembly, count=count, sense=sense)
     ax = figure.axes[0]
@@ -185,9 +182,7 @@ def test_dry_frequency_counts_the_best_rows(assembly: Assembly, results: pd.Data
 
 def test_convergence_shows_the_best_so_far_over_solves_and_seconds() -> None:
     blank = float("nan")
-    first = pd.DataFrame(
-        {"solves": [1, 2, 3, 4], "seconds": [0.1, 0.2, 0.3, 0.4], "best": [blank, 2.0, 1.0, 5.0]}
-    )
+    first = pd.DataFrame({"solves": [1, 2, 3, 4], "seconds": [0.1, 0.2, 0.3, 0.4], "best": [blank, 2.0, 1.0, 5.0]})
     none = pd.DataFrame({"solves": [1], "seconds": [0.1], "best": [blank]})
     figure = plot_convergence({"random": first, "nothing": none})
     solves, seconds = figure.axes

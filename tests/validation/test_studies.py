@@ -5,7 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from studies import leonardo_flat_arch, one_block_two_cubes, semicircular_arch, t_block, walls_of_section_3_1
+from studies import (
+    leonardo_flat_arch,
+    one_block_two_cubes,
+    semicircular_arch,
+    t_block,
+    wall_with_opening,
+    walls_of_section_3_1,
+)
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -83,3 +90,13 @@ def test_leonardo_flat_arch(tmp_path: Path) -> None:
     assert own["zero_lowest_N"] > (4000.0 - 6 * 1400 * 9.81 * 1e-3) / 3.0
     assert own["zero_lowest_N"] < 0.75 * own["associative_N"]
     assert best["associative_N"] > 1.1 * own["associative_N"]
+
+
+def test_wall_with_opening(tmp_path: Path) -> None:
+    """No layout beats sliding on the base, the best reach it, and the usual bond does not."""
+    table = wall_with_opening.run(tmp_path, quick=True)
+    written(tmp_path, wall_with_opening.NAME)
+    front, bond = table[table["layout"] == "strongest"], table[table["layout"] == "running bond"]
+    assert front["load_factor"].max() == pytest.approx(wall_with_opening.FRICTION, rel=1e-6)
+    assert front["proven"].all()
+    assert bond["load_factor"].item() == pytest.approx(0.685828, rel=1e-5)
