@@ -185,15 +185,17 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
             "damping of the iteration: the arch is confined, and without dilation the thrust it starts with decides. "
             "One number without its start is not an answer; 1312 N can be no exception.",
             f"Between rigid abutments the same five blocks carry {confined.load_factor:.0f} N with dilation, and "
-            f"without anything found between {confined_zero.min():.3g} and {confined_zero.max():.0f} N: only the thrust that "
-            "is there beforehand holds them.",
+            f"without anything found between {confined_zero.min():.3g} and {confined_zero.max():.0f} N: only the "
+            "thrust "
+            "that is there beforehand holds them.",
             "Two faces that shear at τA, less the weight of six cells, would give (4000 − 82)/3 = 1306 N: the crack "
             "beside the bearings with next to no friction, which the lowest solutions come close to.",
             f"Of {len(results)} classes of segmentations into blocks of {LIMITS[0]}–{LIMITS[1]} cells, "
             f"{int(counts.get('unstable', 0))} do not stand and {better} beat this arch. The strongest carries "
             f"{best.load_factor:.0f} N, {gain:.2f} times as much (associative friction, "
             f"{'every class solved: proven' if proven else 'not proven'}); with at most five blocks "
-            f"{five['load_factor']:.0f} N. Without dilation it was found between {zero_best.min():.0f} and {zero_best.max():.0f} N.",
+            f"{five['load_factor']:.0f} N. Without dilation it was found between "
+            f"{zero_best.min():.0f} and {zero_best.max():.0f} N.",
         ),
         pictures={
             "": "Top: our layout, forces and mechanism with dilation, and the mechanism of the lowest one without. "

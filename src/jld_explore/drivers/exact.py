@@ -1,8 +1,8 @@
 """The strongest segmentation, proven: incumbents by the genetic driver, bounds by mixed-integer programs.
 
 What is trusted: every λ reported comes from a limit analysis with its own bracket. The upper bound over the whole
-space is the branch-and-bound bound of the solver, whose rows and integrality hold to the tolerances in `milp`; a program
-asked for λ above the incumbent by `_STEP` and found infeasible bounds λ by that.
+space is the branch-and-bound bound of the solver, whose rows and integrality hold to the tolerances in `milp`; a
+program asked for λ above the incumbent by `_STEP` and found infeasible bounds λ by that.
 
 Spaces the programs do not cover (spatial scenes, slits, blocks that hold supports, compressive strengths of joints,
 normal forces without a bound, too many possible blocks) are enumerated, which proves the same.
