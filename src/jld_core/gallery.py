@@ -326,3 +326,23 @@ def leonardo_flat_arch(
             "search": search or {},
         }
     )
+
+
+def wall_with_opening(rows: list[str], friction: float = 0.75, search: dict[str, Any] | None = None) -> Scene:
+    """A wall of cells 0.4 m long, 0.3 m high and thick under a horizontal body load; 2000 kg/m³, σt = τ = 0.2 MPa.
+
+    rows: as in a scene file, "." in the opening. friction: coefficient. search: as in a scene file.
+    """
+    return parse_scene(
+        {
+            "name": "wall with an opening",
+            "grid": {"cell": [0.4, 0.3], "thickness": 0.3, "rows": rows},
+            "materials": {
+                "density": 2000,
+                "dry": {"friction_coefficient": friction},
+                "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+            },
+            "loads": {"live": [{"body": [1, 0]}]},
+            "search": search or {},
+        }
+    )
