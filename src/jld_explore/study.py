@@ -124,8 +124,8 @@ class Study:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
         settings = replace(self.settings, prove=self.certificates)
         workers = Workers(Recipe.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces))
-        rows = unpack(self.store.rows["labelling"], self.store.faces)
-        if len(rows):
+        if self.driver.remembers and len(self.store):
+            rows = unpack(self.store.rows["labelling"], self.store.faces)
             known = [self.store.find(labels) for labels in rows]
             self.driver.recall(rows, [evaluation for evaluation in known if evaluation is not None])
         deadline = None if self.seconds is None else self.started + self.seconds

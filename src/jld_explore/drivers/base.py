@@ -25,6 +25,9 @@ class Driver(ABC):
     repeated asks with the same limits.
     """
 
+    remembers: ClassVar[bool] = False
+    """Whether `recall` does anything."""
+
     name: ClassVar[str]
     """The word for it on the command line and in tables."""
 

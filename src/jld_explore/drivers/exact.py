@@ -78,6 +78,7 @@ class Exact(Driver):
     """Branch and bound over segmentations. aim: "best", or "front": the best for every value of the scene's count."""
 
     name = "exact"
+    remembers = True
 
     def __init__(self, space: SearchSpace, seed: int, aim: str = "best") -> None:
         if aim not in ("best", "front"):
