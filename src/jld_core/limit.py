@@ -110,6 +110,12 @@ class LimitAnalysis:
         status = self._judge(proof)
         if status is Status.UNCERTIFIED:
             status = self._try_harder(proof, raw, labels)
+        width = relative_width(proof.low, proof.high, self._floor)
+        crushing = self.template.precision is tolerances.CRUSHING
+        if status is Status.COLLAPSE and crushing and width > tolerances.CRUSHING_WIDTH:
+            # the margin that most crushable scenes need is more than this one does
+            refined = ClarabelRoute(tolerances.LINEAR.residual, iterative_refinement_enable=True)
+            self._repair(proof, self._attempt(proof, refined, labels, 10.0 * tolerances.LINEAR.margin), labels)
         if status is Status.COLLAPSE and relative_width(proof.low, proof.high, 0.0) > self.gap:
             # narrow beside the weight of the whole, wide beside λ: a vertex says whether λ is small or zero
             self._crossover(proof, raw, labels)

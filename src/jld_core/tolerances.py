@@ -30,6 +30,9 @@ FRICTION_CONES: Final = Precision(residual=1e-11, margin=1e-10)
 CRUSHING: Final = Precision(residual=1e-9, margin=1e-9)
 """Programs with cones of compressive strength, where forces are large and smaller residuals are not reached."""
 
+CRUSHING_WIDTH: Final = 3e-8
+"""Relative width of a bracket above which a crushable scene is solved once more, with refinement and less margin."""
+
 ROUNDING: Final = 1e-12
 """What a jump or a force that is zero by construction may show in floating point, relative to its vector."""
 
