@@ -130,6 +130,10 @@ def summary(
     best = None if ranked.empty else float(ranked["load_factor"].iloc[0])
     certain = complete and not (tally[str(Status.UNCERTIFIED)] or tally[str(Status.FAILED)])
     unbounded = bool(tally[str(Status.LOCKED)])
+    if results["load_factor_zero_dilation"].notna().any():
+        # answers without dilation are not unique, so none is proven; associative λ bounds them all
+        bound = float(ranked["load_factor_associative"].max()) if certain and not ranked.empty else bound
+        certain = False
     if certain and not ranked.empty and not unbounded:
         bound = float(ranked["bracket_hi"].max())
     gap = None
