@@ -48,7 +48,7 @@ _SMALL: Final = 2
 """Elements in the largest block up to which blocks carry their own forces."""
 
 _ROUNDS: Final = 3
-"""Rounds of bounds on normal forces."""
+"""Rounds of bounds on normal forces where faces carry them; blocks with forces of their own need but one."""
 
 
 @dataclass(frozen=True)
@@ -204,11 +204,10 @@ class Exact(Driver):
         low = self._incumbent(target)
         least = low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
         caps = tighten(
-            self._builder, open_caps(len(self.space.fixed), least / self._scale), _ROUNDS, lambda: self._late
+            self._builder, open_caps(len(self.space.fixed), least / self._scale), self._rounds, lambda: self._late
         )
         if caps is None:
-            if not self._late:
-                self._give_way()
+            self._give_way()
             return None
         ceiling = least if math.isfinite(low) else -math.inf
         if caps.most <= caps.least:
@@ -216,6 +215,8 @@ class Exact(Driver):
             return None
         bound = min(best.bound, caps.most * self._scale)
         self.found[target] = replace(best, bound=bound)
+        if self._late:
+            return None
         form = self._formulation(caps, target)
         outcome = self._run(form, target, max(least, 0.0))
         if outcome.status == "infeasible":
@@ -237,11 +238,16 @@ class Exact(Driver):
         proposed: Bits = labels[None]
         return proposed
 
+    @property
+    def _rounds(self) -> int:
+        assert self._blocks is not None
+        largest = max((len(members) for members in self._blocks.members), default=0)
+        return 1 if largest <= _SMALL else _ROUNDS
+
     def _formulation(self, caps: Caps, target: int | None) -> Formulation:
         assert self._builder is not None
         assert self._blocks is not None
-        largest = max((len(members) for members in self._blocks.members), default=0)
-        form = self._builder.pieces(caps) if largest <= _SMALL else self._builder.faces(caps)
+        form = self._builder.pieces(caps) if self._rounds == 1 else self._builder.faces(caps)
         program = form.program
         if target is not None:
             free = float(self.space.assembly.free_faces.sum())

@@ -30,6 +30,8 @@ def open_caps(faces: int, least: float) -> Caps:
 def tighten(builder: Builder, caps: Caps, rounds: int, stop: Callable[[], bool]) -> Caps | None:
     """Caps from the relaxation of formulation F, `rounds` times over; None where N or λ has no bound.
 
+    Stopped early, some caps are left open.
+
     A relaxation without any point means that nothing reaches caps.least: then caps.most is −inf.
     """
     for _ in range(rounds):
@@ -78,6 +80,5 @@ def _round(builder: Builder, caps: Caps, stop: Callable[[], bool]) -> Caps | Non
                 return None
             table[face] = min(float(table[face]), max(value, 0.0) * (1.0 + _ALLOWANCE) + _ALLOWANCE)
             if stop():
-                finite = bool(np.all(dry[form.normals[0] >= 0] < INF) and np.all(inner[form.normals[1] >= 0] < INF))
-                return replace(caps, dry=dry, inner=inner, most=most) if finite else None
+                return replace(caps, dry=dry, inner=inner, most=most)
     return replace(caps, dry=dry, inner=inner, most=most)
