@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from studies import (
+    corner,
     leonardo_flat_arch,
     one_block_two_cubes,
     semicircular_arch,
@@ -13,6 +14,8 @@ from studies import (
     wall_with_opening,
     walls_of_section_3_1,
 )
+from studies.__main__ import STUDIES, gallery
+from studies.report import RESULTS
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -100,3 +103,22 @@ def test_wall_with_opening(tmp_path: Path) -> None:
     assert front["load_factor"].max() == pytest.approx(wall_with_opening.FRICTION, rel=1e-6)
     assert front["proven"].all()
     assert bond["load_factor"].item() == pytest.approx(0.685828, rel=1e-5)
+
+
+def test_corner(tmp_path: Path) -> None:
+    """Interlocking beats a straight joint in every direction; nothing beats sliding, and no bond the regular one."""
+    table = corner.run(tmp_path, quick=True)
+    written(tmp_path, corner.NAME)
+    wide = table[table["part"] == "direction"].pivot(index="degrees", columns="bond", values="load_factor")
+    assert (wide["interlocking"] > 1.1 * wide["plain"]).all()
+    assert wide.to_numpy().max() <= 0.6 * (1.0 + 1e-6)
+    regular = corner.solved(3, corner.OUTWARD, "interlocking").load_factor
+    assert table[table["part"] == "all bonds"]["load_factor"].item() == pytest.approx(regular, rel=1e-4)
+
+
+def test_gallery_page_is_that_of_the_results() -> None:
+    """The page that the README links holds every study's page, as it lies in the repository."""
+    assert (RESULTS / "README.md").read_text("utf-8") == gallery(RESULTS)
+    for name in STUDIES:
+        assert f"({name}.png)" in gallery(RESULTS)
+        assert (RESULTS / f"{name}.png").stat().st_size < 300_000
