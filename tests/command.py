@@ -42,7 +42,7 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *a
 
 def command(*arguments: str | Path) -> list[str]:
     """The same as a command for a process of its own."""
-    return [sys.executable, "-m", "jld_explore.cli", *map(str, arguments)]
+    return [sys.executable, "-m", "jld_explore", *map(str, arguments)]
 
 
 def environment() -> dict[str, str]:
