@@ -10,26 +10,11 @@ from hypothesis import strategies as st
 from cases import CASES, grid_assembly
 from jld_core import LimitAnalysis, Status
 from jld_core.limit import Proof
-from jld_core.program import ConicProgram
-from jld_core.solvers import ClarabelRoute, RawSolution
+from jld_core.solvers import ClarabelRoute
+from noisy import Noisy
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
 ANALYSES = {name: LimitAnalysis(grid_assembly(CASES[name][0], **CASES[name][1])) for name in NAMES}
-
-
-class Noisy:
-    """A route that spoils the answer of another."""
-
-    name = "noisy"
-
-    def __init__(self, level: float, seed: int) -> None:
-        self._route, self._level, self._rng = ClarabelRoute(), level, np.random.default_rng(seed)
-
-    def solve(self, program: ConicProgram) -> RawSolution:
-        raw = self._route.solve(program)
-        spoil = [v * (1.0 + self._level * self._rng.standard_normal(len(v))) for v in (raw.point, raw.dual)]
-        spoil = [v + self._level * self._rng.standard_normal(len(v)) for v in spoil]
-        return RawSolution(raw.status, spoil[0], spoil[1], raw.iterations, raw.seconds)
 
 
 @settings(max_examples=120, deadline=None, derandomize=True)

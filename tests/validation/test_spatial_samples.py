@@ -18,8 +18,7 @@ from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.limit import Proof
-from jld_core.program import ConicProgram
-from jld_core.solvers import ClarabelRoute, RawSolution
+from noisy import Noisy
 from paths import SCENES
 from reference_spatial import load_factor
 from transforms import as_elements
@@ -142,20 +141,6 @@ def test_random_assemblies_against_an_independent_statement(seed: int) -> None:
         assert result.load_factor == pytest.approx(load_factor(stated), rel=1e-6, abs=1e-7)
     else:
         assert result.status in (Status.LOCKED, Status.UNSTABLE)
-
-
-class Noisy:
-    """A route that spoils the answer of another."""
-
-    name = "noisy"
-
-    def __init__(self, level: float, seed: int) -> None:
-        self._route, self._level, self._rng = ClarabelRoute(), level, np.random.default_rng(seed)
-
-    def solve(self, program: ConicProgram) -> RawSolution:
-        raw = self._route.solve(program)
-        point, dual = (v + self._level * self._rng.standard_normal(len(v)) for v in (raw.point, raw.dual))
-        return RawSolution(raw.status, point, dual, raw.iterations, raw.seconds)
 
 
 def test_a_spatial_bracket_holds_under_noise() -> None:
