@@ -66,16 +66,7 @@ class ClarabelRoute:
         else:
             self._set_up(program)
             self.rebuilds += 1
-        answer = self._solver.solve()
-        name = str(answer.status)
-        return RawSolution(
-            status=_STATUS.get(name, RawStatus.FAILED),
-            point=np.array(answer.x),
-            dual=np.array(answer.z),
-            iterations=int(answer.iterations),
-            seconds=time.perf_counter() - start,
-            note=name,
-        )
+        return raw_solution(self._solver.solve(), start)
 
     def _set_up(self, program: ConicProgram) -> None:
         s = program.structure
@@ -83,9 +74,28 @@ class ClarabelRoute:
         tolerance = self._tolerance or usual.residual
         for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
             setattr(self._settings, key, tolerance)
-        cones = [clarabel.ZeroConeT(s.equalities), clarabel.NonnegativeConeT(s.linear)]
-        cones += [clarabel.SecondOrderConeT(size) for size in s.cones]
         nothing = sp.csc_matrix((s.shape[1], s.shape[1]))
         matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
-        self._solver = clarabel.DefaultSolver(nothing, program.objective, matrix, program.rhs, cones, self._settings)
+        self._solver = clarabel.DefaultSolver(
+            nothing, program.objective, matrix, program.rhs, cones_of(s), self._settings
+        )
         self._structure = s
+
+
+def cones_of(structure: Structure) -> list[Any]:
+    """The cones of a structure, in Clarabel's words."""
+    linear = [clarabel.ZeroConeT(structure.equalities), clarabel.NonnegativeConeT(structure.linear)]
+    return linear + [clarabel.SecondOrderConeT(size) for size in structure.cones]
+
+
+def raw_solution(answer: Any, start: float) -> RawSolution:
+    """Clarabel's answer in the shape of every route. start: clock reading when the solve began."""
+    name = str(answer.status)
+    return RawSolution(
+        status=_STATUS.get(name, RawStatus.FAILED),
+        point=np.array(answer.x),
+        dual=np.array(answer.z),
+        iterations=int(answer.iterations),
+        seconds=time.perf_counter() - start,
+        note=name,
+    )

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 
 from jld_core.assembly import Floats
 from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.clarabel_ import _STATUS
-from jld_core.solvers.status import RawSolution, RawStatus
+from jld_core.solvers.clarabel_ import cones_of, raw_solution
+from jld_core.solvers.status import RawSolution
 
 
 class ProximalRoute:
@@ -52,23 +52,12 @@ class ProximalRoute:
             self._solver.update(A=program.data, b=program.rhs, q=objective)
         else:
             self._set_up(program, objective)
-        answer = self._solver.solve()
-        name = str(answer.status)
-        return RawSolution(
-            status=_STATUS.get(name, RawStatus.FAILED),
-            point=np.array(answer.x),
-            dual=np.array(answer.z),
-            iterations=int(answer.iterations),
-            seconds=time.perf_counter() - start,
-            note=name,
-        )
+        return raw_solution(self._solver.solve(), start)
 
     def _set_up(self, program: ConicProgram, objective: Floats) -> None:
         s = program.structure
-        cones = [clarabel.ZeroConeT(s.equalities), clarabel.NonnegativeConeT(s.linear)]
-        cones += [clarabel.SecondOrderConeT(size) for size in s.cones]
         place = np.arange(self._count)
         quadratic = sp.csc_matrix((np.full(self._count, self._weight), (place, place)), shape=(s.shape[1], s.shape[1]))
         matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
-        self._solver = clarabel.DefaultSolver(quadratic, objective, matrix, program.rhs, cones, self._settings)
+        self._solver = clarabel.DefaultSolver(quadratic, objective, matrix, program.rhs, cones_of(s), self._settings)
         self._structure = s
