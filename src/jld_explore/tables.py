@@ -13,6 +13,7 @@ from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
 from jld_explore.drivers.ranking import ORDER
+from jld_explore.evaluator import CERTIFICATE
 from jld_explore.labelling import unpack
 from jld_explore.pareto import on_front
 from jld_explore.store import Store, settled, statuses
@@ -152,7 +153,7 @@ def summary(
         "labellings": int(results["multiplicity"].sum()),
         "evaluated": len(results),
         "solved": solved,
-        "settled": {name: int(number) for name, number in Counter(results["settled"]).items()},
+        "settled": int((results["settled"] == CERTIFICATE).sum()),
         "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
         "seconds": seconds,
         "rate": solved / seconds if seconds > 0.0 else None,
