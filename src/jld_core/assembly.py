@@ -115,7 +115,8 @@ class Assembly:
 
     dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
     units; dead holds self-weight and is never scaled by λ. labels: (m,) the labels the scene itself gives.
-    live_points: places and vectors of the live point forces, for drawing.
+    live_points: places and vectors of the live point forces, for drawing. In a notebook it shows
+    what is modelled.
     """
 
     name: str
@@ -160,3 +161,17 @@ class Assembly:
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
         return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)
+
+    @cached_property
+    def _drawing(self) -> str | None:
+        from jld_core import notebook  # it needs the program of an assembly, which needs this module
+
+        return notebook.svg_of_assembly(self)
+
+    def _repr_svg_(self) -> str | None:
+        return self._drawing
+
+    def _repr_html_(self) -> str:
+        from jld_core import notebook
+
+        return notebook.page(self.name, notebook.facts_of_assembly(self), self._drawing)

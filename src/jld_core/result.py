@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from jld_core import notebook
 from jld_core.assembly import Assembly, Bits, Floats
 from jld_core.solvers.status import Status
 
@@ -18,7 +20,7 @@ class LimitAnalysisResult:
     load_factor: λ, NaN where none. bracket: (lo, hi), NaN where an end is unproven or infinite. gap: relative
     width. labels: (m,). forces: (m, q) resultants in scene units, admissible at `bracket[0]` (planar N, V, M;
     spatial N, V1, V2, M1, M2, MT). mechanism: (n, q) velocities about the centroids with b_λ·u = 1, or None.
-    route: what was done, in order. seconds: assemble, solve, total.
+    route: what was done, in order. seconds: assemble, solve, total. In a notebook it shows its facts and drawing.
     """
 
     assembly: Assembly
@@ -74,6 +76,16 @@ class LimitAnalysisResult:
             "mechanism": mechanism,
             "forces": forces,
         }
+
+    @cached_property
+    def _drawing(self) -> str | None:
+        return notebook.svg_of_result(self)
+
+    def _repr_svg_(self) -> str | None:
+        return self._drawing
+
+    def _repr_html_(self) -> str:
+        return notebook.page(self.assembly.name, notebook.facts_of_result(self), self._drawing)
 
 
 def number(value: float) -> float | None:

@@ -9,13 +9,13 @@ import re
 import signal
 import sys
 import warnings
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
 
-from jld_core import plotting
 from jld_core._version import __version__
 from jld_core.analysis import solve as solve_assembly
 from jld_core.assembly import Assembly
@@ -157,6 +157,8 @@ def solve(
 
 def _write_result(result: LimitAnalysisResult, out: Path) -> None:
     check_writable(out)
+    from jld_core import plotting  # matplotlib takes longer to import than most scenes to solve
+
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
     figure = plotting.figure_of_result(result)
@@ -230,7 +232,7 @@ def plot(
         done = read_folder(source)
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
-            done = type(done)(**{**done.__dict__, "folder": out})
+            done = replace(done, folder=out)
         for path in write_pictures(done):
             _say(str(path))
         return
@@ -238,6 +240,8 @@ def plot(
     target = out or source.with_suffix(".png")
     if target.suffix not in (".png", ".svg", ".pdf"):
         raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
+    from jld_core import plotting
+
     plotting.save_figure(plotting.figure_of_assembly(assembly), target)
     _say(str(target))
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import pandas as pd
 
 from jld_core.assembly import Assembly
-from jld_core.program import Template
+from jld_core.notebook import facts_of_assembly, facts_of_result
 from jld_core.result import LimitAnalysisResult
 from jld_core.scene import Scene
+from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
 
 if TYPE_CHECKING:
@@ -19,85 +20,75 @@ if TYPE_CHECKING:
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
     """What `jld check` prints: dimension, counts, loads, program size, candidates, symmetries."""
-    elements, faces = found.elements, found.interfaces
-    length, force = found.units
-    structure = Template(found).structure
-    dry = int(np.count_nonzero(found.labels))
-    kind = "second-order cone program" if structure.cones else "linear program"
     spots = int(np.count_nonzero(space.candidates))
-    lines = [
-        f"scene        {scene.name}",
-        f"dimension    {'planar' if found.dimension == 2 else 'spatial'}",
-        f"elements     {len(elements)}: {len(elements.free)} free, {int(elements.support.sum())} supports",
-        f"interfaces   {len(faces)}: {dry} dry, {len(faces) - dry} inner in the scene's own labelling",
-        f"dead load    {found.total_dead:.6g} {force} in total",
-        f"live load    {found.total_live:.6g} {force} in total, times λ",
-        f"program      {kind}, {structure.shape[1]} unknowns, {structure.equalities} equations, "
-        f"{structure.linear - 1} inequalities, {len(structure.cones)} cones",
-        f"size         {found.size:.6g} {length}",
-        f"candidates   {spots} of {len(faces)} faces may be dry or inner",
-        f"symmetries   {len(space.group)} (with the identity)",
-    ]
-    return "\n".join(lines)
+    return _lines(
+        {
+            "scene": scene.name,
+            **facts_of_assembly(found),
+            "candidates": f"{spots} of {len(found.interfaces)} faces may be dry or inner",
+            "symmetries": f"{len(space.group)} (with the identity)",
+        }
+    )
 
 
 def result(found: LimitAnalysisResult) -> str:
     """What `jld solve` prints."""
-    low, high = found.bracket
-    bracket = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in (low, high))
-    lines = [
-        f"status       {found.status}",
-        f"λ            {'none' if math.isnan(found.load_factor) else f'{found.load_factor:.12g}'}",
-        f"bracket      {bracket}" + ("" if math.isnan(found.gap) else f"   (relative width {found.gap:.1e})"),
-        f"stands at 0  {'undecided' if found.stands_at_zero is None else 'yes' if found.stands_at_zero else 'no'}",
-        f"route        {', '.join(found.route)}",
-        f"seconds      {found.seconds['total']:.3g} ({found.seconds['solve']:.3g} solving)",
-    ]
-    if found.friction == "zero-dilation":
-        extra = found.extra
-        lines[3:3] = [
-            f"associative  {_shown(extra['associative_load_factor'])} (the only upper bound on every zero-dilation λ)",
-            f"evidence     violation {_shown(extra['friction_violation'])}, dilation {_shown(extra['dilation'])}, "
-            f"complementarity gap {_shown(extra['complementarity_gap'])}, "
-            + ("converged" if extra["converged"] else "not converged"),
-        ]
-    return "\n".join(lines)
+    return _lines(facts_of_result(found))
 
 
-def _shown(value: float | None) -> str:
-    return "none" if value is None else f"{value:.6g}"
+def _lines(facts: dict[str, str]) -> str:
+    return "\n".join(f"{name:<12} {value}" for name, value in facts.items())
 
 
-def exploration(done: Exploration, top: int = 10) -> str:
-    """What `jld explore` prints: the best rows, the front, and what is proven."""
-    columns = [
-        "rank",
-        "load_factor",
-        "bracket_lo",
-        "bracket_hi",
-        "dry_faces",
-        "blocks",
-        "largest_block_cells",
-        "labelling",
-    ]
+COLUMNS: Final = [
+    "rank",
+    "load_factor",
+    "bracket_lo",
+    "bracket_hi",
+    "dry_faces",
+    "blocks",
+    "largest_block_cells",
+    "labelling",
+]
+"""What is shown of a table of results."""
+
+
+def facts_of_exploration(done: Exploration) -> dict[str, str]:
+    """What a study found, by name: classes by status, why it stopped, the best λ and whether that is proven."""
     facts = done.summary
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
     proof = "proven strongest" if facts["proven"] and facts["best"] is not None else "not proven"
     if facts["unbounded"]:
         proof = "but some labellings are locked: they carry any load"
-    ranked = done.results[done.results["status"] == "collapse"]
+    return {
+        "classes": f"{facts['evaluated']} ({facts['labellings']} labellings): {counted}",
+        "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
+        "best λ": f"{best} ({proof})",
+    }
+
+
+def exploration(done: Exploration, top: int = 10) -> str:
+    """What `jld explore` prints: the best rows, the front, and what is proven."""
     return "\n".join(
         [
-            f"{facts['evaluated']} classes ({facts['labellings']} labellings): {counted}",
-            f"stopped      {facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
-            f"best λ       {best} ({proof})",
+            _lines(facts_of_exploration(done)),
             "",
-            ranked[columns].head(top).to_string(index=False),
+            best_rows(done, top).to_string(index=False),
             "",
-            f"front        λ against {done.scene.search.front.count} ({done.scene.search.front.sense})",
-            done.front[columns].to_string(index=False),
+            f"front        {front_name(done)}",
+            done.front[COLUMNS].to_string(index=False),
             "",
             f"written to   {done.folder}",
         ]
     )
+
+
+def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
+    """The first rows of the results that have a rank, in the columns that are shown."""
+    return done.results[done.results["status"] == str(Status.COLLAPSE)][COLUMNS].head(top)
+
+
+def front_name(done: Exploration) -> str:
+    """What the front weighs against what."""
+    return f"λ against {done.scene.search.front.count} ({done.scene.search.front.sense})"

@@ -6,18 +6,19 @@ import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from jld_core import plotting as core_plotting
+from jld_core import notebook
 from jld_core.analysis import solve
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
-from jld_explore import plotting, tables
+from jld_explore import describe, tables
 from jld_explore.candidates import SearchSpace, search_space
 from jld_explore.consult import NAME as ARCHIVE
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
@@ -29,13 +30,20 @@ from jld_explore.labelling import from_string
 from jld_explore.store import NAME, Store
 from jld_explore.study import Interrupted, Progress, StopReason, Study, versions
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 SMALL = 20_000
 """Classes up to which a space is enumerated when no driver is named."""
 
 
 @dataclass(frozen=True)
 class Exploration:
-    """A finished study: its tables (columns as in results.csv), its summary and its folder."""
+    """A finished study: its tables (columns as in results.csv), its summary and its folder.
+
+    results: one row per class, ranked. front: those of its rows that are on the front. summary: as in summary.json.
+    In a notebook it shows what was found, the front with its layouts, and the first rows of both tables.
+    """
 
     scene: Scene
     assembly: Assembly
@@ -44,6 +52,22 @@ class Exploration:
     summary: dict[str, Any]
     folder: Path
     stop_reason: StopReason
+
+    @cached_property
+    def _drawing(self) -> str | None:
+        if len(self.assembly.elements) > notebook.LARGEST:
+            return None
+        from jld_core.plotting import svg_of
+
+        return svg_of(_front_picture(self))
+
+    def _repr_svg_(self) -> str | None:
+        return self._drawing
+
+    def _repr_html_(self) -> str:
+        tables_of = {"strongest": describe.best_rows(self), f"front, {describe.front_name(self)}": self.front}
+        parts = [f"<p>{name}</p>{table[describe.COLUMNS].to_html(index=False)}" for name, table in tables_of.items()]
+        return notebook.page(self.scene.name, describe.facts_of_exploration(self), self._drawing, *parts)
 
 
 @dataclass(frozen=True)
@@ -206,15 +230,16 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
 
 def write_pictures(done: Exploration) -> list[Path]:
     """Draw the front with its layouts and, where one was found, the best layout. Returns what was written."""
-    front_of = done.scene.search.front
+    from jld_core.plotting import save_figure
+    from jld_explore import plotting
+
     written = [done.folder / "pareto.png"]
-    figure = plotting.plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)
-    core_plotting.save_figure(figure, written[0])
+    save_figure(_front_picture(done), written[0])
     best = done.summary["best_labelling"]
     if best is not None:
         result = solve(done.assembly, from_string(best))
         written.append(done.folder / "best.png")
-        core_plotting.save_figure(plotting.plot_best(result), written[1])
+        save_figure(plotting.plot_best(result), written[1])
     pictures = {"distribution.png": plotting.plot_distribution(done.results)}
     pictures["dry_frequency.png"] = plotting.plot_dry_frequency(done.results, done.assembly)
     history = done.folder / tables.CONVERGENCE
@@ -222,8 +247,15 @@ def write_pictures(done: Exploration) -> list[Path]:
         pictures["convergence.png"] = plotting.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
     for name, figure in pictures.items():
         written.append(done.folder / name)
-        core_plotting.save_figure(figure, written[-1])
+        save_figure(figure, written[-1])
     return written
+
+
+def _front_picture(done: Exploration) -> Figure:
+    from jld_explore.plotting import plot_pareto
+
+    front_of = done.scene.search.front
+    return plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)
 
 
 def read_folder(folder: Path) -> Exploration:

@@ -1,0 +1,110 @@
+"""Results show themselves in a notebook: in a real kernel, as Jupyter would ask them."""
+
+from __future__ import annotations
+
+import base64
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
+
+import nbformat
+import numpy as np
+import pytest
+from nbclient import NotebookClient
+
+from jld_core import LimitAnalysisResult, build_assembly, load_scene, notebook, parse_scene, solve
+from paths import SCENES
+
+CELLS = (
+    "from pathlib import Path\n"
+    "from jld_core import build_assembly, load_scene, solve\n"
+    "from jld_explore.explore import ExploreSettings, explore\n"
+    "import sys\n"
+    f"scene = load_scene({str(SCENES / 'flat_beam_arch.json')!r})\n"
+    "assembly = build_assembly(scene)\n"
+    "result = solve(assembly)\n"
+    "assert 'matplotlib' not in sys.modules",
+    "assembly",
+    "result",
+    "explore(scene, Path('search'), ExploreSettings(driver='random', budget=30))",
+)
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """What the last three cells show, by media type."""
+    folder = tmp_path_factory.mktemp("notebook")
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in CELLS])
+    NotebookClient(book, timeout=120, resources={"metadata": {"path": str(folder)}}).execute()
+    return [dict(cell.outputs[-1].data) for cell in book.cells[1:]]
+
+
+def drawing(html: str) -> str:
+    (data,) = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
+    return base64.b64decode(data).decode()
+
+
+def test_each_shows_a_table_and_its_drawing(outputs: list[dict[str, Any]]) -> None:
+    for data in outputs:
+        assert ElementTree.fromstring(data["image/svg+xml"]).tag.endswith("svg")
+        assert drawing(data["text/html"]).split() == data["image/svg+xml"].split()
+        assert data["text/html"].count("<table") >= 1
+
+
+def test_tables_hold_the_facts(outputs: list[dict[str, Any]]) -> None:
+    modelled, solved, searched = (data["text/html"] for data in outputs)
+    assert "linear program" in modelled
+    assert "<td" in solved
+    assert "collapse" in solved
+    assert "relative width" in solved
+    assert "not proven" in searched
+    assert "30 (" in searched
+    assert searched.count("<table") == 3
+    assert "largest_block_cells" in searched
+
+
+def test_names_are_text_and_not_markup() -> None:
+    scene = load_scene(SCENES / "ferris_tinloi_1.json").model_copy(update={"name": "<b>wall</b> & arch"})
+    html = build_assembly(scene)._repr_html_()
+    assert "<b>" not in html
+    assert "&lt;b&gt;wall&lt;/b&gt; &amp; arch" in html
+
+
+def locked() -> LimitAnalysisResult:
+    """A cell between two supports, pressed against one of them."""
+    return solve(
+        build_assembly(
+            parse_scene(
+                {
+                    "name": "wedged",
+                    "grid": {"cell": [1.0, 1.0], "rows": ["#a#"]},
+                    "materials": {"density": 1.0, "dry": {"friction_coefficient": 0.6}},
+                    "loads": {"live": [{"element": "c1r0", "force": [1.0, 0.0]}]},
+                }
+            )
+        )
+    )
+
+
+def test_results_without_numbers_show_what_they_are() -> None:
+    result = locked()
+    assert "none" in result._repr_html_()
+    assert str(result.status) in result._repr_html_()
+    bare = replace(result, mechanism=None, forces=None, bracket=(np.nan, np.nan))
+    assert "<img" in bare._repr_html_()
+
+
+def test_large_ones_are_not_drawn_unasked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(notebook, "LARGEST", 2)
+    result = locked()
+    assert result._repr_svg_() is None
+    assert "<img" not in result._repr_html_()
+    assert "jld_core.plotting" in result._repr_html_()
+
+
+def test_drawing_code_is_not_imported_before_it_is_wanted() -> None:
+    asked = "import sys, jld_explore.cli; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
