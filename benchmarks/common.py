@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Sequence
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from jld_core.assembly import Bits
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "benchmarks" / "results"
+CPUINFO: Final = Path("/proc/cpuinfo")
 
 
 def wall(rows: int, columns: int, tension: float = 2e6, shear: float = 2e5) -> Assembly:
@@ -57,10 +59,34 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def write(name: str, text: str) -> None:
-    """Print a result and keep it in benchmarks/results, with the versions it depends on."""
-    packages = ", ".join(f"{p} {version(p)}" for p in ("clarabel", "highspy", "cvxpy", "numpy", "scipy"))
-    text = f"{text}\n\nPython {platform.python_version()}, {packages}, one thread.\n"
+def machine() -> str:
+    """The processor and how many of its cores there are, in words."""
+    names = [
+        line.partition(":")[2].strip()
+        for line in (CPUINFO.read_text(encoding="utf-8").splitlines() if CPUINFO.exists() else [])
+        if line.startswith("model name")
+    ]
+    return f"{names[0] if names else platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+
+
+def versions(packages: Sequence[str]) -> str:
+    """Names and versions of packages, those that are not installed left out."""
+    found = []
+    for package in packages:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            continue
+    return ", ".join(found)
+
+
+def write(name: str, text: str, also: Sequence[str] = ()) -> None:
+    """Print a result and keep it in benchmarks/results, with machine and versions that it depends on.
+
+    also: packages to name beside the usual ones.
+    """
+    packages = versions(("clarabel", "highspy", "cvxpy", "numpy", "scipy", *also))
+    text = f"{text}\n\n{machine()}; Python {platform.python_version()}, {packages}, one thread.\n"
     print(text)
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")

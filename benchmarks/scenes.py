@@ -1,0 +1,127 @@
+"""Scenes of given size that several benchmarks measure on: grids of cells, brick walls, cubes."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core import Scene, parse_scene
+
+LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
+GRIDS: Final = {
+    33: ["a" * 6] * 3 + ["######"],
+    88: ["a" * 6] * 8 + ["######"],
+    278: ["a" * 15] * 10 + ["#......#......#"],
+    2025: ["a" * 41] * 25 + ["#" * 41],
+}
+"""Rows of cells by the number of faces they make."""
+
+STRENGTH: Final = {"tensile_strength": 2e6, "shear_strength": 2e5}
+
+
+def bonded(rows: list[str], length: int = 2) -> list[str]:
+    """The same cells as blocks of `length` cells in running bond; neighbours have different letters."""
+    return [
+        "".join(
+            LETTERS[((column + (length // 2) * (row % 2)) // length + 3 * row) % 26] if cell == "a" else cell
+            for column, cell in enumerate(line)
+        )
+        for row, line in enumerate(rows)
+    ]
+
+
+def grid(
+    rows: list[str],
+    live: list[dict[str, Any]] | None = None,
+    inner: dict[str, float] = STRENGTH,
+    search: dict[str, Any] | None = None,
+) -> Scene:
+    """Cells of 0.1 m of the paper's stone: 1400 kg/m³, dry 30°. live: default a horizontal body load."""
+    return parse_scene(
+        {
+            "name": f"grid of {len(rows) - 1} rows",
+            "grid": {"cell": [0.1, 0.1], "thickness": 0.1, "rows": rows},
+            "materials": {"density": 1400, "dry": {"friction_angle": 30}, "inner": inner},
+            "loads": {"live": live or [{"body": [1, 0]}]},
+            "search": search or {},
+        }
+    )
+
+
+def box(name: str, low: tuple[float, ...], high: tuple[float, ...], **keys: Any) -> dict[str, Any]:
+    """A spatial element between two corners."""
+    ends = (low, high)
+    corners = [[ends[i][0], ends[j][1], ends[k][2]] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    return {"id": name, "vertices": corners, "faces": faces, **keys}
+
+
+def brick_boxes(
+    courses: int, bricks: int, wythes: int = 2, brick: tuple[float, float, float] = (0.2, 0.1, 0.06)
+) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
+    """Names and corners of the bricks of a wall in running bond, half bricks at the ends of every other course;
+    wythes are half a brick out of step. The last entry is the slab it stands on."""
+    length, width, height = brick
+    boxes: list[tuple[str, tuple[float, ...], tuple[float, ...]]] = []
+    for course in range(courses):
+        for wythe in range(wythes):
+            ends = np.arange(bricks + 1) * length
+            if (course + wythe) % 2:
+                ends = np.concatenate([[0.0], ends[:-1] + 0.5 * length, [bricks * length]])
+            for k, (left, right) in enumerate(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)):
+                low = (left, wythe * width, course * height)
+                boxes.append((f"b{course}.{wythe}.{k}", low, (right, (wythe + 1) * width, (course + 1) * height)))
+    wide = max(brick)
+    slab = ((-wide, -wide, -height), (bricks * length + wide, wythes * width + wide, 0.0))
+    return [*boxes, ("slab", *slab)]
+
+
+def brick_wall(
+    courses: int,
+    bricks: int,
+    direction: str = "out of plane",
+    wythes: int = 2,
+    brick: tuple[float, float, float] = (0.2, 0.1, 0.06),
+) -> Scene:
+    """A dry wall in running bond under a horizontal body load; friction 0.65. 10 × 5, 20 × 10 and 40 × 20 bricks
+    in two wythes are 110, 420 and 1 640 blocks.
+
+    direction: "out of plane" or "in plane". brick: length, width, height, m.
+    """
+    elements = [
+        box(name, low, high, **({"support": True} if name == "slab" else {}))
+        for name, low, high in brick_boxes(courses, bricks, wythes, brick)
+    ]
+    along = [0.0, 1.0, 0.0] if direction == "out of plane" else [1.0, 0.0, 0.0]
+    return parse_scene(
+        {
+            "name": f"brick wall of {len(elements) - 1} blocks, {direction}",
+            "elements": elements,
+            "materials": {"density": 2000, "dry": {"friction_coefficient": 0.65}},
+            "loads": {"live": [{"body": along}]},
+        }
+    )
+
+
+def cubes(side: int = 3, inner: float = 2e4) -> Scene:
+    """side³ cubes of 0.1 m on a slab, pushed at an upper corner; inner: σt = τ, Pa."""
+    elements = [
+        box(f"c{x}{y}{z}", (0.1 * x, 0.1 * y, 0.1 * z), (0.1 * (x + 1), 0.1 * (y + 1), 0.1 * (z + 1)))
+        for z in range(side)
+        for y in range(side)
+        for x in range(side)
+    ]
+    elements.append(box("base", (0.0, 0.0, -0.1), (0.1 * side, 0.1 * side, 0.0), support=True))
+    return parse_scene(
+        {
+            "name": f"cubes {side}×{side}×{side}",
+            "elements": elements,
+            "materials": {
+                "density": 1400,
+                "dry": {"friction_angle": 30},
+                "inner": {"tensile_strength": inner, "shear_strength": inner},
+            },
+            "loads": {"live": [{"element": f"c00{side - 1}", "force": [1, 0.3, 0]}]},
+        }
+    )
