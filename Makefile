@@ -9,7 +9,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: setup demo test check bench studies clean
+.PHONY: setup demo test check bench studies docs clean
 
 setup: $(VENV)/.done
 
@@ -31,11 +31,16 @@ check: setup
 test: check
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
+# without the programs to compare with, their benchmark says so and the others run
 bench: setup
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
 
 studies: setup
 	$(BIN)/python -m studies
+
+docs: setup
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
 
 clean:
 	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache .hypothesis
