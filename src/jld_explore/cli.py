@@ -9,7 +9,6 @@ import re
 import signal
 import sys
 import warnings
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -69,6 +68,12 @@ class Contact(StrEnum):
 class InnerBending(StrEnum):
     PAPER = "paper"
     KERN = "kern"
+
+
+class Picture(StrEnum):
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
 
 
 class Condense(StrEnum):
@@ -226,18 +231,18 @@ def plot(
         Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
     ],
     out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
+    kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
 ) -> None:
     """Draw a scene with its own labels, or draw a study's pictures again."""
     if source.is_dir():
         done = read_folder(source)
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
-            done = replace(done, folder=out)
-        for path in write_pictures(done):
+        for path in write_pictures(done, str(kind), out):
             _say(str(path))
         return
     _, assembly = _load(source)
-    target = out or source.with_suffix(".png")
+    target = out or source.with_suffix(f".{kind}")
     if target.suffix not in (".png", ".svg", ".pdf"):
         raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
     from jld_core import plotting

@@ -228,26 +228,27 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
     return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason)
 
 
-def write_pictures(done: Exploration) -> list[Path]:
-    """Draw the front with its layouts and, where one was found, the best layout. Returns what was written."""
+def write_pictures(done: Exploration, ending: str = "png", out: Path | None = None) -> list[Path]:
+    """Draw the front with its layouts and, where one was found, the best layout. Returns what was written.
+
+    ending: "png", "svg" or "pdf". out: folder written into, default the study's own.
+    Raises InputError for another ending.
+    """
     from jld_core.plotting import save_figure
     from jld_explore import plotting
 
-    written = [done.folder / "pareto.png"]
-    save_figure(_front_picture(done), written[0])
+    pictures = {"pareto": _front_picture(done)}
     best = done.summary["best_labelling"]
     if best is not None:
-        result = solve(done.assembly, from_string(best))
-        written.append(done.folder / "best.png")
-        save_figure(plotting.plot_best(result), written[1])
-    pictures = {"distribution.png": plotting.plot_distribution(done.results)}
-    pictures["dry_frequency.png"] = plotting.plot_dry_frequency(done.results, done.assembly)
+        pictures["best"] = plotting.plot_best(solve(done.assembly, from_string(best)))
+    pictures["distribution"] = plotting.plot_distribution(done.results)
+    pictures["dry_frequency"] = plotting.plot_dry_frequency(done.results, done.assembly)
     history = done.folder / tables.CONVERGENCE
     if history.exists():
-        pictures["convergence.png"] = plotting.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
-    for name, figure in pictures.items():
-        written.append(done.folder / name)
-        save_figure(figure, written[-1])
+        pictures["convergence"] = plotting.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
+    written = [(out or done.folder) / f"{name}.{ending}" for name in pictures]
+    for path, figure in zip(written, pictures.values(), strict=True):
+        save_figure(figure, path)
     return written
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from command import call
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene
 from jld_core.assembly import Assembly, Bits
 from jld_core.plotting import save_figure
@@ -197,3 +198,20 @@ def test_convergence_shows_the_best_so_far_over_solves_and_seconds() -> None:
 def test_best_is_the_full_picture(assembly: Assembly) -> None:
     figure = plot_best(LimitAnalysis(assembly).solve())
     assert len(figure.axes) == 3
+
+
+def test_pictures_are_drawn_again_as_vectors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All of them, that of the convergence too, which is read from the folder of the study."""
+    folder = tmp_path / "search"
+    call(monkeypatch, capsys, "explore", SCENE, "--out", folder, "--driver", "random", "--budget", "8", "--jobs", "1")
+    raster = {path.stem for path in folder.glob("*.png")}
+    out = tmp_path / "vectors"
+    assert call(monkeypatch, capsys, "plot", folder, "--out", out, "--format", "svg").code == 0
+    assert {path.stem for path in out.iterdir()} == raster
+    assert all(path.read_bytes().startswith(b"<?xml") for path in out.iterdir())
+    single = tmp_path / "scene.json"
+    single.write_bytes(SCENE.read_bytes())
+    assert call(monkeypatch, capsys, "plot", single, "--format", "pdf").code == 0
+    assert single.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
