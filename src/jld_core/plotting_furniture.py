@@ -123,7 +123,7 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
         ax.set_axis_off()
         return
     ax.set_xlabel(f"x [{assembly.units[0]}]", fontsize=9, labelpad=2.0)
-    ax.set_ylabel(f"y [{assembly.units[0]}]", fontsize=9, labelpad=2.0)
+    ax.set_ylabel(f"y [{assembly.units[0]}]", fontsize=9, labelpad=4.0)
     ax.tick_params(labelsize=8)
     ax.locator_params(nbins=6, min_n_ticks=2)
     for side in ("top", "right"):
@@ -133,15 +133,15 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
 def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
     """Directions x, y, z with a round length, left of the view; returns the lower corner that it needs."""
     size = assembly.size
-    power = 10.0 ** math.floor(math.log10(0.11 * size))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 0.11 * size)
+    power = 10.0 ** math.floor(math.log10(0.18 * size))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 0.18 * size)
     tips = projection_of(assembly)(length * np.eye(3))
     foot = np.array([lower[0] - 0.22 * size, lower[1] + 0.06 * size])
     arrows(ax, np.repeat(foot[None], 3, axis=0), tips, "triad", SOFT, "tail", 0.9)
     text: dict[str, Any] = {"ha": "center", "color": SOFT}
     for name, tip in zip("xyz", tips, strict=True):
         reach = float(np.linalg.norm(tip))
-        x, y = foot + tip * (1.0 + 0.025 * size / reach)
+        x, y = foot + tip * (1.0 + 0.035 * size / reach)
         ax.text(x, y, name, fontsize=8, va="center", **text)
     note = f"each {length:g} {assembly.units[0]}"
     ax.text(foot[0], foot[1] - 0.05 * size, note, fontsize=7, va="top", **text)
