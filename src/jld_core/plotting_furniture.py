@@ -17,7 +17,19 @@ from matplotlib.transforms import ScaledTranslation
 from jld_core import plotting_marks as marks
 from jld_core.assembly import Assembly, Bits, Floats
 from jld_core.plotting_marks import Movement
-from jld_core.plotting_paint import DOTTED, INK, SOFT, SUPPORT, TINTS, Drawn, Ink, extent, projection_of
+from jld_core.plotting_paint import (
+    DOTTED,
+    INK,
+    SOFT,
+    SUPPORT,
+    TINTS,
+    Drawn,
+    Ink,
+    element_points,
+    extent,
+    projection_of,
+    typical,
+)
 from jld_core.result import LimitAnalysisResult
 
 LOAD: Final = "#B8321A"
@@ -71,7 +83,9 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
         with np.errstate(divide="ignore"):
             leave = float(np.min(half / abs(along)))
         tip = middle - along * (leave + 0.04 * assembly.size)
-        drawn["body"] = [arrows(ax, tip[None], length * along[None], "body", LOAD, "tip", 3.2)]
+        # on small axes the head must leave some of the shaft
+        width = min(3.2, 0.125 * element_points(ax, assembly) * length / typical(assembly))
+        drawn["body"] = [arrows(ax, tip[None], length * along[None], "body", LOAD, "tip", width)]
         covered += [tip, tip - length * along]
     couples = marks.live_couples(assembly)
     if len(couples):
