@@ -19,7 +19,18 @@ from jld_core import gallery as scenes
 from jld_core.plotting import draw_assembly, draw_mechanism
 from jld_explore.explore import Exploration, ExploreSettings, explore
 from jld_explore.labelling import from_string
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import (
+    GREY,
+    PAIRED,
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    legend_at,
+    main,
+    without_legend,
+    write,
+)
 
 NAME: Final = "corner"
 OUTWARD: Final = float(np.radians(225.0))
@@ -138,8 +149,7 @@ def _picture(directions: pd.DataFrame, courses: pd.DataFrame, best: LimitAnalysi
     draw_assembly(ax, best.assembly, best.labels)
     without_legend(ax, f"strongest of {count} bonds, outward: λ = {best.load_factor:.4f}")
     figure.suptitle("Corner of two walls: interlocking against a straight joint", fontsize=12, y=0.99)
-    note = "dry faces thick, inner faces dotted"
-    figure.text(0.5, 0.955, note, ha="center", va="top", fontsize=8.5, color=GREY)
+    legend_at(figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "at rest"), 2.9, 5.3)
     return figure
 
 

@@ -16,10 +16,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from PIL import Image
 
 from jld_core.assembly import Bools, Floats
 from jld_core.plotting import save_figure
+from jld_core.plotting_furniture import MEANING, MOVES, PRESS, YIELD
+from jld_core.plotting_paint import DOTTED, INK
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 SCENES: Final = ROOT / "scenes"
@@ -168,6 +171,23 @@ def without_legend(ax: Axes, title: str) -> None:
     if found is not None:
         found.remove()
     ax.set_title(title, fontsize=9)
+
+
+def drawing_handles(*names: str) -> list[Line2D]:
+    """Legend of what the drawings of a study show, by name: of faces, marks of movement, marks of forces."""
+    handles = {
+        "dry face": Line2D([], [], color=INK, lw=1.8, label="dry face"),
+        "inner face": Line2D([], [], color=INK, lw=0.9, ls=DOTTED, label="inner face"),
+        "at rest": Line2D([], [], color="#8A8A8A", lw=0.7, label="at rest"),
+        "pressing": Line2D(
+            [], [], marker=r"$\longrightarrow$", ms=14, color=PRESS, mew=0.3, lw=0, label="pressing (hollow: pulling)"
+        ),
+    }
+    for name, style in YIELD.items():
+        handles[name] = Line2D([], [], lw=0, ms=6, label=f"{name.removeprefix('yield ')} face yields", **style)
+    for kind, style in MOVES.items():
+        handles[str(kind)] = Line2D([], [], lw=0, ms=5.5, label=MEANING[kind], **style)
+    return [handles[name] for name in names]
 
 
 def legend_at(figure: Figure, handles: list[Any], left: float, bottom: float, columns: int = 6) -> None:

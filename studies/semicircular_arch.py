@@ -23,7 +23,18 @@ from jld_core.gallery import polar_grid_arch, ring_arch, semicircular_arch
 from jld_core.plotting import draw_assembly, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.labelling import from_string
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import (
+    GREY,
+    PAIRED,
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    legend_at,
+    main,
+    without_legend,
+    write,
+)
 
 NAME: Final = "semicircular_arch"
 ROTATION: Final = 0.107426
@@ -230,8 +241,9 @@ def _picture(friction: pd.DataFrame, numbers: pd.DataFrame, freed: list[Freed]) 
         without_legend(ax, f"{name}: μ = {mu}, t/R = {thickness}")
         ax.set_xlabel("x/R [–]", fontsize=9)
         ax.set_ylabel("y/R [–]" if k == 0 else "", fontsize=9)
-    text = "mechanisms under a crown load on arches slightly thicker than the least (grey: at rest)"
-    figure.text(0.5, (top - 8.05) / top, text, ha="center", va="top", fontsize=8.5, color=GREY)
+    text = "mechanisms under a crown load on arches slightly thicker than the least"
+    figure.text(0.5, (top - 4.6) / top, text, ha="center", va="top", fontsize=8.5, color=GREY)
+    legend_at(figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "at rest"), 3.0, top - 8.35)
     for row, one in enumerate(freed):
         bottom = top - 8.3 - 3.45 * (row + 1) + 0.5
         _segmentations(axes_at(figure, 0.75, bottom, 3.6, 2.55), one)
@@ -304,7 +316,7 @@ def _segmentations(ax: Axes, one: Freed) -> None:
     ax.locator_params(axis="x", integer=True)
     ax.set_ylim(bottom=0.0)
     ax.set_title(f"Every segmentation, {one.load} load", fontsize=10)
-    ax.legend(frameon=False, fontsize=8, loc="lower left", handletextpad=0.2)
+    ax.legend(frameon=False, fontsize=8, loc="upper right", handletextpad=0.2)
 
 
 if __name__ == "__main__":

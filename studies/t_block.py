@@ -20,7 +20,17 @@ from jld_core import LimitAnalysisResult, Status, build_assembly, solve
 from jld_core.gallery import t_block
 from jld_core.mechanism import Movement, face_motions
 from jld_core.plotting import draw_assembly, draw_mechanism
-from studies.report import Report, axes_at, figure_of, fill_region, legend_at, main, without_legend, write
+from studies.report import (
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    fill_region,
+    legend_at,
+    main,
+    without_legend,
+    write,
+)
 
 NAME: Final = "t_block"
 CELL: Final = 1400 * 9.81 * 1e-3
@@ -200,11 +210,9 @@ def _picture(table: pd.DataFrame, whole: dict[str, float]) -> Figure:
             small.set_ylabel("")
             small.tick_params(labelleft=False)
     handles = [
-        Line2D([], [], color="#1B1B1B", lw=1.8, label="dry face"),
-        Line2D([], [], color="#5C5C5C", lw=0.9, ls=(0, (1.0, 1.6)), label="inner face"),
+        *drawing_handles("dry face", "inner face"),
         Line2D([], [], color="#1B1B1B", lw=0.8, label="λ over λ of the rigid block"),
-        Line2D([], [], marker="X", ms=6, color="#B8321A", mec="white", lw=0, label="crack"),
-        Line2D([], [], marker="o", ms=6, color="white", mec="#1B1B1B", lw=0, label="hinge"),
+        *drawing_handles("crack", "hinge", "at rest"),
     ]
     legend_at(figure, handles, 3.2, 0.05)
     figure.suptitle("T block: rigid, or free to crack", fontsize=12, y=0.99)
@@ -229,7 +237,10 @@ def _map(ax: Axes, load: str, table: pd.DataFrame, whole: float) -> None:
             place = (float(np.exp(np.log(x[columns]).mean())), low**0.7 * high**0.3)
         if mask.sum() > 0.01 * mask.size:
             box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5}
-            ax.text(*place, words, ha="center", va="center", fontsize=8.5, bbox=box, zorder=4)
+            # a column too narrow for its words gets them upright
+            upright = np.ptp(np.log(x[columns])) < 0.2 * np.ptp(np.log(x))
+            turn = 90 if upright else 0
+            ax.text(*place, words, ha="center", va="center", rotation=turn, fontsize=8.5, bbox=box, zorder=4)
     share = table["load_factor_N"].to_numpy(dtype=float).reshape(len(x), len(y)).T / whole
     lines = ax.contour(x, y, share, levels=[0.25, 0.5, 0.75, 0.999], colors="#1B1B1B", linewidths=0.8)
     ax.clabel(lines, fmt={0.25: "1/4", 0.5: "1/2", 0.75: "3/4", 0.999: "1"}, fontsize=7.5)

@@ -19,7 +19,18 @@ from jld_core.gallery import wall_with_opening
 from jld_core.plotting import draw_assembly, draw_mechanism
 from jld_explore.explore import Exploration, ExploreSettings, explore
 from jld_explore.labelling import from_string
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import (
+    GREY,
+    PAIRED,
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    legend_at,
+    main,
+    without_legend,
+    write,
+)
 
 NAME: Final = "wall_with_opening"
 FRICTION: Final = 0.75
@@ -111,7 +122,7 @@ def _picture(done: Exploration, front: pd.DataFrame, bond: LimitAnalysisResult, 
         for number, k in enumerate(chosen, 1)
     ]
     for k, (name, result) in enumerate(shown):
-        for draw, bottom in ((draw_assembly, 3.0), (draw_mechanism, 0.55)):
+        for draw, bottom in ((draw_assembly, 3.1), (draw_mechanism, 0.75)):
             ax = axes_at(figure, 0.6 + 3.1 * k, bottom, 2.65, 1.85)
             if draw is draw_assembly:
                 draw_assembly(ax, result.assembly, result.labels)
@@ -121,6 +132,8 @@ def _picture(done: Exploration, front: pd.DataFrame, bond: LimitAnalysisResult, 
                 without_legend(ax, f"{name}: mechanism")
             ax.set_xlabel("x [m]", fontsize=8)
             ax.set_ylabel("y [m]" if k == 0 else "", fontsize=8)
+    names = ("dry face", "inner face", "hinge", "slide", "open", "crack", "at rest")
+    legend_at(figure, drawing_handles(*names), 2.6, 0.0, 7)
     figure.suptitle("Wall with an opening under horizontal load", fontsize=12, y=0.99)
     return figure
 

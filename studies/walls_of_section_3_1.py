@@ -21,7 +21,18 @@ from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, load_sc
 from jld_core.plotting import draw_mechanism
 from jld_core.zero_dilation import zero_dilation
 from jld_core.zero_dilation_search import Scheme
-from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import (
+    GREY,
+    PAIRED,
+    SCENES,
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    main,
+    without_legend,
+    write,
+)
 
 NAME: Final = "walls_of_section_3_1"
 PUBLISHED: Final = {1: (0.6428590033, 0.638981), 2: (0.5799986113, 0.562005), 4: (0.3319483952, 0.263736)}
@@ -147,21 +158,17 @@ def _picture(
         for k, (result, kind) in enumerate(zip((associative, *ends), kinds, strict=True)):
             ax = axes_at(figure, 0.6 + 4.0 * k, top, 3.6, tall[wall])
             draw_mechanism(ax, result)
-            without_legend(ax, f"wall {wall} · {kind} · λ = {result.load_factor:.4f}")
-            ax.set_xlabel("")
+            known = "" if k else f", published {PUBLISHED[wall][0]:.4f}"
+            without_legend(ax, f"wall {wall} · {kind} · λ = {result.load_factor:.4f}{known}")
+            ax.set_xlabel("length [1/4 block length]" if wall == 4 else "", fontsize=9)
             ax.set_ylabel("" if k else "height [1/4 block length]", fontsize=9)
         top -= 0.55
     for k, wall in enumerate(PUBLISHED):
         ax = axes_at(figure, 0.95 + 4.0 * k, 1.15, 3.15, 1.35)
         _range(ax, wall, table[table["wall"] == wall])
     handles = [
-        Line2D([], [], marker="o", markersize=5.5, color="white", markeredgecolor="#1B1B1B", lw=0, label="hinge"),
-        Line2D([], [], marker="D", markersize=5.5, color="#E69F00", markeredgecolor="#1B1B1B", lw=0, label="slide"),
-        Line2D(
-            [], [], marker="^", markersize=5.5, color="#56B4E9", markeredgecolor="#1B1B1B", lw=0, label="joint opens"
-        ),
-        Line2D([], [], color="#8A8A8A", lw=0.7, label="at rest"),
-        Line2D([], [], color="#1B1B1B", lw=1.4, label="λ associative"),
+        *drawing_handles("hinge", "slide", "open", "at rest"),
+        Line2D([], [], color="#1B1B1B", lw=1.4, label="λ associative, published"),
         Line2D([], [], color=GREY, lw=1.4, ls=(0, (4, 2)), label="lowest published (MPEC local minimum)"),
     ]
     figure.legend(handles=handles, loc="lower center", ncols=6, frameon=False, fontsize=8.5)
