@@ -7,6 +7,7 @@ answer is repaired, checked, and bounds nothing if the check fails. All quantiti
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ import scipy.sparse.linalg as spla
 from jld_core import tolerances
 from jld_core.assembly import Bits, Floats
 from jld_core.program import Template
+from jld_core.sparse_cholesky import Fronts
 
 _DENSE = 200  # equations up to which a stored dense projector beats sparse triangular solves
 
@@ -52,9 +54,12 @@ class Motion:
 
 
 class Projector:
-    """Nearest solution of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), with A restricted to the active resultants."""
+    """Nearest solution of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), with A restricted to the active resultants.
 
-    def __init__(self, matrix: sp.csc_array) -> None:
+    places: (rows, d) where the element of each row is; None where a column is full, and A Aᵀ with it.
+    """
+
+    def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
         self.matrix = matrix
         self.rows = sp.csr_array(matrix)
         self._dense: Floats | None = None
@@ -62,15 +67,34 @@ class Projector:
             self._dense = _right_inverse(matrix.toarray())
         else:
             normal = (matrix @ matrix.T).tocsc()
-            # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
-            normal = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
-            self._solver = spla.splu(normal, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+            self._solve = _cholesky(normal, places) or _lu(normal)
 
     def correction(self, residual: Floats) -> Floats:
         """Least change of F that removes a residual (q·free,); shape (q·m,)."""
         if self._dense is not None:
             return self._dense @ residual
-        return np.asarray(self.matrix.T @ self._solver.solve(residual))
+        return np.asarray(self.matrix.T @ self._solve(residual))
+
+
+def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
+    """Solver by multifrontal Cholesky; None where the matrix is full or not positive definite."""
+    if places is None:
+        return None
+    rows, columns = normal.tocoo().coords
+    lower = rows >= columns
+    _, node = np.unique(places, axis=0, return_inverse=True)
+    first = np.unique(node, return_index=True)[1]
+    try:
+        fronts = Fronts(rows[lower].astype(np.int64), columns[lower].astype(np.int64), node, places[first])
+        return fronts.factor(normal.tocoo().data[lower]).solve
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
+    # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
+    shifted = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
+    return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
 
 
 def _right_inverse(matrix: Floats) -> Floats:
@@ -103,13 +127,14 @@ class Prover:
         key = np.packbits(active).tobytes()
         mask = None if active is self._everything else active.ravel().astype(float)
         if key not in self._projectors:
-            matrix = self.template.matrix
+            matrix, places = self.template.matrix, self.template.structure.places
             if mask is not None:
+                places = None
                 live = sp.csc_array(self.template.live[:, None])
                 matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
             if len(self._projectors) >= 16:
                 self._projectors.pop(next(iter(self._projectors)))
-            self._projectors[key] = Projector(sp.csc_array(matrix))
+            self._projectors[key] = Projector(sp.csc_array(matrix), places)
         return self._projectors[key], mask
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
@@ -146,7 +171,9 @@ class Prover:
         if recession or (held and mask is not None):
             active = sets.recession_active(labels) if recession else sets.active(labels)
             mask = active.ravel().astype(float)
-            projector = Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)))
+            projector = Projector(
+                sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places
+            )
         if mask is None or recession or held:
             forces = forces if mask is None else forces * mask
             for _ in range(passes):

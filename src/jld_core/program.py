@@ -31,7 +31,8 @@ class Structure:
     """What all programs of one template share: sparsity of M (csc) and the cones.
 
     shape: (rows, columns) of M. equalities: rows with s = 0. linear: rows with s ≥ 0 that follow. cones:
-    sizes of the second-order cones that follow.
+    sizes of the second-order cones that follow. places: (equalities, d) where the element of each equation is,
+    a hint for orders of elimination; None where the equations are not those of elements.
     """
 
     indices: Ints
@@ -40,17 +41,24 @@ class Structure:
     equalities: int
     linear: int
     cones: tuple[int, ...]
+    places: Floats | None = None
 
 
 def pack(
-    rows: Any, rhs: Floats, objective: Floats, equalities: int, linear: int, cones: tuple[int, ...]
+    rows: Any,
+    rhs: Floats,
+    objective: Floats,
+    equalities: int,
+    linear: int,
+    cones: tuple[int, ...],
+    places: Floats | None = None,
 ) -> ConicProgram:
     """A program of its own structure from sparse rows: equations, then inequalities, then cones."""
     matrix = sp.csc_array(rows)
     matrix.sort_indices()
     shape = (int(matrix.shape[0]), int(matrix.shape[1]))
     indices, indptr = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
-    structure = Structure(indices, indptr, shape, equalities, linear, cones)
+    structure = Structure(indices, indptr, shape, equalities, linear, cones, places)
     return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective)
 
 
@@ -121,6 +129,7 @@ class Template:
 
     def _lay_out(self) -> None:
         pattern, matrix, q = self.yield_set.pattern, self.matrix, self.assembly.freedoms
+        elements = self.assembly.elements
         equalities, resultants = matrix.shape
         every = np.ones(len(self.assembly.interfaces), dtype=bool)
         on_dry, on_inner = self.yield_set.active(every), self.yield_set.active(~every)
@@ -145,6 +154,7 @@ class Template:
             equalities=equalities,
             linear=1 + pattern.linear,
             cones=pattern.cones,
+            places=np.repeat(elements.centroid[elements.free], q, axis=0),
         )
         head = np.concatenate([-self.dead, [self.floor]])
         self._rhs_dry = np.concatenate([head, pattern.h_dry])
