@@ -44,7 +44,7 @@ class Model:
     effective_area: bool = False
     inner_bending: Literal["paper", "kern"] = "paper"
     condense: Literal["auto", "on", "off"] = "auto"
-    solver: str = "clarabel"
+    solver: str = "auto"
     gap: float = tolerances.GAP
 
 

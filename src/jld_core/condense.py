@@ -148,7 +148,7 @@ def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -
     Source: METHOD §7.
     """
     start = time.perf_counter()
-    assembly, gap, solver = full.assembly, full.gap, full.route.name
+    assembly, gap, solver = full.assembly, full.gap, full.solver
     scale = full.template.scaling
     apart = np.zeros(0, dtype=np.int64)
     route: list[str] = []

@@ -76,17 +76,19 @@ class LimitAnalysis:
         self,
         assembly: Assembly,
         *,
-        solver: str = "clarabel",
+        solver: str = "auto",
         gap: float = tolerances.GAP,
         margin: float | None = None,
         reference: Bits | None = None,
         template: Template | None = None,
     ) -> None:
         start = time.perf_counter()
-        self.assembly = assembly
+        self.assembly, self.solver = assembly, solver
         self.template = template or Template(assembly)
         self.prover = Prover(self.template)
-        self.route: Route = make_route(solver, tolerance=self.template.precision.residual)
+        self.route: Route = make_route(
+            solver, tolerance=self.template.precision.residual, structure=self.template.structure
+        )
         self.interior = Interior(self.template, self.prover)
         self.gap, self.margin = gap, self.template.precision.margin if margin is None else margin
         self._floor = load_floor(self.template) / self.template.scaling.load

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from jld_core.errors import InputError
+from jld_core.program import Structure
 from jld_core.solvers.clarabel_ import ClarabelRoute
 from jld_core.solvers.highs_ import HighsRoute
+from jld_core.solvers.schur_ipm import SchurRoute
 from jld_core.solvers.status import RawSolution, RawStatus, Route
 
-ROUTES = ("clarabel", "highs", "highs-ipm", "cvxpy")
+ROUTES = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
+
+LARGE: Final = {False: 3000, True: 1000}
+"""Equations from which `schur` is the faster and more exact one, linear programs and those with cones
+(benchmarks/scale.py)."""
 
 
-def make_route(name: str, threads: int = 1, tolerance: float | None = None) -> Route:
-    """A fresh route by name: clarabel (default), highs (dual simplex), highs-ipm, cvxpy (reference).
+def make_route(
+    name: str, threads: int = 1, tolerance: float | None = None, structure: Structure | None = None
+) -> Route:
+    """A fresh route by name: clarabel, schur (large assemblies), highs (dual simplex), highs-ipm, cvxpy (reference).
 
-    tolerance: residual asked of clarabel; None leaves it to the kind of program.
+    auto (default) takes clarabel, or schur for programs from `LARGE` equations on. tolerance: residual asked of
+    these two; None leaves it to the kind of program. structure: of the programs to come, for auto.
 
     Raises InputError for an unknown name.
     """
+    if name == "auto":
+        name = "schur" if structure is not None and is_large(structure) else "clarabel"
+    if name == "schur":
+        return SchurRoute(tolerance)
     if name == "clarabel":
         return ClarabelRoute(tolerance, threads=threads)
     if name in ("highs", "highs-ipm"):
@@ -28,12 +43,20 @@ def make_route(name: str, threads: int = 1, tolerance: float | None = None) -> R
     raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))
 
 
+def is_large(structure: Structure) -> bool:
+    """Does a program of this structure go to `schur` by default?"""
+    return structure.equalities >= LARGE[bool(structure.cones)]
+
+
 __all__ = [
+    "LARGE",
     "ROUTES",
     "ClarabelRoute",
     "HighsRoute",
     "RawSolution",
     "RawStatus",
     "Route",
+    "SchurRoute",
+    "is_large",
     "make_route",
 ]

@@ -1,0 +1,124 @@
+"""The Schur route = Clarabel, on labellings of every kind of yield set; and walls that others are slow at."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cases import CASES, grid_assembly
+from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
+from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, solve
+from jld_core.errors import RouteError
+from jld_core.point_contacts import point_contact_assembly
+from jld_core.program import Template, pack
+from jld_core.scaling import scaling_of
+from jld_core.solvers import LARGE, ClarabelRoute, RawStatus, SchurRoute, make_route
+from jld_core.walls import running_bond
+from jld_core.yield_spatial import spatial_yield
+
+SPATIAL = {
+    "wall": lambda: assembly(wall(3, 2)),
+    "turned wall": lambda: assembly(wall(3, 2, turn=rotation(0.3, 0.5, 0.2))),
+    "stools": lambda: stools([IRREGULAR, ELL, TRIANGLE]),
+    "crushable stools": lambda: stools(
+        [OBLONG, 0.5 * OBLONG],
+        materials={
+            "dry": {"friction_coefficient": 0.7, "compressive_strength": 40.0},
+            "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 60.0},
+        },
+    ),
+}
+
+
+def signed(result: LimitAnalysisResult) -> float:
+    return {Status.LOCKED: np.inf, Status.UNSTABLE: -np.inf}.get(result.status, result.load_factor)
+
+
+def compare(built: Assembly, count: int, seed: int, template: Template | None = None) -> None:
+    """Same status, and brackets that meet, for random labellings."""
+    rng = np.random.default_rng(seed)
+    one = LimitAnalysis(built, solver="clarabel", template=template)
+    two = LimitAnalysis(built, solver="schur", template=template)
+    for share in rng.choice([0.15, 0.5, 0.8, 1.0], count):
+        labels = rng.random(len(built.interfaces)) < share
+        first, second = one.solve(labels, stands=False), two.solve(labels, stands=False)
+        assert second.status is first.status
+        assert second.route[0].startswith("schur")
+        if first.status is Status.COLLAPSE:
+            size = max(abs(first.load_factor), 1e-3 * built.total_dead / built.total_live)
+            assert second.bracket[0] <= first.bracket[1] + 1e-9 * size
+            assert first.bracket[0] <= second.bracket[1] + 1e-9 * size
+
+
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_planar_yield_sets(name: str) -> None:
+    rows, options = CASES[name]
+    compare(grid_assembly(rows, **options), 8, seed=11)
+
+
+@pytest.mark.parametrize("name", sorted(SPATIAL))
+def test_spatial_yield_sets(name: str) -> None:
+    compare(SPATIAL[name](), 5, seed=12)
+
+
+def test_kern_form() -> None:
+    built = SPATIAL["wall"]()
+    scaling = scaling_of(built)
+    compare(built, 4, seed=13, template=Template(built, scaling, spatial_yield(built, scaling, "kern")))
+
+
+def test_point_contacts() -> None:
+    """Faces without moments, and elements whose equations do not all meet the same faces."""
+    built = SPATIAL["wall"]()
+    labels = np.ones(len(built.interfaces), dtype=bool)
+    points, _ = point_contact_assembly(built, labels)
+    one, two = (LimitAnalysis(points, solver=name).solve(points.labels, stands=False) for name in ("clarabel", "schur"))
+    assert one.status is two.status is Status.COLLAPSE
+    assert max(one.bracket[0], two.bracket[0]) <= min(one.bracket[1], two.bracket[1]) + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("courses", "direction", "expected"),
+    [(10, (0.0, 1.0, 0.0), 0.2196569), (20, (0.0, 1.0, 0.0), 0.0995768), (20, (1.0, 0.0, 0.0), 0.6344556)],
+)
+def test_walls_in_running_bond(courses: int, direction: tuple[float, float, float], expected: float) -> None:
+    """110 and 420 blocks, proven by what the route itself returns: no repair, no other solve."""
+    built = build_assembly(running_bond(courses, direction=direction))
+    result = LimitAnalysis(built, solver="schur").solve(stands=False)
+    assert len(built.elements.free) == courses * (courses + 1)
+    assert result.status is Status.COLLAPSE
+    assert result.route == ("schur",)
+    assert result.gap < 1e-7
+    assert result.load_factor == pytest.approx(expected, abs=1e-7)
+
+
+def test_large_assemblies_take_it_by_themselves() -> None:
+    built = build_assembly(running_bond(20))
+    analysis = LimitAnalysis(built)
+    assert analysis.template.structure.equalities >= LARGE[True]
+    assert analysis.route.name == "schur"
+    assert LimitAnalysis(SPATIAL["stools"]()).route.name == "clarabel"
+    assert solve(built).route[0] == "schur"
+
+
+def test_programs_that_are_no_faces_are_refused_by_name() -> None:
+    program = Template(SPATIAL["wall"]()).program(np.ones(len(SPATIAL["wall"]().interfaces), dtype=bool))
+    s = program.structure
+    everything = np.ones((s.shape[0] - s.equalities, s.shape[1]))
+    dense = pack(np.vstack([program.matrix.toarray()[: s.equalities], everything]), program.rhs, program.objective,
+                 s.equalities, s.linear, s.cones)  # fmt: skip
+    with pytest.raises(RouteError, match="fall apart"):
+        make_route("schur").solve(dense)
+
+
+def test_multipliers_and_point_solve_the_program() -> None:
+    """q + Mᵀw = 0 and the equations, to rounding; the same optimum as Clarabel's."""
+    built = build_assembly(running_bond(10))
+    template = Template(built)
+    program = template.program(built.labels, template.precision.margin)
+    answer, other = SchurRoute().solve(program), ClarabelRoute().solve(program)
+    s = program.structure
+    assert answer.status is RawStatus.OPTIMAL, answer.note
+    np.testing.assert_allclose(program.objective + program.matrix.T @ answer.dual, 0.0, atol=1e-10)
+    np.testing.assert_allclose((program.matrix @ answer.point - program.rhs)[: s.equalities], 0.0, atol=1e-10)
+    assert answer.point[-1] == pytest.approx(other.point[-1], rel=1e-7)
