@@ -66,7 +66,9 @@ def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
     assert len(set(keys(drawn))) >= 20
     varied = tools.vary(drawn, chance)
     crossed = tools.cross(drawn, drawn[::-1], chance)
-    for rows in (varied, crossed):
+    bred = tools.breed(drawn[:60], drawn[60:120], drawn, chance)
+    assert len(bred) >= 0.25 * (60 + len(drawn))  # batches are not repaired
+    for rows in (varied, crossed, bred):
         assert feasible(space, rows).all()
         assert len(rows) >= 0.5 * len(drawn)
     read = [tools.read(chance.reals(tools.keys)) for _ in range(50)]
@@ -100,7 +102,8 @@ def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
         assert not len(rows_of)
         return
     parents = np.concatenate([rows_of, every])
-    for found in (rows_of, tools.vary(parents, chance), tools.cross(parents, parents[::-1], chance)):
+    bred = tools.breed(parents, parents[::-1], parents, chance)
+    for found in (rows_of, tools.vary(parents, chance), tools.cross(parents, parents[::-1], chance), bred):
         assert feasible(space, found).all()
     known = {key for part, _ in Enumeration(space).batches() for key in keys(part)}
     assert set(keys(canonical(rows_of, space.group))) <= known

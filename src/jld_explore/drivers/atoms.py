@@ -29,16 +29,19 @@ _BLOCK = 4096
 
 
 class Dice:
-    """Random choices from a numpy Generator, drawn in blocks: one call of it costs as much as an operator."""
+    """Random choices from a numpy Generator, drawn in blocks: one call of it costs as much as an operator.
+
+    generator: for those who draw many numbers at once.
+    """
 
     def __init__(self, generator: np.random.Generator) -> None:
-        self._generator = generator
+        self.generator = generator
         self._drawn: list[float] = []
 
     def real(self) -> float:
         """A number in [0, 1)."""
         if not self._drawn:
-            self._drawn = self._generator.random(_BLOCK).tolist()
+            self._drawn = self.generator.random(_BLOCK).tolist()
         return self._drawn.pop()
 
     def reals(self, count: int) -> list[float]:

@@ -28,6 +28,9 @@ class Driver(ABC):
     remembers: ClassVar[bool] = False
     """Whether `recall` does anything."""
 
+    ahead: ClassVar[int] = 0
+    """Portions a study asks before it tells the answers to an earlier one, so that asking and evaluating overlap."""
+
     name: ClassVar[str]
     """The word for it on the command line and in tables."""
 

@@ -1,81 +1,89 @@
-"""A genetic search: the library's selection, sorting and crowding, our operators on segmentations.
+"""A genetic search: the library's selection, sorting and crowding, our operators, and a guess at what is worth it.
 
-Two objectives are NSGA-II: larger λ, and the count of the scene's front; one objective looks at λ alone.
-Labellings without a number rank below all that have one, in the order of `ranking.ORDER`, which the library
-knows as violation of a constraint.
+Two objectives are NSGA-II: larger λ, and the count of the scene's front; one objective looks at λ alone. Far
+more children are made than evaluated: new ones wait in a **room**, and of those there the surrogate picks the
+ones it expects most of, whichever generation they are from. Where generations bring no progress, another
+population is begun at random; what was learned stays known, so it settles elsewhere.
+
+Labellings without a number rank below all that have one, in the order of `ranking.ORDER`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from jld_core.assembly import Bits
+from jld_core.assembly import Bits, Floats, Ints
 from jld_explore.candidates import SearchSpace
-from jld_explore.drivers.ranking import objectives, places
+from jld_explore.drivers.ranking import front_counts, objectives, places
 from jld_explore.drivers.searcher import Searcher
+from jld_explore.drivers.surrogate import Surrogate
 from jld_explore.evaluator import Evaluation
 
-CROSSING: Final = 0.8
+CROSSING: Final = 0.5
 """Share of children with two parents; the others are changes of one."""
 
 NEWCOMERS: Final = 0.05
 """Share of random labellings in a generation."""
 
 GREED: Final = 0.5
-"""Share of tournaments in which λ alone decides between labellings of different rank."""
+"""Share of tournaments, and of children evaluated with two objectives, in which λ alone decides."""
 
-SETTLED: Final = 0.35
-"""Share of new classes among the children below which a population has settled."""
+PATIENCE: Final = 8
+"""Evaluations without progress, for each face that can change, after which a population has settled."""
+
+GENERATION: Final = 32
+"""Children evaluated together."""
+
+ROOM: Final = 300
+"""Children that wait, at the most."""
 
 _PER_KEY: Final = 1.5
 _SIZES: Final = (32, 128)
 """Population for each face that can change, and its limits."""
 
-
-class _Constrained:
-    """What the library asks of a problem: there are constraints, so that the infeasible rank below."""
-
-    @staticmethod
-    def has_constraints() -> bool:
-        return True
+_SAME: Final = 6
+"""Digits of λ that tell progress from rounding."""
 
 
 class Genetic(Searcher):
-    """Generations of `population` labellings, with `size` children in each.
+    """A population of `population` labellings, of which GENERATION children are evaluated at a time.
 
-    population: by the size of the scene where it is not given. aims: 2 for λ and the scene's count, 1 for λ
-    alone. Where few of the children are new, the population has settled, and another one is begun at random;
-    what was asked before stays asked, so it has to settle elsewhere.
+    population: by the size of the scene where it is not given. aims: 2 for λ and the scene's count, 1 for λ alone.
     """
 
     name = "genetic"
+    ahead: ClassVar[int] = 1
 
-    def __init__(
-        self,
-        space: SearchSpace,
-        seed: int,
-        population: int | None = None,
-        aims: int = 2,
-    ) -> None:
-        from pymoo.core.population import Population
+    def __init__(self, space: SearchSpace, seed: int, population: int | None = None, aims: int = 2) -> None:
         from pymoo.operators.selection.tournament import TournamentSelection
-        from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
+        from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
+        from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
 
-        super().__init__(space, seed, population or 0)
+        super().__init__(space, seed, GENERATION)
         if population is None:
-            self.size = int(np.clip(_PER_KEY * self.operators.keys, *_SIZES))
-        self.population, self.aims = self.size, aims
+            population = int(np.clip(_PER_KEY * self.operators.keys, *_SIZES))
+        self.population, self.aims = population, aims
         self._generator = np.random.default_rng([seed, 1])
-        self._new: Any = Population.new
-        self._merge: Any = Population.merge
-        self._survival: Any = RankAndCrowding()
         self._selection: Any = TournamentSelection(func_comp=self._winners)
-        self._alive: Any = Population()
-        self._told: list[Any] = []
+        self._surrogate = Surrogate(space)
+        self._sort: Any = NonDominatedSorting().do
+        self._crowd: Any = calc_crowding_distance
+        self._room, self._counts = self._none, np.empty(0)
+        self._front = np.empty((0, 2))
+        self._news: list[tuple[Bits, Floats, Ints]] = []
+        self._proposed = self._told = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a population with what is proposed from now on."""
+        self._first = self._proposed
+        self._rows, self._place, self._values = self._none, np.empty(0, dtype=np.int64), np.empty((0, 2))
+        self._summit: list[tuple[str, ...]] = []
+        self._idle = 0
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -83,65 +91,112 @@ class Genetic(Searcher):
         return {"population": self.population, "aims": self.aims, "pymoo": version("pymoo")}
 
     def propose(self) -> Bits:
-        """The next generation; the first is drawn at random."""
-        self._survive()
-        if len(self._alive) < 2:
-            return self.fresh(self.draw, self.population)
-        strangers = round(NEWCOMERS * self.size)
-        rows = self.fresh(self._children, self.size - strangers)
-        if self.luck < SETTLED:
-            # the population has become one family, and what it can still have is known: begin another one
-            self._alive = self._alive[:0]
-        return np.concatenate([rows, self.fresh(self.draw, self.size - len(rows))])
+        """The next generation; those before anything of a population is known are drawn at random."""
+        self._learn()
+        if self._idle > PATIENCE * self.operators.keys:
+            self.register.forget(self._room)
+            self._room, self._counts = self._none, np.empty(0)
+            self._begin()
+        rows = self._generation() if len(self._rows) > 1 else self.fresh(self.draw, self.size)
+        self._proposed += len(rows)
+        return rows
+
+    def _generation(self) -> Bits:
+        strangers = self.register.admit(self.draw(max(1, round(NEWCOMERS * self.size))))
+        children = self.register.admit(self._children(self.operators.brood * self.size))
+        self._room = np.concatenate([self._room, children])
+        self._counts = np.concatenate([self._counts, front_counts(self.space, children)])
+        wanted = self.size - len(strangers)
+        if len(self._room) < wanted:  # all that this family can have is known by now
+            strangers = np.concatenate([strangers, self.fresh(self.draw, wanted - len(self._room))])
+        return np.concatenate([self._chosen(wanted), strangers])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take what is known into the next selection."""
+        """Keep what is known for the next generation."""
         if len(labellings) and self._rest is None:
-            values = objectives(self.space, labellings, evaluations)[:, : self.aims]
-            apart = places(evaluations).astype(float)[:, None]
-            self._told.append(self._new("X", labellings, "F", values, "G", apart))
+            self._news.append((labellings, objectives(self.space, labellings, evaluations), places(evaluations)))
+
+    def _learn(self) -> None:
+        """Take in what was told, whatever the portions it came in."""
+        if not self._news:
+            return
+        labellings, values, place = (np.concatenate(parts) for parts in zip(*self._news, strict=True))
+        self._news = []
+        good = place == 0
+        worst = float(values[good, 0].max(initial=0.0))
+        # below all numbers, by the order of their statuses
+        worth = np.where(good, -values[:, 0], -worst - (1.0 + abs(worst)) * place)
+        self._surrogate.learn(labellings, worth)
+        front = np.concatenate([self._front, values[good]])
+        if len(front):
+            self._front = front[self._sort(front, only_non_dominated_front=True)]
+        own = np.arange(self._told, self._told + len(labellings)) >= self._first
+        self._told += len(labellings)
+        self._rows = np.concatenate([self._rows, labellings[own]])
+        self._place = np.concatenate([self._place, place[own]])
+        self._values = np.concatenate([self._values, values[own]])
+        self._survive()
+        leaders = self._values[(self._rank == 0) & (self._place == 0), : self.aims]
+        summit = sorted({tuple(f"{x:.{_SAME}g}" for x in row) for row in leaders.tolist()})
+        self._idle = 0 if summit != self._summit else self._idle + int(own.sum())
+        self._summit = summit
 
     def _survive(self) -> None:
-        if not self._told:
-            return
-        everyone = self._merge(self._alive, *self._told)
-        self._told = []
-        for person in everyone:
-            person.set("rank", np.inf)
-            person.set("crowding", 0.0)
-        self._alive = self._survival.do(
-            _Constrained(), everyone, n_survive=self.population, random_state=self._generator
-        )
-        self._rows = np.asarray(self._alive.get("X"), dtype=bool)
-        self._violation = self._alive.get("CV")[:, 0]
-        self._value = self._alive.get("F")[:, 0]
-        self._rank = self._alive.get("rank").astype(float)
-        self._crowding = self._alive.get("crowding").astype(float)
+        """Keep the best of the population, with their ranks and crowding."""
+        rank, crowding = self._place + float(len(self._place)), np.zeros(len(self._place))
+        good = np.flatnonzero(self._place == 0)
+        values = self._values[good, : self.aims]
+        fronts = self._sort(values, n_stop_if_ranked=self.population) if len(good) else []
+        for number, front in enumerate(fronts):
+            rank[good[front]] = number
+            crowding[good[front]] = self._crowd(values[front])
+        kept = np.lexsort((-crowding, rank))[: self.population]
+        self._rows, self._place, self._values = self._rows[kept], self._place[kept], self._values[kept]
+        self._rank, self._crowding = rank[kept], crowding[kept]
 
     def _children(self, count: int) -> Bits:
         crossed = round(CROSSING * count)
-        couples = self._selection.do(_Constrained(), self._alive, count, 2, to_pop=False, random_state=self._generator)
+        # the library's tournament looks at the number of parents alone, and compares them by our rule
+        couples = self._selection.do(None, self._rows, count, 2, to_pop=False, random_state=self._generator)
         first, second = self._rows[couples[:, 0]], self._rows[couples[:, 1]]
         # a mirror image is as good a parent: which one decides what the joints meet
         group = self.space.group
-        turned = [self.dice.below(len(group)) for _ in range(crossed)]
+        turned = self._generator.integers(len(group), size=crossed)
         images = np.take_along_axis(second[:crossed], group[turned], axis=1)
-        return np.concatenate(
-            [
-                self.operators.cross(first[:crossed], images, self.dice),
-                self.operators.vary(first[crossed:], self.dice),
-            ]
-        )
+        return self.operators.breed(first[:crossed], images, first[crossed:], self.dice)
 
-    def _winners(self, population: Any, pairs: Any, **_: Any) -> Any:
+    def _chosen(self, wanted: int) -> Bits:
+        """Take the most promising out of the room; of the others the most promising stay."""
+        guess = self._surrogate.guess(self._room)
+        order = np.argsort(-guess, kind="stable")
+        taken = order[: wanted if self.aims == 1 else -(-wanted // 2)]
+        order = order[len(taken) :]
+        if self.aims == 2:
+            # how much more than the best known with as good a count
+            gain = guess - self._surrogate.share(self._envelope(self._counts))
+            second = order[np.argsort(-gain[order], kind="stable")[: wanted - len(taken)]]
+            taken, order = np.concatenate([taken, second]), order[~np.isin(order, second)]
+        rows = self._room[taken]
+        self.register.forget(self._room[order[ROOM:]])
+        stay = np.sort(order[:ROOM])
+        self._room, self._counts = self._room[stay], self._counts[stay]
+        return rows
+
+    def _envelope(self, counts: Floats) -> Floats:
+        """(k,) the best known λ among labellings that count as well or better than counts (k,); −inf for none."""
+        order = np.argsort(self._front[:, 1], kind="stable")
+        best = np.concatenate([[-np.inf], np.maximum.accumulate(-self._front[order, 0])])
+        return np.asarray(best[np.searchsorted(self._front[order, 1], counts, "right")])
+
+    def _winners(self, _: Any, pairs: Ints, **__: Any) -> Ints:
         """Winner of each pair (k, 2): fewer violations, then lower rank, then less crowded; (k, 1)."""
         first, second = pairs[:, 0], pairs[:, 1]
         better = np.zeros(len(pairs))
         # the more parents are chosen by λ alone the sooner the best is found, the fewer the wider the front
         alone = self._generator.random(len(pairs)) < GREED
-        value, rank = self._value, self._rank
+        value, rank = self._values[:, 0], self._rank
         for one, two in (
-            (self._violation[first], self._violation[second]),
+            (self._place[first], self._place[second]),
             (np.where(alone, value[first], rank[first]), np.where(alone, value[second], rank[second])),
             (self._crowding[second], self._crowding[first]),
         ):

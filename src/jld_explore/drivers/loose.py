@@ -24,6 +24,8 @@ from jld_explore.labelling import blocks_of
 class LooseBits:
     """Operators on the labellings of a search space that allows slits."""
 
+    brood = 2
+
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
         self.graph = atom_graph(space)
@@ -77,6 +79,10 @@ class LooseBits:
     def write(self, labelling: Bits) -> list[float]:
         """Keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
+
+    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+        """One child of each couple, and one change of each single parent."""
+        return np.concatenate([self.cross(first, second, dice), self.vary(single, dice)])
 
     def _mended(self, rows: Bits, dice: Dice) -> Bits:
         good = feasible(self.space, rows)

@@ -18,16 +18,26 @@ import numpy as np
 from jld_core.assembly import Bits
 from jld_explore.candidates import SearchSpace
 from jld_explore.drivers.atoms import Dice, Parts, atom_graph, limits_of
+from jld_explore.drivers.batches import NEAR, Batches
 from jld_explore.drivers.cutting import Cutter
+from jld_explore.drivers.loose import LooseBits
 from jld_explore.drivers.repair import Repair
 from jld_explore.labelling import blocks_of
 
-NEAR: Final = 0.5
-"""Threshold between keys that ask for a joint and keys that ask for none."""
-
-
 _TREES: Final = 6
 """Spanning trees tried for one set of keys."""
+
+_BROOD: Final = 8
+"""Children made for each that is evaluated, where they are made in batches."""
+
+_SPARE: Final = 2
+"""Random segmentations made in a batch for each wanted: tight limits leave many of them out."""
+
+_ROUNDS: Final = 4
+"""Further batches made where that leaves too few."""
+
+_RARE: Final = 0.125
+"""Share of a batch that must keep the limits; else segmentations are made one by one, with repair."""
 
 
 class Operators(Protocol):
@@ -35,6 +45,9 @@ class Operators(Protocol):
 
     keys: int
     """Number of keys that `read` takes."""
+
+    brood: int
+    """Children that are cheap enough to be made for each one that is evaluated."""
 
     def draw(self, count: int, dice: Dice) -> Bits:
         """Random labellings."""
@@ -45,6 +58,9 @@ class Operators(Protocol):
     def cross(self, first: Bits, second: Bits, dice: Dice) -> Bits:
         """One child of each couple."""
 
+    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+        """One child of each couple, and one change of each single parent."""
+
     def read(self, keys: list[float]) -> Bits:
         """The labelling (1, m) that keys in [0, 1] stand for, or none (0, m); the same for the same keys."""
 
@@ -54,8 +70,6 @@ class Operators(Protocol):
 
 def operators(space: SearchSpace) -> Operators:
     """The operators of a search space: on segmentations, or on loose bits where slits are allowed."""
-    from jld_explore.drivers.loose import LooseBits
-
     return Segmentations(space) if space.search.segmentation else LooseBits(space)
 
 
@@ -71,6 +85,9 @@ class Segmentations:
         # cuts that keep all limits there are need no repair
         self._sound = self.cutter.exact and not self.repair.counted
         self.keys = len(self.graph.pairs)
+        whole = self._sound and self.keys > 0 and not any(self.graph.walls)
+        self._batches = Batches(space, self.graph, self.limits) if whole else None
+        self.brood = _BROOD if whole else LooseBits.brood
         self._every = list(range(len(self.graph)))
         self._moves: list[Callable[[Parts, Dice], Parts | None]] = [
             self.split, self.merge, self.move, self.move, self.shift, self.recut, self.recut,
@@ -89,6 +106,14 @@ class Segmentations:
 
     def draw(self, count: int, dice: Dice) -> Bits:
         """Random segmentations: random keys, and a random threshold that spreads the number of blocks."""
+        if self._batches is not None:
+            found = self._batches.draw(_SPARE * count, dice.generator)
+            if len(found) >= _RARE * _SPARE * count:
+                for _ in range(_ROUNDS):
+                    if len(found) >= count:
+                        break
+                    found = np.concatenate([found, self._batches.draw(_SPARE * count, dice.generator)])
+                return found[:count]
         return self.labels([part for _ in range(count) if (part := self.random(dice)) is not None])
 
     def vary(self, parents: Bits, dice: Dice) -> Bits:
@@ -99,6 +124,16 @@ class Segmentations:
         """One child of each couple, by overlaying their joints."""
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, dice)) is not None])
+
+    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+        """One child of each couple and one change of each single parent, many at a time where limits allow it."""
+        if self._batches is not None:
+            crossed = self._batches.cross(first, second, dice.generator)
+            changed = self._batches.vary(single, dice.generator)
+            found = self._batches.read(np.concatenate([crossed, changed]))
+            if len(found) >= _RARE * (len(first) + len(single)):
+                return found
+        return np.concatenate([self.cross(first, second, dice), self.vary(single, dice)])
 
     def read(self, keys: list[float]) -> Bits:
         """The segmentation of one key for each pair of neighbouring atoms: cut where keys are above NEAR."""

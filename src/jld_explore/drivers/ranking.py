@@ -33,12 +33,19 @@ def places(evaluations: Sequence[Evaluation]) -> Ints:
     return np.array([ORDER.index(found.status) for found in evaluations], dtype=np.int64)
 
 
+def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
+    """(k,) the count of the scene's front of labellings (k, m), with the sign that makes less better."""
+    front = space.search.front
+    sign = -1.0 if front.sense == "max" else 1.0
+    if front.count == "dry_faces":  # most scenes' count, known without looking for blocks
+        return np.asarray(sign * labellings[:, space.assembly.free_faces].sum(axis=1))
+    return np.asarray(sign * np.asarray(getattr(counts(space.assembly, labellings, space.graph), front.count)))
+
+
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
     """(k, 2) what is minimised: −λ, and the count of the scene's front with the sign of its sense.
 
     labellings: (k, m). Rows without collapse have no λ: theirs is 0 and must be kept apart by `places`.
     """
-    front = space.search.front
-    count = np.asarray(getattr(counts(space.assembly, labellings, space.graph), front.count), dtype=float)
     value = [found.load_factor if found.status is Status.COLLAPSE else 0.0 for found in evaluations]
-    return np.column_stack([-np.array(value), -count if front.sense == "max" else count])
+    return np.column_stack([-np.array(value), front_counts(space, labellings)])

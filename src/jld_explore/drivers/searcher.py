@@ -49,19 +49,19 @@ class Register:
         self.seen.update(named[number] for number in kept)
         return rows[kept]
 
+    def forget(self, rows: Bits) -> None:
+        """Take back classes (k, m) that were admitted and never asked, so that they may come again."""
+        self.seen.difference_update(keys(rows))
+
 
 class Searcher(Driver):
-    """A driver that proposes by chance. It makes `size` proposals at a time, whatever portions are asked.
-
-    luck: share of new classes among the last proposals.
-    """
+    """A driver that proposes by chance. It makes `size` proposals at a time, whatever portions are asked."""
 
     def __init__(self, space: SearchSpace, seed: int, size: int) -> None:
         self.space, self.size = space, size
         self.dice = Dice(np.random.default_rng(seed))
         self.operators: Operators = operators(space)
         self.register = Register(space)
-        self.luck = 1.0
         self._held = self._none
         self._rest: Iterator[Bits] | None = None
 
@@ -93,13 +93,12 @@ class Searcher(Driver):
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
         """Up to `count` new classes out of what `make` proposes; make takes how many to propose."""
-        found, made = self._none, 0
+        found = self._none
         tries = PATIENCE * max(count, _ROUND)
         while len(found) < count and tries > 0:
             wanted = max(_ROUND, count - len(found))
-            tries, made = tries - wanted, made + wanted
+            tries -= wanted
             found = np.concatenate([found, self.register.admit(make(wanted), count - len(found))])
-        self.luck = len(found) / made if made else 1.0
         return found
 
     def draw(self, count: int) -> Bits:
