@@ -16,6 +16,7 @@ BENCHMARKS: Final = (
     "certificates",
     "exact",
     "drivers",
+    "hard_cases",
     "field",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
