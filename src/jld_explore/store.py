@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import time
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,6 +24,9 @@ from jld_core.solvers.status import Status
 from jld_explore.evaluator import CERTIFICATE, SOLVE, Evaluation
 
 NAME = "evaluations.jld"
+SYNC = 0.2
+"""Seconds after which what was written is waited for until the disk has it: a wait costs as much as some solves."""
+
 _STATUSES = tuple(Status)
 _SETTLED = (SOLVE, CERTIFICATE)
 
@@ -54,6 +58,7 @@ class Store:
         self.type = record_type(faces)
         self._table = np.empty(0, dtype=self.type)
         self._count = 0
+        self._synced = time.monotonic()
         line = (
             json.dumps({"jld": "evaluations", "format": 1, "faces": faces, **header}, sort_keys=True) + "\n"
         ).encode()
@@ -117,7 +122,7 @@ class Store:
         return None if position is None else _evaluation(self._table[position])
 
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write finished evaluations and wait until the disk has them.
+        """Write finished evaluations; they outlive this process at once, and the machine within SYNC seconds.
 
         labellings: (k, m); multiplicities: k orbit sizes.
         """
@@ -131,7 +136,10 @@ class Store:
         raw, size = memoryview(rows.tobytes()), self.type.itemsize
         rows["checksum"] = [zlib.crc32(raw[n : n + size - 4]) for n in range(0, len(raw), size)]
         self._file.write(rows.tobytes())
-        os.fsync(self._file.fileno())
+        now = time.monotonic()
+        if now - self._synced >= SYNC:
+            os.fsync(self._file.fileno())
+            self._synced = now
         start, end = self._count, self._count + len(rows)
         if end > len(self._table):
             # room for as much again, so that a million appends copy the table twenty times, not a million
@@ -141,7 +149,9 @@ class Store:
         self._count = end  # last: an interruption before this leaves no half-written row in the tables
 
     def close(self) -> None:
-        """Close the file; what was appended is on disk already."""
+        """Wait until the disk has all that was appended, and close the file."""
+        if not self._file.closed:
+            os.fsync(self._file.fileno())
         self._file.close()
 
 

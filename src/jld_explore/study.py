@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import platform
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from jld_core._version import __version__
-from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.assembly import Assembly, Bits, Floats, Ints
 from jld_core.bracket import load_floor
 from jld_core.program import Template
 from jld_core.scene import Scene
@@ -31,7 +32,7 @@ from jld_explore.drivers.base import Driver
 from jld_explore.evaluator import Evaluation, EvaluatorSettings
 from jld_explore.labelling import orbit_sizes, unpack
 from jld_explore.store import Store
-from jld_explore.workers import Recipe, Workers
+from jld_explore.workers import Recipe, Run, Workers
 
 
 class StopReason(StrEnum):
@@ -60,6 +61,24 @@ class Progress:
     bound: float = np.nan
 
 
+@dataclass(frozen=True)
+class Sent:
+    """Labellings (k, m), what is found of them so far, the positions of those the workers have, and their run."""
+
+    labellings: Bits
+    found: list[Evaluation | None]
+    missing: Ints
+    run: Run | None
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Labellings (k, m) a driver was asked; sent: None where certificates are to be asked first."""
+
+    labellings: Bits
+    sent: Sent | None
+
+
 @dataclass
 class Study:
     """One search over labellings of a scene.
@@ -86,7 +105,7 @@ class Study:
     def __post_init__(self) -> None:
         self.started = time.perf_counter()
         self.solved = 0
-        self.evaluated = 0
+        self.evaluated = self.asked = 0
         self._best = np.nan
         faces = len(self.assembly.interfaces)
         self.store = Store(self.folder, self.header, faces)
@@ -130,40 +149,62 @@ class Study:
             self.driver.recall(rows, [evaluation for evaluation in known if evaluation is not None])
         deadline = None if self.seconds is None else self.started + self.seconds
         self.driver.attend(deadline, lambda: self._count([]))
+        waiting: deque[Asked] = deque()
+        dry = False
         try:
             while True:
-                left = None if self.budget is None else self.budget - self.evaluated
-                if left is not None and left <= 0:
-                    return StopReason.BUDGET
-                if self._late:
-                    return StopReason.TIME
-                labellings = self.driver.ask(left)
-                if len(labellings) == 0:
-                    if self.driver.finished:
-                        return StopReason.PROVEN
-                    # a driver that was still at work came back for lack of time
-                    return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
-                evaluations = self._evaluate(workers, labellings)
+                # the same number of portions are asked ahead whatever the workers do, so answers come in one order
+                while not dry and len(waiting) <= self.driver.ahead and not self._late:
+                    left = None if self.budget is None else self.budget - self.asked
+                    if left is not None and left <= 0:
+                        break
+                    labellings = self.driver.ask(left)
+                    dry = len(labellings) == 0
+                    if not dry:
+                        self.asked += len(labellings)
+                        waiting.append(self._begin(workers, labellings))
+                if not waiting:
+                    return self._reason(dry)
+                asked = waiting.popleft()
+                evaluations = self._evaluate(workers, asked)
                 if evaluations is None:
                     return StopReason.TIME
-                self.driver.tell(labellings, evaluations)
+                self.driver.tell(asked.labellings, evaluations)
         finally:
             workers.close()
             self.store.close()
             if self._consultant is not None:
                 self._consultant.archive.close()
 
+    def _reason(self, dry: bool) -> StopReason:
+        """Why nothing is asked or waited for any more."""
+        if self.budget is not None and self.asked >= self.budget:
+            return StopReason.BUDGET
+        if not dry:
+            return StopReason.TIME
+        if self.driver.finished:
+            return StopReason.PROVEN
+        # a driver that was still at work came back for lack of time
+        return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
+
     @property
     def _late(self) -> bool:
         return self.seconds is not None and self.elapsed >= self.seconds
 
-    def _evaluate(self, workers: Workers, labellings: Bits) -> list[Evaluation] | None:
+    def _begin(self, workers: Workers, labellings: Bits) -> Asked:
+        """Look up what is on record and send the rest to the workers; with certificates, when its turn comes."""
+        return Asked(labellings, None if self._consultant is not None else self._send(workers, labellings))
+
+    def _evaluate(self, workers: Workers, asked: Asked) -> list[Evaluation] | None:
         """Evaluations in the order asked, by certificates where they settle one; None where time ran out."""
-        if self._consultant is None:
-            return self._solve(workers, labellings)
-        return self._consultant.evaluate(
-            labellings, lambda part, likely: self._solve(workers, part, likely), self._settle
-        )
+        if asked.sent is not None:
+            return self._take(asked.sent)
+        assert self._consultant is not None
+
+        def solve(labellings: Bits, likely: Floats) -> list[Evaluation] | None:
+            return self._take(self._send(workers, labellings, likely))
+
+        return self._consultant.evaluate(asked.labellings, solve, self._settle)
 
     def _settle(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
         """Record what certificates settled; of labellings that are on record, what the record says."""
@@ -183,17 +224,23 @@ class Study:
             return found
         return replace(found, proofs=self._consultant.archive.find(labels))
 
-    def _solve(self, workers: Workers, labellings: Bits, likely: Floats | None = None) -> list[Evaluation] | None:
-        """Evaluations in the order asked, from the store where it has them; None where time ran out."""
+    def _send(self, workers: Workers, labellings: Bits, likely: Floats | None = None) -> Sent:
+        """Begin to evaluate what the store does not have."""
         found: list[Evaluation | None] = [self._recall(labels) for labels in labellings]
-        known = [evaluation for evaluation in found if evaluation is not None]
-        self._count(known)
         missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
+        run = None
         if missing.size:
-            weights = orbit_sizes(labellings[missing], self.space.group)
             deadline = None if self.seconds is None else time.time() + self.seconds - self.elapsed
-            bounds = None if likely is None else likely[missing]
-            for part, evaluations in workers.run(labellings[missing], deadline, bounds):
+            run = workers.run(labellings[missing], deadline, None if likely is None else likely[missing])
+        return Sent(labellings, found, missing, run)
+
+    def _take(self, sent: Sent) -> list[Evaluation] | None:
+        """Evaluations in the order asked, recorded as they come; None where time ran out."""
+        found, labellings, missing = sent.found, sent.labellings, sent.missing
+        self._count([evaluation for evaluation in found if evaluation is not None])
+        if sent.run is not None:
+            weights = orbit_sizes(labellings[missing], self.space.group)
+            for part, evaluations in sent.run:
                 if self._consultant is not None:
                     proofs = [evaluation.proofs or Proofs() for evaluation in evaluations]
                     self._consultant.archive.append(labellings[missing[part]], proofs)

@@ -22,7 +22,7 @@ from typing import Any, Final
 import joblib
 import numpy as np
 from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import TerminatedWorkerError
+from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
 
 from jld_core.assembly import Assembly, Bits, Floats
 from jld_explore.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
@@ -91,72 +91,31 @@ class Workers:
     def __init__(self, recipe: Recipe, jobs: int, faces: int, hang: float = HANG) -> None:
         self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
-        self._outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
+        self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
+        self.begun: list[Run] = []
 
-    def run(
-        self, labellings: Bits, deadline: float | None = None, likely: Floats | None = None
-    ) -> Iterator[tuple[slice, list[Evaluation]]]:
-        """Evaluate (k, m) labellings; yields (where they stand, their evaluations) as batches finish.
+    def run(self, labellings: Bits, deadline: float | None = None, likely: Floats | None = None) -> Run:
+        """Begin to evaluate (k, m) labellings, behind those that were begun before.
 
         deadline: time since the epoch, s; what was not begun by then is left out. likely: (k,) see
-        `Evaluator.evaluate`.
+        `Evaluator.evaluate`. With one job, and on a cluster, evaluation waits until results are asked for.
         """
         likely = np.full(len(labellings), np.inf) if likely is None else likely
-        size = batch_size(self.faces, len(labellings))
-        starts = range(0, len(labellings), size)
-        slices = [slice(low, min(low + size, len(labellings))) for low in starts]
-        if self.jobs == 1 and not self._outside:
-            for number, part in enumerate(slices):
-                evaluations = evaluate_batch(self.recipe, number, labellings[part], deadline, likely[part])[1]
-                yield slice(part.start, part.start + len(evaluations)), evaluations
-            return
-        done: set[int] = set()
-        strikes = dict.fromkeys(range(len(slices)), 0)
-        while len(done) < len(slices):
-            waiting = [number for number in range(len(slices)) if number not in done]
-            suspects = [number for number in waiting if strikes[number] == 1]
-            if suspects:  # one at a time, so that a second death has one culprit
-                waiting = suspects[:1]
-            sent: list[int] = []
-            try:
-                for number, evaluations in self._parallel(waiting, slices, (labellings, likely), sent, deadline):
-                    done.add(number)
-                    low = slices[number].start
-                    yield slice(low, low + len(evaluations)), evaluations
-            except _deaths():
-                self.deaths += 1
-                self.close()
-                for number in sent:
-                    if number in done:
-                        continue
-                    strikes[number] += 1
-                    if strikes[number] > 1:
-                        done.add(number)
-                        yield slices[number], [FAILED] * (slices[number].stop - slices[number].start)
+        run = Run(self, labellings, deadline, likely)
+        if self.jobs > 1 and not self.outside:
+            run.begin()
+        return run
 
-    def _parallel(
-        self,
-        numbers: list[int],
-        slices: list[slice],
-        asked: tuple[Bits, Floats],
-        sent: list[int],
-        deadline: float | None,
-    ) -> Iterator[tuple[int, list[Evaluation]]]:
-        def tasks() -> Iterator[Any]:
-            for number in numbers:
-                sent.append(number)
-                labellings, likely = (part[slices[number]] for part in asked)
-                yield joblib.delayed(evaluate_batch)(self.recipe, number, labellings, deadline, likely)
-
+    def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
+        """Results of tasks as they finish; tasks are taken at once, and more when some are done."""
         how: dict[str, Any] = {
             "return_as": "generator_unordered",
             "batch_size": 1,
             "pre_dispatch": "2 * n_jobs",
             "timeout": self.hang,
         }
-        if self._outside:
-            yield from joblib.Parallel(**how)(tasks())
-            return
+        if self.outside:
+            return iter(joblib.Parallel(**how)(tasks))
         # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
         with joblib.parallel_config(
             inner_max_num_threads=1,
@@ -165,13 +124,85 @@ class Workers:
             initializer=_attend,
             initargs=(os.getpid(),),
         ):
-            pool = joblib.Parallel(**how)
-            yield from pool(tasks())
+            return iter(joblib.Parallel(**how)(tasks))
 
     def close(self) -> None:
-        """Stop all worker processes at once; a cluster's are not ours to stop."""
-        if self.jobs > 1 and not self._outside:
+        """Stop all worker processes at once, whatever they are at; a cluster's are not ours to stop."""
+        for run in self.begun:
+            run.stop()
+        self.begun = []
+        if self.jobs > 1 and not self.outside:
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+class Run:
+    """Labellings under evaluation; to iterate is to wait for (where they stand, their evaluations).
+
+    Several may be begun, so that workers go on while the results of an earlier one are looked at. Where workers
+    die, those of the run that is waited for are suspected; the other runs begin again when their turn comes.
+    """
+
+    def __init__(self, workers: Workers, labellings: Bits, deadline: float | None, likely: Floats) -> None:
+        self._workers, self._deadline = workers, deadline
+        self._labellings, self._likely = labellings, likely
+        size = batch_size(workers.faces, len(labellings))
+        starts = range(0, len(labellings), size)
+        self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
+        self._done: set[int] = set()
+        self._sent: list[int] = []
+        self._results: Iterator[tuple[int, list[Evaluation]]] | None = None
+
+    def begin(self, numbers: list[int] | None = None) -> None:
+        """Send tasks to the workers; numbers: of those to send, None for all that are not done."""
+        waiting = [number for number in range(len(self._slices)) if number not in self._done]
+        self._sent = []
+        self._results = self._workers.parallel(self._tasks(waiting if numbers is None else numbers))
+        self._workers.begun.append(self)
+
+    def stop(self) -> None:
+        """Forget what was sent; what it would have given is evaluated again."""
+        self._results = None
+
+    def _tasks(self, numbers: list[int]) -> Iterator[Any]:
+        for number in numbers:
+            self._sent.append(number)
+            part = self._slices[number]
+            labellings, likely = self._labellings[part], self._likely[part]
+            yield joblib.delayed(evaluate_batch)(self._workers.recipe, number, labellings, self._deadline, likely)
+
+    def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
+        workers = self._workers
+        if workers.jobs == 1 and not workers.outside:
+            for number, part in enumerate(self._slices):
+                rows, likely = self._labellings[part], self._likely[part]
+                evaluations = evaluate_batch(workers.recipe, number, rows, self._deadline, likely)[1]
+                yield slice(part.start, part.start + len(evaluations)), evaluations
+            return
+        strikes = dict.fromkeys(range(len(self._slices)), 0)
+        while len(self._done) < len(self._slices):
+            suspects = [number for number, count in strikes.items() if count == 1 and number not in self._done]
+            if suspects:  # one at a time, so that a second death has one culprit
+                self.begin(suspects[:1])
+            elif self._results is None:
+                self.begin()
+            try:
+                for number, evaluations in self._results or ():
+                    self._done.add(number)
+                    low = self._slices[number].start
+                    yield slice(low, low + len(evaluations)), evaluations
+                self._results = None
+            except _deaths():
+                workers.deaths += 1
+                workers.close()
+                for number in self._sent:
+                    if number in self._done:
+                        continue
+                    strikes[number] += 1
+                    if strikes[number] > 1:
+                        self._done.add(number)
+                        part = self._slices[number]
+                        yield part, [FAILED] * (part.stop - part.start)
+        workers.begun = [run for run in workers.begun if run is not self]
 
 
 def _attend(parent: int) -> None:
@@ -188,7 +219,8 @@ def _leave_with(parent: int) -> None:
 
 def _deaths() -> tuple[type[BaseException], ...]:
     """What is raised where a worker died or hung; a cluster's own words for it where one is in use."""
-    known: tuple[type[BaseException], ...] = (TerminatedWorkerError, TimeoutError, multiprocessing.TimeoutError)
+    known: tuple[type[BaseException], ...]
+    known = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError, multiprocessing.TimeoutError)
     distributed = sys.modules.get("distributed")
     if distributed is not None:
         known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,6 +31,7 @@ class HillClimb(Searcher):
     that is better; after `rounds` rounds without a step it starts again from a random labelling."""
 
     name = "hillclimb"
+    ahead: ClassVar[int] = 1
 
     def __init__(self, space: SearchSpace, seed: int, climbers: int = 8, neighbours: int = 8, rounds: int = 4) -> None:
         super().__init__(space, seed, climbers * neighbours)

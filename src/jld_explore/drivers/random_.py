@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from jld_core.assembly import Bits
 from jld_explore.candidates import SearchSpace
@@ -14,6 +15,7 @@ class Random(Searcher):
     """Draws labellings at random, each class once."""
 
     name = "random"
+    ahead: ClassVar[int] = 1
 
     def __init__(self, space: SearchSpace, seed: int, size: int = 256) -> None:
         super().__init__(space, seed, size)
