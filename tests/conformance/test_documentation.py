@@ -17,27 +17,19 @@ DOCS = ROOT / "docs"
 GUIDE = sorted(DOCS.glob("guide/*.md"))
 
 
-@pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the pages, built as `make docs` does."""
-    out = tmp_path_factory.mktemp("docs")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(out / "trees")]
-    done = subprocess.run([*command, str(DOCS), str(out / "html")], capture_output=True, text=True, check=False)
+def test_it_builds_without_a_warning_and_describes_every_public_name(tmp_path: Path) -> None:
+    """Built as `make docs` does; in one test, since building is what takes time."""
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(tmp_path / "trees")]
+    done = subprocess.run([*command, str(DOCS), str(tmp_path / "html")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return out / "html"
-
-
-def test_every_public_name_is_described(pages: Path) -> None:
-    written = "".join((pages / "reference" / f"{name}.html").read_text("utf-8") for name in ("core", "explore"))
+    pages = [tmp_path / "html" / "reference" / f"{name}.html" for name in ("core", "explore")]
+    written = "".join(page.read_text("utf-8") for page in pages)
     for module in (jld_core, jld_explore.explore):
         for name in module.__all__:
             assert f'id="{module.__name__}.{name}"' in written, f"{module.__name__}.{name}"
-
-
-def test_descriptions_are_the_docstrings(pages: Path) -> None:
-    written = re.sub("<[^>]+>", "", (pages / "reference" / "core.html").read_text("utf-8"))
-    assert "Collapse load factor of one labelling, with a two-sided bracket." in written
-    assert "labels: (m,) True dry; default the scene’s own." in written
+    text = re.sub("<[^>]+>", "", written)
+    assert "Collapse load factor of one labelling, with a two-sided bracket." in text
+    assert "labels: (m,) True dry; default the scene’s own." in text
 
 
 @pytest.mark.parametrize("page", GUIDE, ids=lambda page: page.stem)
