@@ -13,9 +13,10 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.auxiliary_programs import least_multipliers, tips_of, with_slack
 from jld_core.bracket import Motion, Prover, State, usable
 from jld_core.program import ConicProgram, Structure, Template, pack
-from jld_core.solvers.clarabel_ import ClarabelRoute
+from jld_core.solvers import auxiliary, is_large
 from jld_core.solvers.status import RawSolution
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
@@ -46,7 +47,16 @@ class Interior:
 
     def stands(self, labels: Bits) -> bool | None:
         """Is λ = 0 admissible? True with a state, False with a motion that gains energy, None if neither is found."""
-        raw = ClarabelRoute().solve(_with_slack(self.template.program(labels), load_fixed=True))
+        program = with_slack(self.template.program(labels), load_fixed=True)
+        # a rough answer will do where the scene stands or falls by a margin, and large scenes are worth the try
+        for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
+            found = self._settled(auxiliary(program, gap), labels)
+            if found is not None:
+                break
+        return found
+
+    def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
+        """What an answer with the largest slack at λ = 0 proves."""
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         if self.prover.state(point, labels, passes=3, held=True).admissible:
             return True
@@ -63,7 +73,7 @@ class Interior:
     def _deepest_answer(self, labels: Bits) -> RawSolution:
         key = np.packbits(labels).tobytes()
         if self._deepest is None or key != self._deepest_key:
-            self._deepest = ClarabelRoute().solve(_with_slack(self.template.program(labels)))
+            self._deepest = auxiliary(with_slack(self.template.program(labels)), 1e-4)
             self._deepest_key = key
         return self._deepest
 
@@ -107,7 +117,7 @@ class Interior:
         linear = s.linear - 1
         heads = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(np.int64)
         cones = [np.arange(a, a + k) for a, k, at in zip(heads, s.cones, tight[linear:], strict=True) if at]
-        return np.concatenate([_tips(s)[:linear][tight[:linear]], *cones]).astype(np.int64)
+        return np.concatenate([tips_of(s)[:linear][tight[:linear]], *cones]).astype(np.int64)
 
     def _state_at_edge(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
         """The state of a projected point, or None where more than rounding is missing to admissibility."""
@@ -139,7 +149,7 @@ class Interior:
         point = answer.point[:columns]
         if columns <= _DENSE and not s.cones:
             # rows that no ray leaves slack are equations: a solver meets them to its residual only
-            tight = _tips(s)[slack < 1e-6 * max(1.0, float(slack.max()))]
+            tight = tips_of(s)[slack < 1e-6 * max(1.0, float(slack.max()))]
             equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][:, :columns].toarray()
             wanted = np.concatenate([-self.template.live, np.zeros(len(tight))])
             for _ in range(2):
@@ -156,7 +166,7 @@ class Interior:
         """
         s = program.structure
         matrix = program.matrix[:, :columns].tocsr()
-        tips = _tips(s)
+        tips = tips_of(s)
         count = len(tips)
         pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count))
         linear = s.equalities + s.linear
@@ -165,7 +175,7 @@ class Interior:
         rows = sp.vstack([wide[:linear], bound, -bound, wide[linear:]])
         ends = np.concatenate([rhs[:linear], np.full(count, cap), np.zeros(count), rhs[linear:]])
         objective = np.concatenate([np.zeros(columns), -np.ones(count)])
-        raw = ClarabelRoute().solve(pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones))
+        raw = auxiliary(pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones, s.places))
         return raw, raw.point[columns:]
 
     # --- motions ----------------------------------------------------------------------------------------
@@ -179,7 +189,7 @@ class Interior:
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
             template = self._without_crushing()
-            rows = np.ones(len(_tips(template.structure)), dtype=bool)
+            rows = np.ones(len(tips_of(template.structure)), dtype=bool)
             self._opening = self._relative_interior(template.program(every), rows, every)
             self._opening_known = True
         return self._opening
@@ -248,7 +258,7 @@ class Interior:
         """Velocities whose jumps are −Gᵀz with z ≥ 1 on the moving rows and 0 on the others; None if there are none."""
         s = program.structure
         matrix = program.matrix.tocsr()[:, : s.shape[1] - 1]
-        tips = _tips(s)
+        tips = tips_of(s)
         linear_rows = tips[: s.linear - 1]
         cone_starts = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
         kept_linear = linear_rows[moving[: len(linear_rows)]]
@@ -260,24 +270,19 @@ class Interior:
         cone_rows = np.concatenate([np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]).astype(int)
         chosen = np.concatenate([kept_linear, cone_rows])
         balance = sp.hstack([matrix[: s.equalities].T, matrix[chosen].T]).tocsr()
-        velocities, multipliers = s.equalities, len(chosen)
-        identity = sp.csr_array(sp.hstack([sp.csr_array((multipliers, velocities)), sp.eye_array(multipliers)]))
-        floor = np.zeros(multipliers)
+        velocities = s.equalities
+        floor = np.zeros(len(chosen))
         floor[: len(kept_linear)] = 1.0
         starts = len(kept_linear) + np.cumsum([0, *(k for _, k in kept_cones)])[: len(kept_cones)]
         floor[starts] = 1.0
-        rows = sp.vstack([balance, -identity])
-        rhs = np.concatenate([np.zeros(balance.shape[0]), -floor])
-        objective = np.concatenate([np.zeros(velocities), floor])
-        raw = ClarabelRoute().solve(
-            pack(rows, rhs, objective, balance.shape[0], len(kept_linear), tuple(k for _, k in kept_cones))
-        )
-        left = balance @ raw.point
-        if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(raw.point[velocities:][starts] < 0.5):
+        sizes = tuple(k for _, k in kept_cones)
+        point = least_multipliers(matrix[: s.equalities], matrix[chosen], floor, len(kept_linear), sizes, s)
+        left = balance @ point
+        if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(point[velocities:][starts] < 0.5):
             return None
-        if np.any(raw.point[velocities : velocities + len(kept_linear)] < 0.5):
+        if np.any(point[velocities : velocities + len(kept_linear)] < 0.5):
             return None
-        return self.prover.motion(raw.point[:velocities], labels, normalise=False)
+        return self.prover.motion(point[:velocities], labels, normalise=False)
 
     def _allowed_jumps(self, program: ConicProgram, moving: Bools) -> dict[int, Floats]:
         """Per face that may not move freely: an orthonormal basis (q, k) of the jumps its moving rows span."""
@@ -329,27 +334,3 @@ class Interior:
         margin[edge] = np.where(abs(margin[edge]) <= noise, 0.0, margin[edge])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
-
-
-def _tips(structure: Structure) -> Ints:
-    """Rows that carry a slack: every linear yield row (the first linear row bounds λ), then the head of each cone."""
-    linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
-    heads = structure.equalities + structure.linear + np.concatenate([[0], np.cumsum(structure.cones)])
-    return np.concatenate([linear, heads[: len(structure.cones)]]).astype(np.int64)
-
-
-def _with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
-    """The program that maximises the least slack t ≤ 1 of all yield rows, over λ too unless it is fixed at 0."""
-    s = program.structure
-    matrix = program.matrix.tocsr()
-    column = np.zeros(s.shape[0])
-    column[_tips(s)] = 1.0
-    kept = matrix[:, :-1] if load_fixed else matrix
-    edge = s.equalities + s.linear
-    last = sp.csr_array(([1.0], ([0], [kept.shape[1]])), shape=(1, kept.shape[1] + 1))
-    wide = sp.hstack([kept, sp.csr_array(column[:, None])]).tocsr()
-    rows = sp.vstack([wide[:edge], last, wide[edge:]])
-    rhs = np.concatenate([program.rhs[:edge], [1.0], program.rhs[edge:]])
-    objective = np.zeros(wide.shape[1])
-    objective[-1] = -1.0
-    return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones)

@@ -14,7 +14,7 @@ from jld_core.bracket import Motion, Prover, State, load_floor, relative_width
 from jld_core.interior import Interior
 from jld_core.program import Template
 from jld_core.result import LimitAnalysisResult
-from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus, Route, make_route
+from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus, Route, SchurRoute, is_large, make_route
 from jld_core.solvers.status import RawSolution, Status
 from jld_core.yield_sets import require_materials
 
@@ -116,7 +116,7 @@ class LimitAnalysis:
         crushing = self.template.precision is tolerances.CRUSHING
         if status is Status.COLLAPSE and crushing and width > tolerances.CRUSHING_WIDTH:
             # the margin that most crushable scenes need is more than this one does
-            refined = ClarabelRoute(tolerances.LINEAR.residual, iterative_refinement_enable=True)
+            refined = self._refined(tolerances.LINEAR.residual)
             self._repair(proof, self._attempt(proof, refined, labels, 10.0 * tolerances.LINEAR.margin), labels)
         if status is Status.COLLAPSE and relative_width(proof.low, proof.high, 0.0) > self.gap:
             # narrow beside the weight of the whole, wide beside λ: a vertex says whether λ is small or zero
@@ -255,8 +255,13 @@ class LimitAnalysis:
 
     def _unshrunk(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
         """An interior point with refined linear systems and no margins, for yield sets that leave none."""
-        refined = ClarabelRoute(self.template.precision.residual, iterative_refinement_enable=True)
+        refined = self._refined(self.template.precision.residual)
         return self._repair(proof, self._attempt(proof, refined, labels, 0.0), labels)
+
+    def _refined(self, tolerance: float) -> Route:
+        if is_large(self.template.structure):
+            return SchurRoute(tolerance, gap=1e-10)
+        return ClarabelRoute(tolerance, iterative_refinement_enable=True)
 
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
         """Limit analysis of one labelling, in full.

@@ -8,7 +8,9 @@ import pytest
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, solve
+from jld_core.bracket import Prover
 from jld_core.errors import RouteError
+from jld_core.interior import Interior
 from jld_core.point_contacts import point_contact_assembly
 from jld_core.program import Template, pack
 from jld_core.scaling import scaling_of
@@ -99,6 +101,32 @@ def test_large_assemblies_take_it_by_themselves() -> None:
     assert analysis.route.name == "schur"
     assert LimitAnalysis(SPATIAL["stools"]()).route.name == "clarabel"
     assert solve(built).route[0] == "schur"
+
+
+@pytest.mark.parametrize("name", ["arch", "weak arch", "wall", "overhang", "crushable arch", "very strong"])
+def test_repairs_of_large_assemblies(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """States inside, openings, rays and λ = 0 by the Schur route as well, as where every assembly is large."""
+    rows, options = CASES[name]
+    built = grid_assembly(rows, **options)
+    rng = np.random.default_rng(14)
+    labellings = rng.random((5, len(built.interfaces))) < 0.6
+    first = [LimitAnalysis(built, solver="clarabel").solve(labels) for labels in labellings]
+    monkeypatch.setitem(LARGE, False, 1)
+    monkeypatch.setitem(LARGE, True, 1)
+    for labels, other in zip(labellings, first, strict=True):
+        found = LimitAnalysis(built).solve(labels)
+        assert (found.status, found.stands_at_zero) == (other.status, other.stands_at_zero)
+        assert found.route[0].startswith("schur")
+
+
+def test_opening_by_forces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The strictly opening motion of a wall, from the dual program."""
+    built = build_assembly(running_bond(10))
+    template = Template(built)
+    monkeypatch.setitem(LARGE, True, 1)
+    opening = Interior(template, Prover(template)).opening()
+    assert opening is not None
+    assert opening.margin > 0.1
 
 
 def test_programs_that_are_no_faces_are_refused_by_name() -> None:

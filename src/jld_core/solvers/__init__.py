@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from jld_core.errors import InputError
-from jld_core.program import Structure
+from jld_core.errors import InputError, RouteError
+from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.clarabel_ import ClarabelRoute
 from jld_core.solvers.highs_ import HighsRoute
 from jld_core.solvers.schur_ipm import SchurRoute
@@ -43,6 +43,21 @@ def make_route(
     raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))
 
 
+def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
+    """A raw solution of a program that is not a labelling's own: by schur where it is large, else by clarabel.
+
+    gap: relative duality gap that is enough, where schur is asked.
+    """
+    if is_large(program.structure):
+        try:
+            answer = SchurRoute(gap=gap).solve(program)
+        except RouteError:
+            return ClarabelRoute().solve(program)
+        if answer.status is not RawStatus.FAILED:
+            return answer
+    return ClarabelRoute().solve(program)
+
+
 def is_large(structure: Structure) -> bool:
     """Does a program of this structure go to `schur` by default?"""
     return structure.equalities >= LARGE[bool(structure.cones)]
@@ -57,6 +72,7 @@ __all__ = [
     "RawStatus",
     "Route",
     "SchurRoute",
+    "auxiliary",
     "is_large",
     "make_route",
 ]

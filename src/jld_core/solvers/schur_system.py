@@ -225,7 +225,7 @@ def _right_inverse_of_r(stack: Floats) -> Floats:
     Householder's reflections run over all faces at once, faces last; a QR keeps the digits that the product
     WᵀW would lose where weights range over more than half of them.
     """
-    table = np.ascontiguousarray(stack.transpose(1, 2, 0))
+    table = np.array(stack.transpose(1, 2, 0), order="C")
     wide, count = table.shape[1:]
     inverse = np.zeros((wide, wide, count))
     for j in range(wide):
