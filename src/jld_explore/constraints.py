@@ -81,7 +81,7 @@ def within_limits(space: SearchSpace, labellings: Bits, blocks: Ints) -> Bools:
     lengths and weights may pass them by ROUNDING. A block without a free element has no size.
     """
     search = space.search
-    sizes = block_sizes(space.assembly, blocks)
+    sizes = block_sizes(space.assembly, blocks, extents=search.block_extent != [None, None])
     holds = sizes.cells > 0
     good = np.ones(len(labellings), dtype=bool)
     for values, (low, high) in (

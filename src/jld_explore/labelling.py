@@ -156,8 +156,11 @@ class BlockSizes:
     extent: Floats
 
 
-def block_sizes(assembly: Assembly, blocks: Ints) -> BlockSizes:
-    """Sizes of all blocks of labellings; blocks: (k, n) from `blocks_of`, scene units."""
+def block_sizes(assembly: Assembly, blocks: Ints, extents: bool = True) -> BlockSizes:
+    """Sizes of all blocks of labellings; blocks: (k, n) from `blocks_of`, scene units.
+
+    extents: find them too, which takes longer than all the rest; else they are 0.
+    """
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape
     place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
@@ -170,9 +173,11 @@ def block_sizes(assembly: Assembly, blocks: Ints) -> BlockSizes:
     cells = np.bincount(place, minlength=count * width)
     heavy = np.tile(np.linalg.norm(elements.weight[free], axis=1), count)
     weight = np.bincount(place, heavy, minlength=count * width)
-    with np.errstate(invalid="ignore"):
-        extent = (corner(elements.upper) + corner(-elements.lower)).max(axis=1, initial=-np.inf)
-    extent = np.where(cells > 0, extent, 0.0)
+    extent = np.zeros(count * width)
+    if extents:
+        with np.errstate(invalid="ignore"):
+            longest = (corner(elements.upper) + corner(-elements.lower)).max(axis=1, initial=-np.inf)
+        extent = np.where(cells > 0, longest, 0.0)
     shape = (count, width)
     return BlockSizes(
         cells=np.asarray(cells, dtype=np.int64).reshape(shape),

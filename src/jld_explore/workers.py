@@ -30,7 +30,7 @@ from jld_explore.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettin
 HANG: Final = 600.0
 """Seconds without any result after which the workers are taken to hang."""
 
-_TASKS: Final = 16
+_TASKS: Final = 8
 """Tasks that labellings asked together are cut into at the least, so that workers finish together."""
 
 _own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
