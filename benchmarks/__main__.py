@@ -17,6 +17,7 @@ BENCHMARKS: Final = (
     "exact",
     "drivers",
     "hard_cases",
+    "reductions",
     "field",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""

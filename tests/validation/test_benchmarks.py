@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from benchmarks import field, hard_cases, hard_plot
+from benchmarks import field, hard_cases, hard_plot, reductions, reductions_plot
 from benchmarks.hard_scenes import hard_cases as all_hard_cases
 
 
@@ -27,3 +27,12 @@ def test_hard_cases() -> None:
     assert [verdict.right for verdict in verdicts] == [True] * 3
     assert [hard_cases.row_of(verdict)[2] for verdict in verdicts] == ["collapse", "locked", "unstable"]
     assert len(hard_plot.draw(verdicts).axes) == 2
+
+
+def test_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reductions, "ENOUGH", 0.0)
+    found = reductions.measured(small=True)
+    for one in found:
+        assert one.sizes[1] < one.sizes[0] or one.name == "zero dilation skipped"
+        assert one.changed < 1e-6 or "λ changes" in one.why
+    assert len(reductions_plot.draw(found).axes) == 1
