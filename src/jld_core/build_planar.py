@@ -6,7 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from jld_core.assembly import Elements, Floats, Interfaces
+from jld_core import sections
+from jld_core.assembly import Elements, Interfaces
 from jld_core.contacts import (
     PlanarContact,
     check_polygons,
@@ -28,11 +29,14 @@ def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | 
     thickness = scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
     ids = [entry.id for entry in entries]
     refuse_twins(ids)
-    outlines = [without_repeats(np.array(entry.polygon, dtype=float)) for entry in entries]
+    outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])
     check_polygons(ids, outlines)
-    outlines = [outline if _signed_area(outline) > 0 else outline[::-1].copy() for outline in outlines]
-    area = np.array([_signed_area(outline) for outline in outlines])
-    centroid = np.array([_centroid(outline) for outline in outlines])
+    area, centroid = np.empty(len(ids)), np.empty((len(ids), 2))
+    for chosen, stack in sections.by_corner_count(outlines):
+        signed = sections.area(stack)
+        for position in chosen[signed < 0.0].tolist():
+            outlines[position] = outlines[position][::-1].copy()
+        area[chosen], centroid[chosen] = abs(signed), sections.centroid(stack)
     volume = area * thickness
     elements = collect_elements(scene, entries, centroid, volume, outlines, ())
     given: list[Contact | None]
@@ -89,19 +93,6 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
     return {
         (r, c): rows[r][c] if parts[rows[r][c]] == 1 else f"{rows[r][c]}{number}" for (r, c), number in part.items()
     }
-
-
-def _signed_area(outline: Floats) -> float:
-    # taken about a corner of the outline: far from the origin the plain sum loses digits
-    x, y = (outline - outline[0]).T
-    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
-
-
-def _centroid(outline: Floats) -> Floats:
-    x, y = (outline - outline[0]).T
-    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-    mean = np.array([np.dot(x + np.roll(x, -1), cross), np.dot(y + np.roll(y, -1), cross)]) / (3.0 * cross.sum())
-    return np.asarray(outline[0] + mean)
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:

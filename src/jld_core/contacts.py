@@ -6,15 +6,18 @@ within a tolerance relative to the edges; shapely finds the pairs worth looking 
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPoint, Polygon
 
-from jld_core import tolerances
-from jld_core.assembly import Floats, Interfaces
+from jld_core import sections, tolerances
+from jld_core.assembly import Floats, Interfaces, Ints
 from jld_core.errors import InputError
+from jld_core.polyhedra import spread
 
 
 @dataclass(frozen=True)
@@ -27,10 +30,15 @@ class PlanarContact:
     normal: Floats
 
 
-def without_repeats(polygon: Floats) -> Floats:
-    """(k, 2) outline without corners that repeat the one before, such as the first given again at the end."""
-    step = np.linalg.norm(polygon - np.roll(polygon, 1, axis=0), axis=1)
-    return np.asarray(polygon[step > tolerances.ROUNDING * np.ptp(polygon, axis=0).max()])
+def without_repeats(polygons: list[Floats]) -> list[Floats]:
+    """Outlines (k, 2) without corners that repeat the one before, such as the first given again at the end."""
+    kept = list(polygons)
+    for chosen, stack in sections.by_corner_count(polygons):
+        step = np.linalg.norm(stack - np.roll(stack, 1, axis=1), axis=2)
+        new = step > tolerances.ROUNDING * np.ptp(stack, axis=1).max(axis=1)[:, None]
+        for row in np.flatnonzero(~new.all(axis=1)).tolist():
+            kept[chosen[row]] = stack[row][new[row]]
+    return kept
 
 
 def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
@@ -39,34 +47,36 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
     ids: (n,) names; polygons: n arrays (k, 2), any unit, either sense of rotation.
     Raises InputError naming the element or the pair.
     """
-    for name, polygon in zip(ids, polygons, strict=True):
-        thin = len(polygon) < 3 or not MultiPoint(polygon).convex_hull.area > 1e-14 * float(
-            np.ptp(polygon, axis=0).max() ** 2
+    count = np.array([len(polygon) for polygon in polygons])
+    least = 1e-14 * _spans(polygons) ** 2
+    hull = shapely.convex_hull(
+        shapely.multipoints(np.concatenate(polygons), indices=np.repeat(np.arange(len(count)), count))
+    )
+    for thin in np.flatnonzero((count < 3) | ~(shapely.area(hull) > least))[:1].tolist():
+        raise InputError(f"element {ids[thin]!r}", "its polygon has no area", "three corners not in a line")
+    shapes = _shapes(polygons)
+    size = shapely.area(shapes)
+    valid = shapely.is_valid(shapes)
+    for bad in np.flatnonzero(~valid | ~(size > least))[:1].tolist():
+        if valid[bad]:
+            raise InputError(f"element {ids[bad]!r}", "its polygon has no area", "a polygon with an area")
+        reason = shapely.is_valid_reason(shapes[bad]).split("[")[0].strip().lower() or "not simple"
+        raise InputError(
+            f"element {ids[bad]!r}",
+            f"its polygon is wrong ({reason})",
+            "an outline that does not meet itself",
         )
-        if thin:
-            raise InputError(f"element {name!r}", "its polygon has no area", "three corners not in a line")
-    shapes = [Polygon(p) for p in polygons]
-    for name, polygon, shape in zip(ids, polygons, shapes, strict=True):
-        span = float(np.ptp(polygon, axis=0).max())
-        if not shape.is_valid:
-            reason = shapely.is_valid_reason(shape).split("[")[0].strip().lower() or "not simple"
-            raise InputError(
-                f"element {name!r}",
-                f"its polygon is wrong ({reason})",
-                "an outline that does not meet itself",
-            )
-        if not shape.area > 1e-14 * span**2:
-            raise InputError(f"element {name!r}", "its polygon has no area", "a polygon with an area")
-    tree = shapely.STRtree(shapes)
-    left, right = tree.query(shapes, predicate="intersects")
-    for a, b in sorted((int(a), int(b)) for a, b in zip(left, right, strict=True) if a < b):
-        shared = shapes[a].intersection(shapes[b]).area
-        if shared > tolerances.OVERLAP * min(shapes[a].area, shapes[b].area):
-            raise InputError(
-                f"elements {ids[a]!r} and {ids[b]!r}",
-                "they overlap",
-                "elements that touch along edges at the most",
-            )
+    left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    left, right = left[left < right], right[left < right]
+    shared = shapely.area(shapely.intersection(shapes[left], shapes[right]))
+    over = np.flatnonzero(shared > tolerances.OVERLAP * np.minimum(size[left], size[right]))
+    if over.size:
+        a, b = min(zip(left[over].tolist(), right[over].tolist(), strict=True))
+        raise InputError(
+            f"elements {ids[a]!r} and {ids[b]!r}",
+            "they overlap",
+            "elements that touch along edges at the most",
+        )
 
 
 def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
@@ -77,51 +87,79 @@ def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
     from one another or around a corner are several.
     Source: interface frame of Iannuzzo et al. 2024, normals from element faces.
     """
-    shapes = [Polygon(p) for p in polygons]
-    spans = np.array([np.ptp(p, axis=0).max() for p in polygons])
-    tree = shapely.STRtree(shapes)
-    boxes = shapely.box(
-        *(np.array([s.bounds for s in shapes]) + np.outer(spans, tolerances.CONTACT * np.array([-1, -1, 1, 1]))).T
-    )
-    left, right = tree.query(boxes)
-    near = sorted({(int(min(a, b)), int(max(a, b))) for a, b in zip(left, right, strict=True) if a != b})
+    shapes = _shapes(polygons)
+    reach = tolerances.CONTACT * _spans(polygons)
+    x0, y0, x1, y1 = shapely.bounds(shapes).T
+    boxes = shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
+    left, right = shapely.STRtree(shapes).query(boxes)
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    near = np.unique(np.column_stack([low, high])[low < high], axis=0).reshape(-1, 2)
     found = []
-    for a, b in near:
-        pieces = _touching_pieces(polygons[a], polygons[b])
+    for pair, pieces in _touching_pieces(polygons, near):
+        a, b = near[pair].tolist()
         found += [PlanarContact(a, b, ends, normal) for ends, normal in _join_in_line(pieces)]
     return found
 
 
-def _touching_pieces(first: Floats, second: Floats) -> list[tuple[Floats, Floats]]:
-    """Overlaps of the edges of two polygons: (ends along the first's outline, outward normal of the first)."""
-    start_a, start_b = first, second
-    edge_a, edge_b = np.roll(first, -1, axis=0) - first, np.roll(second, -1, axis=0) - second
-    length_a, length_b = np.hypot(*edge_a.T), np.hypot(*edge_b.T)
-    unit_a, unit_b = edge_a / length_a[:, None], edge_b / length_b[:, None]
-    outward = np.column_stack([unit_a[:, 1], -unit_a[:, 0]])
-    reach = tolerances.CONTACT * np.minimum.outer(length_a, length_b)
-    offset = start_b[None, :, :] - start_a[:, None, :]
-    along0 = np.einsum("ijk,ik->ij", offset, unit_a)
-    off0 = np.einsum("ijk,ik->ij", offset, outward)
-    along1 = along0 + unit_a @ edge_b.T
-    off1 = off0 + outward @ edge_b.T
+def _spans(polygons: list[Floats]) -> Floats:
+    """(n,) larger side of the bounding box of each polygon."""
+    every = np.concatenate(polygons)
+    start = np.cumsum([0, *(len(p) for p in polygons[:-1])])
+    return np.asarray((np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).max(axis=1))
+
+
+def _shapes(polygons: list[Floats]) -> Any:
+    """(n,) shapely polygons."""
+    count = np.array([len(polygon) for polygon in polygons])
+    owner = np.repeat(np.arange(len(count)), count)
+    return shapely.polygons(shapely.linearrings(np.concatenate(polygons), indices=owner))
+
+
+def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
+    """Overlaps of the edges of pairs of polygons: (ends along the first's outline, outward normal of the first).
+
+    near: (p, 2) indices of polygons. Yields the pairs that touch, ascending, with their overlaps in order of the
+    edges of the first, then of the second.
+    """
+    count = np.array([len(polygon) for polygon in polygons])
+    first = np.concatenate([[0], np.cumsum(count)])
+    start = np.concatenate(polygons)
+    onward = np.arange(len(start)) + 1
+    onward[first[1:] - 1] = first[:-1]
+    edge = start[onward] - start
+    length = np.hypot(*edge.T)
+    unit = edge / length[:, None]
+    outward = np.column_stack([unit[:, 1], -unit[:, 0]])
+    # every edge of the first against every edge of the second, pair by pair
+    pair, number = spread(np.zeros(len(near), dtype=np.int64), count[near[:, 0]] * count[near[:, 1]])
+    of_second = count[near[pair, 1]]
+    i, j = first[near[pair, 0]] + number // of_second, first[near[pair, 1]] + number % of_second
+    opposite = np.einsum("ij,ij->i", unit[i], unit[j]) < 0.0
+    pair, i, j = pair[opposite], i[opposite], j[opposite]
+    reach = tolerances.CONTACT * np.minimum(length[i], length[j])
+    offset = start[j] - start[i]
+    along0, off0 = np.einsum("ij,ij->i", offset, unit[i]), np.einsum("ij,ij->i", offset, outward[i])
+    along1 = along0 + np.einsum("ij,ij->i", unit[i], edge[j])
+    off1 = off0 + np.einsum("ij,ij->i", outward[i], edge[j])
     low = np.maximum(along1, 0.0)
-    high = np.minimum(along0, length_a[:, None])
-    opposite = unit_a @ unit_b.T < 0.0
+    high = np.minimum(along0, length[i])
     # the distance between the edges is measured where they face one another, so that an edge that is long
     # and turned by a hair is judged by the contact and not by its far end
     slope = (off1 - off0) / np.where(along1 == along0, 1.0, along1 - along0)
     apart = np.maximum(abs(off0 + slope * (low - along0)), abs(off0 + slope * (high - along0)))
-    touching = opposite & (high - low > reach) & (apart <= reach)
-    pieces = []
-    for i, j in zip(*np.nonzero(touching), strict=True):
-        ends = start_a[i] + np.outer([low[i, j], high[i, j]], unit_a[i])
-        pieces.append((ends + 0.5 * apart[i, j] * np.sign(off0[i, j]) * outward[i], outward[i]))
-    return pieces
+    hit = np.flatnonzero((high - low > reach) & (apart <= reach))
+    pair, i = pair[hit], i[hit]
+    shift = (0.5 * apart[hit] * np.sign(off0[hit]))[:, None] * outward[i]
+    ends = np.stack([start[i] + low[hit, None] * unit[i] + shift, start[i] + high[hit, None] * unit[i] + shift], axis=1)
+    cuts = np.flatnonzero(np.diff(pair, prepend=-1)).tolist()
+    for a, b in itertools.pairwise([*cuts, len(pair)]):
+        yield int(pair[a]), [(ends[k], outward[i[k]]) for k in range(a, b)]
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
     """Join pieces that continue one another in a straight line."""
+    if len(pieces) == 1:
+        return pieces
     joined: list[tuple[Floats, Floats]] = []
     for ends, normal in pieces:
         for index, (others, other) in enumerate(joined):
