@@ -74,16 +74,20 @@ def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Inter
     where: the key, for complaints. Raises InputError for unknown ids and for elements that do not touch.
     """
     chosen = np.zeros(len(interfaces), dtype=bool)
-    low = np.minimum(interfaces.a, interfaces.b)
-    high = np.maximum(interfaces.a, interfaces.b)
+    if not pairs:
+        return chosen
+    count = len(elements)
+    keys = np.minimum(interfaces.a, interfaces.b) * count + np.maximum(interfaces.a, interfaces.b)
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
     for position, pair in enumerate(pairs):
         a, b = sorted(pair_index(pair, elements, f"{where}[{position}]"))
-        faces = (low == a) & (high == b)
-        if not faces.any():
+        first, last = np.searchsorted(keys, a * count + b, "left"), np.searchsorted(keys, a * count + b, "right")
+        if first == last:
             raise InputError(
                 f"{where}[{position}]",
                 f"{pair[0]!r} and {pair[1]!r} share no interface",
                 "two elements that touch",
             )
-        chosen |= faces
+        chosen[order[first:last]] = True
     return chosen
