@@ -13,7 +13,7 @@ from jld_core.solvers.status import RawSolution, RawStatus, Route
 
 ROUTES = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 
-LARGE: Final = {False: 3000, True: 1000}
+LARGE: Final = {False: 2000, True: 600}
 """Equations from which `schur` is the faster and more exact one, linear programs and those with cones
 (benchmarks/scale.py)."""
 
