@@ -19,6 +19,7 @@ STUDIES: Final = (
     "semicircular_arch",
     "wall_with_opening",
     "corner",
+    "drivers",
 )
 
 

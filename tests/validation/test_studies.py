@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from studies import (
     corner,
+    drivers,
     leonardo_flat_arch,
     one_block_two_cubes,
     semicircular_arch,
@@ -16,6 +17,8 @@ from studies import (
 )
 from studies.__main__ import STUDIES, gallery
 from studies.report import RESULTS
+
+from jld_explore.explore import ExploreSettings, explore
 
 
 def written(out: Path, name: str, *endings: str) -> None:
@@ -114,6 +117,21 @@ def test_corner(tmp_path: Path) -> None:
     assert wide.to_numpy().max() <= 0.6 * (1.0 + 1e-6)
     regular = corner.solved(3, corner.OUTWARD, "interlocking").load_factor
     assert table[table["part"] == "all bonds"]["load_factor"].item() == pytest.approx(regular, rel=1e-4)
+
+
+def test_drivers(tmp_path: Path) -> None:
+    """The exact driver proves the optimum, which a check by enumeration confirms; no driver comes above it."""
+    table = drivers.run(tmp_path, quick=True)
+    written(tmp_path, drivers.NAME)
+    exact = table[table["driver"] == "exact"]
+    assert exact["proven"].item()
+    assert exact["best"].item() == pytest.approx(3620.9123, rel=1e-6)
+    wall = drivers.scene(quick=True)
+    every = explore(wall, tmp_path / "all", ExploreSettings(driver="enumeration"))
+    assert exact["best"].item() == pytest.approx(every.summary["best"], rel=1e-6)
+    assert table["best"].max() <= exact["best"].item() * (1.0 + 1e-6)
+    assert (table["solves"] <= 20).sum() == len(drivers.BUDGETS)
+    assert set(table["driver"]) == {*drivers.BUDGETS, "exact"}
 
 
 def test_gallery_page_is_that_of_the_results() -> None:
