@@ -188,7 +188,9 @@ def explore_command(
     storage: Annotated[
         str | None, typer.Option(help="Optuna driver: URL of its database; default: a file in the folder.")
     ] = None,
-    aim: Annotated[str | None, typer.Option(help="Exact driver: best, or front (the best for every count).")] = None,
+    aim: Annotated[
+        str | None, typer.Option(help="Exact and genetic drivers: best, or front (the best for every count).")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
     certificates: Annotated[
         bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")

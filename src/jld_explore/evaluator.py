@@ -21,6 +21,8 @@ from jld_explore.sharpen import Sharpener
 
 SOLVE: Final = "solve"
 CERTIFICATE: Final = "certificate"
+BOUND: Final = "bound"
+"""Settled without the solve it was asked for, because its upper bound is below what matters."""
 
 _GIVEN: Final = 0.1  # share of the gap that forces and mechanisms made for reuse may give away
 
@@ -30,7 +32,8 @@ class Evaluation:
     """What is known of one labelling; λ in scene units, NaN where not computed or infinite.
 
     status: of the objective. low, high: proven bounds. associative: λ with associative friction.
-    zero_dilation: λ without dilation. settled: "solve" or "certificate". seconds: spent on it. proofs: what the
+    zero_dilation: λ without dilation. settled: "solve", "certificate" or
+    "bound": then only `high` is known, of a labelling that was not worth more. seconds: spent on it. proofs: what the
     solve proves about other labellings, where that was asked for.
     """
 
@@ -45,7 +48,9 @@ class Evaluation:
 
     @property
     def load_factor(self) -> float:
-        """λ of the objective: without dilation where that was computed, else associative."""
+        """λ of the objective: without dilation where that was computed, else associative; NaN for a bound alone."""
+        if self.settled == BOUND:
+            return math.nan
         return self.associative if math.isnan(self.zero_dilation) else self.zero_dilation
 
 
@@ -74,11 +79,12 @@ class Evaluator:
         self._analysis = LimitAnalysis(assembly, gap=settings.gap)
         self._sharpener: Sharpener | None = None
 
-    def evaluate(self, labels: Bits, likely: float = math.inf) -> Evaluation:
+    def evaluate(self, labels: Bits, likely: float = math.inf, floor: float = -math.inf) -> Evaluation:
         """Evaluate one labelling.
 
         labels: (m,) True dry. likely: a proven upper bound on its scaled λ that it probably reaches; tried
-        first where it is finite and proofs are asked for.
+        first where it is finite and proofs are asked for. floor: λ, scene units, at or below which a labelling
+        does not matter; it is not solved without dilation where its associative λ is no larger.
         """
         start = time.perf_counter()
         if self.settings.prove and math.isfinite(likely):
@@ -86,7 +92,7 @@ class Evaluator:
             if confirmed is not None:
                 return confirmed
         if self.settings.objective == "zero-dilation":
-            return self._without_dilation(labels, start)
+            return self._without_dilation(labels, start, floor)
         if worth_condensing(self._analysis.template, labels):
             found = solve_condensed(self._analysis, labels, stands=False)
             if found is not None:
@@ -159,8 +165,13 @@ class Evaluator:
                 mechanisms += (mechanism_of(template, motion, labels, falls=True),)
         return Proofs(forces, mechanisms)
 
-    def _without_dilation(self, labels: Bits, start: float) -> Evaluation:
+    def _without_dilation(self, labels: Bits, start: float, floor: float) -> Evaluation:
         associative = self._analysis.solve(labels, stands=False)
+        high = associative.bracket[1]
+        if associative.status is Status.COLLAPSE and high <= floor:
+            # no answer without dilation exceeds the associative one
+            seconds, known = time.perf_counter() - start, associative.load_factor
+            return Evaluation(Status.UNCERTIFIED, math.nan, high, known, settled=BOUND, seconds=seconds)
         found = zero_dilation(self._analysis, labels, associative=associative, stands=False)
         low, high = found.bracket
         return Evaluation(

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from jld_core.assembly import Bits
 from jld_core.errors import InputError
 from jld_core.solvers.status import Status
-from jld_explore.evaluator import CERTIFICATE, SOLVE, Evaluation
+from jld_explore.evaluator import BOUND, CERTIFICATE, SOLVE, Evaluation
 
 NAME = "evaluations.jld"
 SYNC = 0.2
 """Seconds after which what was written is waited for until the disk has it: a wait costs as much as some solves."""
 
 _STATUSES = tuple(Status)
-_SETTLED = (SOLVE, CERTIFICATE)
+_SETTLED = (SOLVE, CERTIFICATE, BOUND)
 
 
 def record_type(faces: int) -> np.dtype[np.void]:
@@ -161,7 +161,7 @@ def statuses(rows: NDArray[np.void]) -> NDArray[np.object_]:
 
 
 def settled(rows: NDArray[np.void]) -> NDArray[np.object_]:
-    """How each record was settled, (k,): by a solve or by a certificate."""
+    """How each record was settled, (k,): by a solve, a certificate or a bound."""
     return np.asarray(np.array(_SETTLED, dtype=object)[rows["settled"]])
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -30,9 +30,13 @@ from jld_explore.certificates import Pool, Proofs
 from jld_explore.consult import Archive, Consultant
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.floor import Floor
 from jld_explore.labelling import orbit_sizes, unpack
 from jld_explore.store import Store
-from jld_explore.workers import Recipe, Run, Workers
+from jld_explore.workers import NO_HINT, Recipe, Run, Workers
+
+PORTION: Final = 128
+"""Labellings asked together at the most where what is known spares solves."""
 
 
 class StopReason(StrEnum):
@@ -110,6 +114,7 @@ class Study:
         faces = len(self.assembly.interfaces)
         self.store = Store(self.folder, self.header, faces)
         self._consultant: Consultant | None = None
+        self._floor = Floor(self.space) if self.settings.objective == "zero-dilation" else None
         if self.certificates:
             template = Template(self.assembly)
             self._consultant = Consultant(
@@ -158,6 +163,8 @@ class Study:
                     left = None if self.budget is None else self.budget - self.asked
                     if left is not None and left <= 0:
                         break
+                    if self._floor is not None:  # the sooner answers are known the more they spare
+                        left = PORTION if left is None else min(left, PORTION)
                     labellings = self.driver.ask(left)
                     dry = len(labellings) == 0
                     if not dry:
@@ -170,6 +177,8 @@ class Study:
                 if evaluations is None:
                     return StopReason.TIME
                 self.driver.tell(asked.labellings, evaluations)
+                if self._floor is not None:
+                    self._floor.learn(asked.labellings, evaluations)
         finally:
             workers.close()
             self.store.close()
@@ -231,7 +240,12 @@ class Study:
         run = None
         if missing.size:
             deadline = None if self.seconds is None else time.time() + self.seconds - self.elapsed
-            run = workers.run(labellings[missing], deadline, None if likely is None else likely[missing])
+            hints = np.tile(NO_HINT, (len(labellings), 1))
+            if likely is not None:
+                hints[:, 0] = likely
+            if self._floor is not None:
+                hints[:, 1] = self._floor.below(labellings)
+            run = workers.run(labellings[missing], deadline, hints[missing])
         return Sent(labellings, found, missing, run)
 
     def _take(self, sent: Sent) -> list[Evaluation] | None:

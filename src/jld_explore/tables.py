@@ -13,7 +13,7 @@ from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
 from jld_explore.drivers.ranking import ORDER
-from jld_explore.evaluator import CERTIFICATE
+from jld_explore.evaluator import BOUND, CERTIFICATE
 from jld_explore.labelling import unpack
 from jld_explore.pareto import on_front
 from jld_explore.store import Store, settled, statuses
@@ -48,7 +48,8 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
     rows = store.rows
     labellings = unpack(rows["labelling"], store.faces)
     associative, zero = rows["associative"], rows["zero_dilation"]
-    load_factor = np.where(np.isnan(zero), associative, zero)
+    how = settled(rows)
+    load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
     tally = counts(assembly, labellings)
     text = (labellings + np.uint8(ord("0"))).tobytes().decode("ascii")
     table = pd.DataFrame(
@@ -65,7 +66,7 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
             "largest_block_cells": tally.largest_block_cells,
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
-            "settled": settled(rows),
+            "settled": how,
             "seconds": rows["seconds"],
             "driver": driver,
         }
@@ -129,7 +130,8 @@ def summary(
     tally = Counter(results["status"])
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     best = None if ranked.empty else float(ranked["load_factor"].iloc[0])
-    certain = complete and not (tally[str(Status.UNCERTIFIED)] or tally[str(Status.FAILED)])
+    pruned = int((results["settled"] == BOUND).sum())
+    certain = complete and not (tally[str(Status.UNCERTIFIED)] - pruned or tally[str(Status.FAILED)])
     unbounded = bool(tally[str(Status.LOCKED)])
     if results["load_factor_zero_dilation"].notna().any():
         # answers without dilation are not unique, so none is proven; associative λ bounds them all
@@ -154,6 +156,7 @@ def summary(
         "evaluated": len(results),
         "solved": solved,
         "settled": int((results["settled"] == CERTIFICATE).sum()),
+        "pruned": pruned,
         "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
         "seconds": seconds,
         "rate": solved / seconds if seconds > 0.0 else None,

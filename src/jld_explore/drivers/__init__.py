@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
+from jld_core.errors import InputError
 from jld_explore.candidates import SearchSpace
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
@@ -20,17 +21,26 @@ def _optuna(space: SearchSpace, seed: int, **options: Any) -> Driver:
     return Optuna(space, seed, **options)
 
 
+def _genetic(space: SearchSpace, seed: int, aim: str = "front", **options: Any) -> Driver:
+    if aim not in AIMS:
+        raise InputError("--aim", f"there is no aim {aim!r}", "best or front")
+    return Genetic(space, seed, aims=AIMS[aim], **options)
+
+
+AIMS: Final = {"best": 1, "front": 2}
+"""Number of objectives of the genetic driver: λ alone, or λ and the count of the scene's front."""
+
 DRIVERS: Final[dict[str, Callable[..., Driver]]] = {
     "enumeration": lambda space, seed: Enumeration(space),
     "random": Random,
     "hillclimb": HillClimb,
-    "genetic": Genetic,
+    "genetic": _genetic,
     "optuna": _optuna,
     "exact": Exact,
 }
 
 OPTIONS: Final[dict[str, tuple[str, ...]]] = {
-    "genetic": ("population", "aims"),
+    "genetic": ("population", "aim"),
     "exact": ("aim",),
     "optuna": ("sampler", "storage", "title"),
 }

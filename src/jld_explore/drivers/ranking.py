@@ -16,21 +16,32 @@ from jld_core.assembly import Bits, Floats, Ints
 from jld_core.solvers.status import Status
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
-from jld_explore.evaluator import Evaluation
+from jld_explore.evaluator import BOUND, Evaluation
 
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
 """Statuses, the best first."""
 
 
+def worth(evaluation: Evaluation) -> float:
+    """What a driver goes by: λ; of a labelling that was not worth a solve its upper bound; else 0."""
+    if evaluation.settled == BOUND:
+        return evaluation.high
+    return evaluation.load_factor if evaluation.status is Status.COLLAPSE else 0.0
+
+
 def standing(evaluation: Evaluation) -> tuple[int, float]:
     """What sorts evaluations, the best first: place of the status, then −λ where λ is a number."""
-    place = ORDER.index(evaluation.status)
-    return place, -evaluation.load_factor if place == 0 else 0.0
+    place = _place(evaluation)
+    return place, -worth(evaluation) if place == 0 else 0.0
+
+
+def _place(evaluation: Evaluation) -> int:
+    return 0 if evaluation.settled == BOUND else ORDER.index(evaluation.status)
 
 
 def places(evaluations: Sequence[Evaluation]) -> Ints:
-    """(k,) place of each status in ORDER, 0 for collapse."""
-    return np.array([ORDER.index(found.status) for found in evaluations], dtype=np.int64)
+    """(k,) place of each status in ORDER, 0 for collapse and for what has a number to go by."""
+    return np.array([_place(found) for found in evaluations], dtype=np.int64)
 
 
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
@@ -47,5 +58,5 @@ def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evalu
 
     labellings: (k, m). Rows without collapse have no λ: theirs is 0 and must be kept apart by `places`.
     """
-    value = [found.load_factor if found.status is Status.COLLAPSE else 0.0 for found in evaluations]
+    value = [worth(found) for found in evaluations]
     return np.column_stack([-np.array(value), front_counts(space, labellings)])

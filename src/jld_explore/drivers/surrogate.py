@@ -22,7 +22,7 @@ REACH: Final = 3.0
 NOISE: Final = 0.01
 """Likeness added to the diagonal: how far guesses may miss what is known."""
 
-MEMORY: Final = 400
+MEMORY: Final = 256
 """Labellings learned from: the better half of them the best ones met, the others the last ones."""
 
 _DIGITS: Final = 4

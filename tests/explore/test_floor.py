@@ -1,0 +1,78 @@
+"""Without dilation only what can still matter is solved; the rest is recorded with its bound, apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_core.solvers.status import Status
+from jld_explore.candidates import search_space
+from jld_explore.drivers.ranking import places, standing, worth
+from jld_explore.evaluator import BOUND, Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.explore import ExploreSettings, explore
+from jld_explore.floor import Floor
+
+NAN = float("nan")
+
+
+def test_floor_is_the_best_with_as_good_a_count() -> None:
+    space = search_space(scene := parse_scene(grid_document(["aa", "aa", "##"])), build_assembly(scene))
+    rows = np.zeros((4, len(space.fixed)), dtype=bool)
+    free = np.flatnonzero(space.assembly.free_faces)
+    for row, dry in enumerate((0, 1, 2, 3)):
+        rows[row, free[:dry]] = True
+    floor = Floor(space)
+    assert floor.below(rows).tolist() == [-np.inf] * 4
+    collapse = [Evaluation(Status.COLLAPSE, v, v, v) for v in (5.0, 4.0, 7.0)]
+    floor.learn(rows[:3], collapse)
+    assert floor.below(rows).tolist() == [7.0, 7.0, 7.0, -np.inf]
+    floor.learn(rows[3:], [Evaluation(Status.COLLAPSE, 1.0, 1.0, 1.0)])
+    assert floor.below(rows).tolist() == [7.0, 7.0, 7.0, 1.0]
+
+
+def test_a_bound_is_no_number_and_guides_drivers() -> None:
+    found = Evaluation(Status.UNCERTIFIED, NAN, 3.0, 2.9, settled=BOUND)
+    assert np.isnan(found.load_factor)
+    assert worth(found) == 3.0
+    assert standing(found) == (0, -3.0)
+    assert places([found]).tolist() == [0]
+
+
+def test_evaluator_stops_at_the_associative_bound() -> None:
+    scene = parse_scene(grid_document(["aa", "aa", "##"]))
+    assembly = build_assembly(scene)
+    evaluator = Evaluator(assembly, EvaluatorSettings(objective="zero-dilation"))
+    labels = np.ones(len(assembly.interfaces), dtype=bool)
+    full = evaluator.evaluate(labels)
+    assert full.status is Status.COLLAPSE
+    spared = evaluator.evaluate(labels, floor=1.01 * full.associative)
+    assert (spared.settled, spared.status) == (BOUND, Status.UNCERTIFIED)
+    assert spared.high == pytest.approx(full.associative, rel=1e-6)
+    assert np.isnan(spared.zero_dilation)
+    assert evaluator.evaluate(labels, floor=0.99 * full.associative).settled == "solve"
+
+
+@pytest.mark.parametrize("driver", ["enumeration", "genetic"])
+def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3]))
+    settings = ExploreSettings(driver=driver, objective="zero-dilation")
+    monkeypatch.setattr("jld_explore.study.PORTION", 16)
+    spared = explore(scene, tmp_path / "spared", settings)
+    monkeypatch.setattr(Floor, "below", lambda self, rows: np.full(len(rows), -np.inf))
+    solved = explore(scene, tmp_path / "solved", settings)
+    assert spared.summary["pruned"] > 0
+    assert solved.summary["pruned"] == 0
+    assert spared.summary["evaluated"] == solved.summary["evaluated"]
+    assert spared.summary["best"] == pytest.approx(solved.summary["best"], rel=1e-6)
+    assert spared.front["dry_faces"].tolist() == solved.front["dry_faces"].tolist()
+    assert spared.front["load_factor"].tolist() == pytest.approx(solved.front["load_factor"].tolist(), rel=1e-6)
+    apart = spared.results[spared.results["settled"] == BOUND]
+    assert apart["load_factor"].isna().all()
+    assert apart["rank"].isna().all()
+    assert apart["bracket_lo"].isna().all()
+    assert (apart["bracket_hi"] >= apart["load_factor_associative"]).all()
