@@ -181,6 +181,42 @@ def test_worker_and_parent_killed(scene: Path, undisturbed: Path, tmp_path: Path
     resumed(scene, folder, 1, undisturbed)
 
 
+def test_twenty_random_kills(scene: Path, tmp_path: Path) -> None:
+    """kill -9 of the parent or of a worker at random moments of a search that learns: nothing finished is lost, and
+    the table is that of a run that nothing disturbs."""
+    asked = ("explore", scene, "--driver", "genetic", "--budget", "1300")
+    alone = process(*asked, "--out", tmp_path / "alone", "--jobs", "1")
+    assert alone.code == 0, alone.err
+    folder, rng, kills = tmp_path / "out", random.Random(20), 0
+    kept: list[bytes] = []
+    while kills < 20:
+        more = ["--resume"] if folder.exists() else []
+        with started(*asked, "--out", folder, "--jobs", "2", *more) as run:
+            ahead = 0
+            while kills < 20:
+                wait_for_records(run, folder, len(records(folder)) + ahead + rng.randrange(20))
+                time.sleep(0.02 * rng.random())
+                family = psutil.Process(run.pid).children(recursive=True)
+                workers = workers_of(run)
+                victim = rng.choice(workers) if workers and rng.random() < 0.7 else run
+                victim.kill()
+                kills += 1
+                if victim is run:
+                    run.wait(timeout=10)
+                    wait_until_gone(family)
+                    break
+                # a second death of the same labellings would rightly be recorded as theirs
+                ahead = 40
+        assert records(folder)[: len(kept)] == kept
+        kept = records(folder)
+    done = process(*asked, "--out", folder, "--jobs", "2", "--resume", "--json")
+    assert done.code == 0, done.err
+    assert records(folder)[: len(kept)] == kept
+    assert len(set(labellings(records(folder)))) == len(records(folder)) == 1300
+    assert json.loads(done.out)["solved"] == 1300 - len(kept)
+    pd.testing.assert_frame_equal(table(folder), table(tmp_path / "alone"))
+
+
 @pytest.mark.parametrize(("number", "jobs"), [(signal.SIGTERM, 1), (signal.SIGINT, 2)], ids=["SIGTERM-1", "SIGINT-2"])
 def test_signals(number: signal.Signals, jobs: int, scene: Path, undisturbed: Path, tmp_path: Path) -> None:
     """Exit code 3, one line, tables of what was finished, and a folder to go on with."""
