@@ -16,8 +16,10 @@ BENCHMARKS: Final = (
     "certificates",
     "exact",
     "drivers",
+    "speed_error",
     "hard_cases",
     "reductions",
+    "throughput",
     "field",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""

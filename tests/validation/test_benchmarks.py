@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
-from benchmarks import field, hard_cases, hard_plot, reductions, reductions_plot
+from benchmarks import (
+    field,
+    hard_cases,
+    hard_plot,
+    reductions,
+    reductions_plot,
+    speed_error,
+    speed_plot,
+    speed_routes,
+    throughput,
+    throughput_plot,
+)
 from benchmarks.hard_scenes import hard_cases as all_hard_cases
+from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
+
+from jld_core import Assembly, Scene, build_assembly
 
 
 def test_field() -> None:
@@ -36,3 +52,42 @@ def test_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
         assert one.sizes[1] < one.sizes[0] or one.name == "zero dilation skipped"
         assert one.changed < 1e-6 or "λ changes" in one.why
     assert len(reductions_plot.draw(found).axes) == 1
+
+
+def test_throughput() -> None:
+    scene = grid(GRIDS[33], search={"block_cells": [2, 6]})
+    found = throughput.measure("33", scene, asked=12, sample=2, jobs=1)
+    assert found.asked == 12
+    assert found.apart < 1e-5
+    assert sum(found.shares.values()) == pytest.approx(1.0)
+    assert min(found.shares[part] for part in ("solver", "proof", "assembly", "driver", "store")) > 0.0
+    assert len(throughput_plot.draw([found]).axes) == 2
+
+
+@pytest.mark.parametrize("scene", [grid(bonded(GRIDS[33])), brick_wall(2, 2)], ids=["planar", "spatial"])
+def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed_error, "REPEATED", 0.0)
+    assembly = build_assembly(scene)
+    found = speed_error.measure_all(assembly, assembly, limit=20)
+    reference = speed_error.reference_of(found)
+    assert reference.half_width < 1e-8
+    assert {one.way.name for one in found} == {way.name for way in speed_routes.ROUTES if way.takes(assembly)}
+    for one in found:
+        if one.way.family in speed_routes.BRACKETED and math.isfinite(one.found.load):
+            assert speed_error.certain_error(one, reference)[0] < 1e-3
+    assert speed_error.DEFAULT not in speed_error.better(found, reference, bracketed=True)
+    assert len(speed_error.rows_of(found, reference)) == len(found)
+    assert len(speed_plot.draw({"scene": (found, reference)}).axes) == 1
+
+
+def test_a_route_that_takes_too_long_is_shown_so() -> None:
+    assembly = build_assembly(brick_wall(2, 2))
+
+    def never(_: Assembly) -> speed_routes.Found:
+        while True:
+            pass
+
+    slow = speed_routes.Way("slow", "CVXPY", speed_routes.any_scene, never)
+    slower = speed_routes.Way("slower", "CVXPY", speed_routes.any_scene, never, easier="slow")
+    failures = [one.failure for one in speed_error.measure_all(assembly, assembly, (slow, slower), limit=0)]
+    assert failures == ["not in 0 s", "not in 0 s (slow was not)"]
