@@ -1,0 +1,111 @@
+"""What a second worker is worth: `python -m benchmarks.jobs`.
+
+One search with one job and with two, timed from its WARM-th labelling on, so that starting processes does not
+count. Besides wall-clock rates, which other processes on the machine disturb, it counts processor time: what the
+parent spends on a labelling is serial, what the workers spend is shared out. The rate that two free cores allow is
+the smaller of one over the parent's time and two over the sum of both.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Final
+
+import psutil
+
+from benchmarks.common import table, write
+from benchmarks.search_scenes import ENUMERATED, LARGE, built
+from jld_core.scene import Scene
+from jld_explore.drivers import make_driver
+from jld_explore.study import Progress, Study
+
+WARM: Final = 500
+BUDGETS: Final = {"flagship, 24 faces": 4_000, "planar, 88 faces": 2_500}
+DRIVERS: Final = ("random", "genetic")
+
+
+def _scenes() -> dict[str, Scene]:
+    return {"flagship, 24 faces": ENUMERATED["flagship"](), "planar, 88 faces": LARGE["planar 88 faces"]()}
+
+
+def _processor() -> tuple[float, float]:
+    """Processor seconds of this process and of its children that run."""
+    own = psutil.Process()
+    children = 0.0
+    for child in own.children(recursive=True):
+        try:
+            used = child.cpu_times()
+        except psutil.NoSuchProcess:
+            continue
+        children += used.user + used.system
+    mine = own.cpu_times()
+    return mine.user + mine.system, children
+
+
+def run(scene: Scene, driver: str, jobs: int, budget: int) -> tuple[float, float, float]:
+    """Wall-clock, parent's and workers' processor time for each labelling after WARM of them, s."""
+    assembly, space = built(scene)
+    begun: list[tuple[int, float, float, float]] = []
+    ended: list[tuple[int, float, float, float]] = []
+
+    def look(now: Progress) -> None:
+        if not begun and now.done >= WARM:
+            begun.append((now.done, time.perf_counter(), *_processor()))
+        if not ended and now.done >= budget:
+            ended.append((now.done, time.perf_counter(), *_processor()))
+
+    with tempfile.TemporaryDirectory() as folder:
+        make = make_driver(driver, space, 0)
+        study = Study(scene, assembly, space, make, Path(folder) / "out", jobs=jobs, budget=budget, report=look)
+        study.run()
+    (first, *start), (last, *end) = begun[0], ended[0]
+    wall, parent, workers = ((b - a) / (last - first) for a, b in zip(start, end, strict=True))
+    return wall, parent, workers
+
+
+def main() -> None:
+    """Measure every scene and driver with one job and with two."""
+    rows = []
+    for name, scene in _scenes().items():
+        for driver in DRIVERS:
+            alone, serial, _ = run(scene, driver, 1, BUDGETS[name])
+            wall, parent, workers = run(scene, driver, 2, BUDGETS[name])
+            possible = serial / max(parent, 0.5 * (parent + workers))
+            rows.append(
+                [
+                    name,
+                    driver,
+                    f"{1.0 / alone:.0f}",
+                    f"{1.0 / wall:.0f}",
+                    f"{alone / wall:.2f}",
+                    f"{1e3 * serial:.2f}",
+                    f"{1e3 * parent:.2f}",
+                    f"{1e3 * workers:.2f}",
+                    f"{parent / (parent + workers):.0%}",
+                    f"{possible:.2f}",
+                ]
+            )
+    head = [
+        "scene",
+        "driver",
+        "labellings / s, 1 job",
+        "2 jobs",
+        "times",
+        "processor ms, 1 job",
+        "parent ms, 2 jobs",
+        "workers ms, 2 jobs",
+        "serial share",
+        "times that two free cores allow",
+    ]
+    load = psutil.getloadavg()[0]
+    note = (
+        f"After the first {WARM} labellings. Load of the machine at the end: {load:.1f} on {psutil.cpu_count()} cores; "
+        "above 2, rates are those of what was left, and the last column is the one to read."
+    )
+    write("jobs", f"# One job and two\n\n{table(head, rows)}\n\n{note}")
+
+
+if __name__ == "__main__":
+    main()
