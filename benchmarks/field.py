@@ -17,10 +17,12 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from benchmarks.common import table, write
+from benchmarks.common import RESULTS, table, write
 from benchmarks.scenes import box, brick_boxes
 from jld_core import build_assembly, parse_scene, solve
+from jld_core.plotting import save_figure
 
 FRICTION: Final = 0.65
 UNIT: Final = (1.0, 0.5, 0.5)
@@ -125,9 +127,13 @@ def cases(large: bool = True) -> dict[str, tuple[list[dict[str, Any]], list[floa
     }
 
 
-def rows_of(name: str, elements: list[dict[str, Any]], along: list[float]) -> list[list[str]]:
-    """Table rows of one case, after one small run of each program that loads what it loads once."""
-    found = [ours(elements, along), *(theirs(elements, method) for method in ("rbe", "cra"))]
+def measure(elements: list[dict[str, Any]], along: list[float]) -> list[Row]:
+    """Ours and both of theirs on one case."""
+    return [ours(elements, along), *(theirs(elements, method) for method in ("rbe", "cra"))]
+
+
+def rows_of(name: str, elements: list[dict[str, Any]], found: list[Row]) -> list[list[str]]:
+    """Table rows of one case."""
     mine = found[0].contacts + found[0].solve
     free = sum(not element.get("support") for element in elements)
     return [
@@ -145,14 +151,34 @@ def rows_of(name: str, elements: list[dict[str, Any]], along: list[float]) -> li
     ]
 
 
+def draw(results: dict[str, list[Row]]) -> Figure:
+    """Times by case and program, contacts and solve apart, on a logarithmic axis."""
+    figure = Figure(figsize=(4.2 * len(results), 3.4), dpi=110, layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(results), sharey=True))
+    for ax, (name, rows) in zip(panels, results.items(), strict=True):
+        place = np.arange(len(rows))
+        for part, colour, shift in (("contacts", "#92c5de", -0.2), ("solve", "#2166ac", 0.2)):
+            bars = ax.bar(place + shift, [getattr(row, part) for row in rows], 0.38, color=colour, label=part)
+            ax.bar_label(bars, fmt="%.3g", fontsize=8)
+        ax.set_xticks(place, [row.method.replace("compas_cra ", "compas_cra\n") for row in rows], fontsize=9)
+        ax.set_yscale("log")
+        ax.set_title(name, fontsize=11)
+    panels[0].set_ylabel("processor time, s")
+    panels[0].set_ylim(top=3.0 * panels[0].get_ylim()[1])
+    panels[0].legend(frameon=False, fontsize=9)
+    return figure
+
+
 def main() -> None:
     """Compare on all cases and write benchmarks/results/field.md, or say what is missing."""
     if find_spec("compas_cra") is None:
         print(MISSING)
         return
-    for elements, along in cases(large=False).values():
-        rows_of("", elements, along)
-    rows = [row for name, case in cases().items() for row in rows_of(name, *case)]
+    for case in cases(large=False).values():
+        measure(*case)  # loads what is loaded once
+    results = {name: measure(*case) for name, case in cases().items()}
+    rows = [row for name, found in results.items() for row in rows_of(name, cases()[name][0], found)]
+    save_figure(draw(results), RESULTS / "field.png")
     head = ["scene", "free blocks", "program", "interfaces", "contacts, s", "solve, s", "total / jld", "answer"]
     text = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
     note = (
@@ -163,7 +189,8 @@ def main() -> None:
         "of eight sides there; resultants at the centre of pressure and a friction cone here. The penalty form of CRA "
         "is left out: it took 202 s on the 10 × 10 wall."
     )
-    write("field", f"# Against the field\n\n{text}\n\n{table(head, rows)}\n\n{note}", also=("compas_cra", "compas"))
+    parts = ["# Against the field", text, "![Times by scene and program](field.png)", table(head, rows), note]
+    write("field", "\n\n".join(parts), also=("compas_cra", "compas"))
 
 
 if __name__ == "__main__":

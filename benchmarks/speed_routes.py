@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.stated import stated
-from jld_core import Assembly, LimitAnalysis
+from jld_core import Assembly, LimitAnalysis, Status
 from jld_core.condense import solve_condensed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ROUTES as KNOWN
@@ -69,8 +69,10 @@ def has_blocks(assembly: Assembly) -> bool:
 
 
 def default(assembly: Assembly) -> Found:
-    """What is done unless something else is asked for."""
+    """What is done unless something else is asked for; whether it stands at λ = 0 is another question."""
     found = Evaluator(assembly, EvaluatorSettings()).evaluate(assembly.labels)
+    if found.status is Status.UNCERTIFIED and has_blocks(assembly):
+        return condensed(assembly)
     return Found(found.load_factor, found.low, found.high, str(found.status))
 
 

@@ -26,8 +26,9 @@ from jld_core import Assembly, Scene, build_assembly
 def test_field() -> None:
     pytest.importorskip("compas_cra")
     for elements, along in field.cases(large=False).values():
-        mine, *others = (field.ours(elements, along), field.theirs(elements, "rbe"), field.theirs(elements, "cra"))
+        mine, *others = found = field.measure(elements, along)
         assert "stands, proven" in mine.answer
+        assert len(field.rows_of("2 × 2", elements, found)) == len(field.draw({"2 × 2": found}).axes[0].get_xticks())
         assert all(other.interfaces == mine.interfaces and other.answer.startswith("stands") for other in others)
 
 
