@@ -8,7 +8,6 @@ matrix handed over, which leaves CVXPY the least to do. Times are processor time
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections.abc import Callable
 from functools import partial
@@ -19,17 +18,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.common import random_segmentations, table, wall, write
-from jld_core import Assembly, LimitAnalysis, Status
+from benchmarks.stated import CLARABEL_DEFAULT, stated
+from jld_core import LimitAnalysis, Status
 from jld_core.assembly import Bits
-from jld_core.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import RawSolution
 from jld_core.solvers.cvxpy_ import CvxpyRoute
 
-cp: Any = importlib.import_module("cvxpy")  # half of it is typed, and a strict check trips over the other
-
 LABELLINGS, OF_CVXPY, SEED = 200, 40, 1
-DEFAULT = {"tol_gap_abs": 1e-8, "tol_gap_rel": 1e-8, "tol_feas": 1e-8}
 STRENGTHS = {
     "σt 2 MPa, τ 0.2 MPa (the paper's)": (2e6, 2e5),
     "σt = τ = 20 kPa": (2e4, 2e4),
@@ -46,26 +42,6 @@ def bare(program: ConicProgram) -> Any:
     nothing = sp.csc_matrix((s.shape[1], s.shape[1]))
     matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
     return clarabel.DefaultSolver(nothing, program.objective, matrix, program.rhs, cones, settings).solve()
-
-
-def stated(assembly: Assembly, labels: Bits) -> float:
-    """λ of the static problem in CVXPY as one would write it, forces over the total weight."""
-    faces, strengths, unit = assembly.interfaces, assembly.strengths, assembly.total_dead
-    forces, load = cp.Variable((len(faces), 3)), cp.Variable()
-    dead, live = load_vectors(assembly)
-    n, v, m = forces[:, 0], forces[:, 1], forces[:, 2]
-    half, dry, inner = 0.5 * faces.l1, np.flatnonzero(labels), np.flatnonzero(~labels)
-    tension = strengths.tension[inner] * faces.area[inner] / unit
-    shear = strengths.shear[inner] * faces.area[inner] / unit
-    constraints = [
-        equilibrium_matrix(assembly) @ cp.vec(forces, order="C") + dead / unit + load * live / unit == 0,
-        cp.abs(m[dry]) <= cp.multiply(half[dry], n[dry]),
-        cp.abs(v[dry]) <= cp.multiply(strengths.friction[dry], n[dry]),
-        cp.abs(m[inner]) <= cp.multiply(half[inner] / 3.0, n[inner] + tension),
-        cp.abs(v[inner]) <= shear,
-    ]
-    cp.Problem(cp.Maximize(load), constraints).solve(solver=cp.CLARABEL, **DEFAULT)
-    return float(load.value)
 
 
 def handed(route: CvxpyRoute, template: Template, labels: Bits) -> RawSolution:
@@ -89,7 +65,7 @@ def measure(tension: float, shear: float) -> list[str]:
     """One row of the table: faces, milliseconds, ratios, worst bracket, how many needed repair."""
     assembly = wall(6, 8, tension, shear)
     labellings = random_segmentations(assembly, LABELLINGS, SEED)
-    template, reference = Template(assembly), CvxpyRoute("CLARABEL", **DEFAULT)
+    template, reference = Template(assembly), CvxpyRoute("CLARABEL", **CLARABEL_DEFAULT)
     analysis = LimitAnalysis(assembly, template=template)
     analysis.prove(labellings[0])
     bare(template.program(labellings[0]))

@@ -16,8 +16,8 @@ import joblib
 import numpy as np
 import pandas as pd
 
-from benchmarks.build_once import stated
 from benchmarks.common import ROOT, table, write
+from benchmarks.stated import stated
 from jld_core import Scene, build_assembly, load_scene, parse_scene
 from jld_explore import explore as exploring
 from jld_explore.explore import ExploreSettings
