@@ -24,6 +24,8 @@ BENCHMARKS: Final = (
     "reductions",
     "throughput",
     "field",
+    "scale",
+    "batched",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 
