@@ -35,7 +35,7 @@ from jld_explore.pareto import on_front
 
 CHECKPOINTS: Final = (100, 1_000, 10_000)
 DRIVERS: Final = ("random", "hillclimb", "genetic", "genetic:best")
-SAMPLERS: Final = {"Random": (10, 1_000), "NSGAII": (3, 1_000), "TPE": (3, 100), "GP": (1, 100)}
+SAMPLERS: Final = {"Random": (3, 1_000), "NSGAII": (1, 1_000), "TPE": (1, 100), "GP": (1, 100)}
 """Seeds and evaluations that are affordable: a trial takes NSGA-II 20 ms, TPE half a second once it has seen many."""
 
 SAME: Final = 1e-6

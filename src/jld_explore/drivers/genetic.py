@@ -42,8 +42,11 @@ ROOM: Final = 300
 """Children that wait, at the most."""
 
 _PER_KEY: Final = 1.5
-_SIZES: Final = (32, 128)
+_SIZES: Final = (32, 48)
 """Population for each face that can change, and its limits."""
+
+_BELOW: Final = -1e300
+"""Worth of labellings without a number, for each place in the order of their statuses: below all numbers."""
 
 _SAME: Final = 6
 """Digits of λ that tell progress from rounding."""
@@ -123,9 +126,7 @@ class Genetic(Searcher):
         labellings, values, place = (np.concatenate(parts) for parts in zip(*self._news, strict=True))
         self._news = []
         good = place == 0
-        worst = float(values[good, 0].max(initial=0.0))
-        # below all numbers, by the order of their statuses
-        worth = np.where(good, -values[:, 0], -worst - (1.0 + abs(worst)) * place)
+        worth = np.where(good, -values[:, 0], _BELOW * place)
         self._surrogate.learn(labellings, worth)
         front = np.concatenate([self._front, values[good]])
         if len(front):

@@ -1,6 +1,6 @@
 """A guess at how good labellings are before any of them is solved: a Gaussian process on differing faces.
 
-Two labellings are alike by exp(−d / REACH), where d is the number of faces they differ in, summed over the
+Two labellings are alike by exp(−d / REACH), where d is the share of faces they differ in, summed over the
 symmetric images of one of them. What is guessed is the share of the known that a labelling is better than, so
 neither units nor outliers of λ matter. The guess only decides what is evaluated sooner, never what is true of it.
 """
@@ -16,8 +16,8 @@ from scipy.linalg import cho_factor, cho_solve
 from jld_core.assembly import Bits, Floats
 from jld_explore.candidates import SearchSpace
 
-REACH: Final = 3.0
-"""Faces in which labellings differ at which their likeness has fallen to 1 / e."""
+REACH: Final = 0.1
+"""Share of the candidate faces in which labellings differ at which their likeness has fallen to 1 / e."""
 
 NOISE: Final = 0.01
 """Likeness added to the diagonal: how far guesses may miss what is known."""
@@ -91,6 +91,6 @@ class Surrogate:
         for image in self._images:
             product = rows @ image.T  # faces − 2 d, whole numbers, so exact in any order
             product -= np.float32(rows.shape[1])
-            product *= np.float32(0.5 / REACH)
+            product *= np.float32(0.5 / (REACH * rows.shape[1]))
             total += np.exp(product, out=product)
         return total
