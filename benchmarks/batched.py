@@ -332,8 +332,8 @@ def _verdict(ratios: list[float]) -> str:
         return f"The batch is {min(ratios):.1f} to {max(ratios):.1f} times as fast."
     return (
         "The batch does not win. The factorisation takes half of its time and runs at the speed of numpy's passes over "
-        "memory; Clarabel's compiled LDLᵀ of a few hundred entries does not. It also carries every labelling to the "
-        "last iteration of a stubborn one, and has no rays: labellings that lock or fall by themselves do not end."
+        "memory; Clarabel's compiled LDLᵀ of a few hundred entries does not. It also has "
+        "no rays: labellings that lock or fall by themselves do not end."
     )
 
 

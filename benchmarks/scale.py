@@ -86,9 +86,9 @@ def _text() -> str:
         "large assemblies get by default; *clarabel* the same program by Clarabel. Scene: validation of the document. "
         "Assembly: geometry and contacts. Prove: projection, bounds, and repairs where an answer does not prove itself "
         "(for both routes, those are solved by *schur* where the program is large). λ = 0: is the wall standing "
-        "unpushed? It is not part of the time to the bracket. With two BLAS threads the factorisation alone "
-        "gains, from some 3 000 blocks on; the machine measured on has two cores, and labellings are what they are "
-        "for.\n\n![time and memory over size](scale.png)"
+        "unpushed? It is not part of the time to the bracket. A second BLAS thread could help the dense kernels alone, "
+        "about half of the factorisation at 10 100 blocks and less below; it was not measured, since the machine was "
+        "shared.\n\n![time and memory over size](scale.png)"
     )
 
 
