@@ -26,8 +26,8 @@ from jld_explore.evaluator import Evaluation, Evaluator, EvaluatorSettings
 from jld_explore.plotting import plot_convergence
 
 NAMES: Final = ("random", "hillclimb", "genetic", "optuna:Random", "optuna:NSGAII", "optuna:TPE")
-PATIENCE: Final = 60.0
-BUDGET: Final = 1_000
+PATIENCE: Final = 30.0
+BUDGET: Final = 500
 
 
 def converge(assembly: Assembly, space: SearchSpace, budget: int, name: str) -> tuple[pd.DataFrame, list[str]]:
