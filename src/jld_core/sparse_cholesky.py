@@ -78,7 +78,8 @@ class Fronts:
                 own = int(np.searchsorted(unknowns, self.bounds[part + 1]))
                 rest = np.searchsorted(self.passed[part], unknowns[own:])
                 runs = [*_runs(unknowns[:own] - self.bounds[part], 0, True), *_runs(rest, own, False)]
-                self._onto[part].append((child, runs))
+                if runs:  # a piece of the graph by itself passes nothing on
+                    self._onto[part].append((child, runs))
             if parent[part] >= 0:
                 children[parent[part]].append(part)
 
