@@ -26,6 +26,8 @@ LIMIT: Final = 60
 """Processor seconds that a route gets on one scene."""
 REPEATED: Final = 1.0
 """Processor seconds up to which a run is repeated, for a mean; the clock may tick in hundredths."""
+PATIENCE: Final = 1800
+"""Seconds on the wall clock after which a route is taken to hang; other work may share the cores."""
 NOISE: Final = 1.15
 """Ratio of two times from which one is called faster."""
 
@@ -98,7 +100,7 @@ def measure(way: Way, assembly: Assembly, small: Assembly, limit: int = LIMIT) -
     theirs.close()
     answer = None
     try:
-        if ours.poll(3.0 * limit):
+        if ours.poll(PATIENCE):
             answer = ours.recv()
     except EOFError:
         pass  # the limit on processor time has ended it
