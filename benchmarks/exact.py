@@ -82,7 +82,7 @@ def main(seconds: float = SECONDS) -> None:
                 "none" if bound is None else f"{bound:.7f}",
                 "–" if gap is None else f"{gap:.0e}",
                 str(facts["stop_reason"]),
-                str(facts["nodes"]),
+                str(facts["conflicts"]),
                 str(facts["solved"]),
                 f"{facts['seconds']:.1f}",
                 asked,
@@ -90,7 +90,7 @@ def main(seconds: float = SECONDS) -> None:
             ]
         )
         print(rows[-1], flush=True)
-    head = ["wall", "space", "λ", "bound", "gap", "stopped", "nodes", "solves", "s", "asked", "s to enumerate"]
+    head = ["wall", "space", "λ", "bound", "gap", "stopped", "conflicts", "solves", "s", "asked", "s to enumerate"]
     write("exact", f"# Proven optima of walls\n\n{table(head, rows)}\n\nAt most {seconds:g} s each, one thread.")
 
 

@@ -18,11 +18,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Floats, Ints
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
 from jld_core.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.scaling import Scaling, scaling_of
 from jld_core.tolerances import Precision
-from jld_core.yield_sets import YieldSet, planar_yield
+from jld_core.yield_sets import Rows, YieldSet, planar_yield
 from jld_core.yield_spatial import spatial_yield
 
 
@@ -100,7 +100,7 @@ class Template:
         # a fraction of the weight, and not a round one: live loads that mirror the dead ones would otherwise
         # make λ = −floor the edge of admissibility itself
         self.floor = 0.3 * (assembly.total_dead / self.scaling.force or 1.0)
-        self._lay_out()
+        self._lay_out(self.yield_set)
 
     @property
     def precision(self) -> Precision:
@@ -113,9 +113,14 @@ class Template:
 
     def renumbered(self, yield_set: YieldSet) -> Template:
         """This template with another yield set, sharing all else; the structure too if its sparsity is the same."""
-        other = copy.copy(self)
+        other = self.with_rows(yield_set)
         other.yield_set = yield_set
-        other._lay_out()
+        return other
+
+    def with_rows(self, rows: Rows) -> Template:
+        """This template with the rows of other sets in its programs; the structure too if their sparsity differs."""
+        other = copy.copy(self)
+        other._lay_out(rows)
         old, new = self.structure, other.structure
         same = (old.shape, old.linear, old.cones) == (new.shape, new.linear, new.cones)
         if same and np.array_equal(old.indptr, new.indptr) and np.array_equal(old.indices, new.indices):
@@ -127,12 +132,12 @@ class Template:
         """Columns of the program: resultants, extra ones, λ."""
         return self.structure.shape[1]
 
-    def _lay_out(self) -> None:
-        pattern, matrix, q = self.yield_set.pattern, self.matrix, self.assembly.freedoms
+    def _lay_out(self, sets: Rows) -> None:
+        pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
         elements = self.assembly.elements
         equalities, resultants = matrix.shape
         every = np.ones(len(self.assembly.interfaces), dtype=bool)
-        on_dry, on_inner = self.yield_set.active(every), self.yield_set.active(~every)
+        on_dry, on_inner = sets.active(every), sets.active(~every)
         coo = matrix.tocoo()
         row, column = coo.coords
         keep_dry, keep_inner = on_dry.ravel()[column], on_inner.ravel()[column]
@@ -169,14 +174,20 @@ class Template:
         self._pressure = np.zeros(last + 1)
         self._pressure[np.arange(0, resultants, q)] = -1.0
 
-    def program(self, labels: Bits, margin: float = 0.0) -> ConicProgram:
+    def program(
+        self, labels: Bits, margin: float = 0.0, *, other: Template | None = None, taken: Bools | None = None
+    ) -> ConicProgram:
         """The program of one labelling: max λ over admissible forces.
 
         labels: (m,) True dry. margin: every yield row keeps this slack and every normal force earns this
         much, so that forces come out inside the yield sets and jumps come out opening (both scaled).
+        other: a template of the same structure, whose dry rows the faces `taken` (m,) have.
         """
         data = np.where(labels[self._face], self._dry, self._inner)
         rhs = np.where(labels[self._row_face], self._rhs_dry, self._rhs_inner)
+        if other is not None and taken is not None:
+            data = np.where(taken[self._face], other._dry, data)
+            rhs = np.where(taken[self._row_face], other._rhs_dry, rhs)
         objective = self._objective
         if margin:
             rhs = rhs - margin * self._tips

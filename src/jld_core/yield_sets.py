@@ -41,8 +41,8 @@ class RowPattern:
     extra: int = 0
 
 
-class YieldSet(Protocol):
-    """What the solver and the proof need to know of the yield sets of all m faces."""
+class Rows(Protocol):
+    """What a program needs to know of the yield sets of all m faces."""
 
     @property
     def pattern(self) -> RowPattern:
@@ -50,6 +50,10 @@ class YieldSet(Protocol):
 
     def active(self, labels: Bits) -> Bools:
         """(m, q) False where a resultant is zero in every admissible state (no friction, no shear strength)."""
+
+
+class YieldSet(Rows, Protocol):
+    """What a proof needs to know besides."""
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         """(m,) least distance of scaled resultants (m, q) to the boundary, negative outside."""

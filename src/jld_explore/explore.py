@@ -214,7 +214,7 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
         proven=study.driver.finished,
     )
     if isinstance(study.driver, Exact):
-        found |= {"nodes": study.driver.nodes, "programs": study.driver.programs}
+        found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
         if study.driver.aim == "front":
             found["front"] = exact_front(study.driver)
     write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))

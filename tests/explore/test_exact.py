@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,18 @@ import numpy as np
 import pytest
 
 from cases import DOWN, grid_document
+from cases_spatial import box, scene
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore import explore as exploring
 from jld_explore.candidates import search_space
+from jld_explore.constraints import feasible
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact import Exact
+from jld_explore.exact.formula import Formula
 from jld_explore.exact.polyominoes import polyominoes
 from jld_explore.explore import Exploration, ExploreSettings, explore
+from jld_explore.labelling import canonical
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -77,12 +82,78 @@ def test_exact_is_enumeration(name: str, tmp_path: Path) -> None:
     ],
     ids=["supports", "slits", "crushing joints", "confined"],
 )
-def test_what_programs_do_not_cover_is_enumerated(rows: list[str], options: dict[str, Any], tmp_path: Path) -> None:
+def test_spaces_of_other_kinds(rows: list[str], options: dict[str, Any], tmp_path: Path) -> None:
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact")
     assert found.summary["proven"] is True
     assert found.summary["best"] == every.summary["best"]
     assert found.summary["unbounded"] == every.summary["unbounded"]
+
+
+def _boxes(size: tuple[int, int, int], **materials: Any) -> dict[str, Any]:
+    """A spatial block of unit cells on one support."""
+    nx, ny, nz = size
+    cells = [
+        box(f"{i}{j}{k}", [i, j, k], [i + 1, j + 1, k + 1])
+        for i, j, k in itertools.product(range(nx), range(ny), range(nz))
+    ]
+    return scene([box("ground", [0, 0, -1], [nx, ny, 0], support=True), *cells], materials=materials)
+
+
+@pytest.mark.parametrize(
+    ("size", "limits", "inner"),
+    [
+        ((2, 1, 3), {"block_cells": [1, 2]}, {"tensile_strength": 0.5, "shear_strength": 0.8}),
+        ((2, 2, 2), {"block_cells": [1, 3]}, {"tensile_strength": 0.1, "shear_strength": 0.1}),
+        ((3, 1, 2), {"block_cells": [2, 4]}, {"tensile_strength": 5.0, "shear_strength": 5.0}),
+    ],
+)
+def test_exact_is_enumeration_in_space(
+    size: tuple[int, int, int], limits: dict[str, Any], inner: dict[str, Any], tmp_path: Path
+) -> None:
+    document = {**_boxes(size, inner=inner), "search": limits}
+    every = explore(parse_scene(document), tmp_path / "every", ExploreSettings(driver="enumeration"))
+    found = explore(
+        parse_scene(document), tmp_path / "exact", ExploreSettings(driver="exact", options={"aim": "front"})
+    )
+    table = every.results[every.results["status"] == "collapse"]
+    known = table.groupby("dry_faces")["load_factor"].max()
+    proven = {row["count"]: row for row in found.summary["front"]}
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    assert sorted(proven) == sorted(known.index)
+    for count, value in known.items():
+        assert proven[count]["load_factor"] == pytest.approx(value, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_blocks_need_not_be_listed(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows, options = SCENES[name]
+    if "blocks" in options:
+        pytest.skip("blocks are counted where they are listed")
+    monkeypatch.setattr("jld_explore.drivers.exact.polyominoes", lambda space: None)
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact")
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", [*SCENES, "bridge"])
+@pytest.mark.parametrize("listed", [True, False])
+def test_formulas_have_the_space_for_models(name: str, listed: bool) -> None:
+    rows, options = SCENES[name]
+    scene = parse_scene(grid_document(rows[-3:], **options))
+    space = search_space(scene, build_assembly(scene))
+    if not listed and space.search.blocks != [None, None]:
+        pytest.skip("blocks are counted where they are listed")
+    formula = Formula(space, polyominoes(space) if listed else None)
+    found = set()
+    every = np.arange(len(space.fixed))
+    while (labels := formula.next()) is not None:
+        assert feasible(space, labels[None])[0]
+        found.add(np.asarray(canonical(labels[None], space.group)[0]).tobytes())
+        formula.forbid(every, labels)
+    assert len(found) == Enumeration(space).count().classes
 
 
 @pytest.mark.parametrize("options", [s[1] for s in SCENES.values()], ids=list(SCENES))
@@ -106,7 +177,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
 
 def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = ["aaaa", "aaaa", "aaaa", "####"], {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
-    monkeypatch.setattr(Exact, "_late", property(lambda self: self.programs >= 1))
+    monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 5))
     first = search(rows, options, tmp_path, "exact", seconds=60.0)
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)

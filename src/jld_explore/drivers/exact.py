@@ -1,11 +1,15 @@
-"""The strongest segmentation, proven: incumbents by the genetic driver, bounds by mixed-integer programs.
+"""The strongest segmentation, proven: labellings are refuted many at a time until none is left that could be better.
 
-What is trusted: every λ reported comes from a limit analysis with its own bracket. The upper bound over the whole
-space is the branch-and-bound bound of the solver, whose rows and integrality hold to the tolerances in `milp`; a
-program asked for λ above the incumbent by `_STEP` and found infeasible bounds λ by that.
+The driver asks a formula for a labelling that nothing rules out yet. If a mechanism proves that it is too weak,
+so are all labellings that agree with it where that mechanism needs them to: the conflict is added to the formula,
+and the next labelling is drawn. If none does, it is evaluated: it is better, or its own bracket says that it is not.
+When the formula has no model left, nothing is stronger.
 
-Spaces the programs do not cover (spatial scenes, slits, blocks that hold supports, compressive strengths of joints,
-normal forces without a bound, too many possible blocks) are enumerated, which proves the same.
+What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`undecided`), and
+a satisfiability solver. No tolerance of an optimiser enters the proof.
+
+Spaces that have no formula or no relaxation (dry compressive strengths in space, blocks to be counted where they are
+too many to be listed) are enumerated, which proves the same.
 """
 
 from __future__ import annotations
@@ -21,34 +25,34 @@ import numpy as np
 from jld_core.assembly import Bits
 from jld_core.bracket import load_floor
 from jld_core.errors import InputError
-from jld_core.program import Template
+from jld_core.limit import LimitAnalysis
 from jld_core.solvers.status import Status
+from jld_core.undecided import Relaxation, has_hull
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluator import Evaluation
-from jld_explore.exact.caps import open_caps, tighten
-from jld_explore.exact.formulations import Builder, Caps, Formulation
-from jld_explore.exact.milp import INF, Outcome, run
-from jld_explore.exact.polyominoes import Polyominoes, is_member, polyominoes
-from jld_explore.labelling import blocks_of, canonical
+from jld_explore.exact.conflicts import Conflict, conflict_of
+from jld_explore.exact.formula import Formula
+from jld_explore.exact.polyominoes import polyominoes
+from jld_explore.labelling import canonical
 
 _STEP: Final = 5e-7
-"""How far above the incumbent, relative, the programs look: half of what counts as proven."""
+"""How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
 PROVEN: Final = 1e-6
 """Relative distance of bound and incumbent at which the optimum is proven."""
 
-_SEARCH: Final = 30
-"""Labellings evaluated before the programs, for each face that can change."""
+_SEARCH: Final = 10
+"""Labellings evaluated before the proof, for each face that can change."""
 
-_SMALL: Final = 2
-"""Elements in the largest block up to which blocks carry their own forces."""
+_DIRECT: Final = 4000
+"""Conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap."""
 
-_ROUNDS: Final = 3
-"""Rounds of bounds on normal forces where faces carry them; blocks with forces of their own need but one."""
+_FINE: Final = 2e-3
+"""Relative gap below which the last step is taken at once."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class Best:
     """What is known of the labellings with one count, or of all (count None); λ in scene units.
 
     load_factor: best found, NaN where none. bound: proven upper bound, −inf where nothing stands or there is
-    nothing, inf where nothing is known.
+    nothing, inf where nothing is known. Labellings that are locked have no λ and are not spoken of.
     """
 
     count: int | None
@@ -75,7 +79,7 @@ class Best:
 
 
 class Exact(Driver):
-    """Branch and bound over segmentations. aim: "best", or "front": the best for every value of the scene's count."""
+    """Proof by conflicts. aim: "best", or "front": the best for every value of the scene's count."""
 
     name = "exact"
     remembers = True
@@ -87,34 +91,46 @@ class Exact(Driver):
         count = space.search.front.count
         if aim == "front" and count == "dry_length":
             raise InputError("search.front.count", "dry_length has no exact front", "dry_faces or blocks")
-        self.template = Template(space.assembly)
-        self._scale = self.template.scaling.load
-        self._floor = load_floor(self.template)
-        self._blocks = self._possible()
-        self._builder = Builder(self.template, space, self._blocks) if self._blocks is not None else None
-        self._everything = Enumeration(space) if self._blocks is None else None
+        analysis = LimitAnalysis(space.assembly)
+        self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
+        self._blocks = polyominoes(space)
+        by_blocks = space.search.blocks != [None, None] or (aim == "front" and count == "blocks")
+        covered = has_hull(analysis.template.yield_set) and not (by_blocks and self._blocks is None)
+        self._everything = None if covered else Enumeration(space)
+        self._relaxation = Relaxation(analysis) if covered else None
+        self._free = space.candidates.copy()
+        if self._blocks is not None:
+            joined = {face for inside in self._blocks.inside for face in inside}
+            self._free &= np.isin(np.arange(len(self._free)), list(joined))
         self._genetic = Genetic(space, seed, aims=2 if aim == "front" else 1)
         self._left = _SEARCH * int(space.candidates.sum())
-        self._known: dict[bytes, tuple[float, float, int]] = {}
         self._searching = True
-        self._excluded: list[Bits] = []
+        self._known: dict[bytes, tuple[float, float, int]] = {}
+        self._conflicts: list[Conflict] = []
+        self._formula: Formula | None = None
+        self._passed: list[Bits] = []
+        self._aimed = math.inf
+        self._began = 0
+        self._stepping = False
         self._targets: list[int | None] = [None]
         self._listed = aim == "best"
         self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf)}
-        self.nodes = 0
-        self.programs = 0
         self._deadline: float | None = None
         self._pulse: Callable[[], None] = lambda: None
-
-    def _possible(self) -> Polyominoes | None:
-        strengths = self.template.assembly.strengths
-        if self.template.assembly.dimension != 2 or np.isfinite(strengths.crush_dry).any():
-            return None
-        return polyominoes(self.space)
 
     @property
     def settings(self) -> dict[str, Any]:
         return {"aim": self.aim}
+
+    @property
+    def conflicts(self) -> int:
+        """Conflicts found so far."""
+        return len(self._conflicts)
+
+    @property
+    def relaxations(self) -> int:
+        """Programs solved for them."""
+        return 0 if self._relaxation is None else self._relaxation.solves
 
     @property
     def bound(self) -> float | None:
@@ -157,8 +173,6 @@ class Exact(Driver):
             proposed = self._pursue(self._targets[0])
             if proposed is not None:
                 return proposed
-            if self._everything is not None:
-                return self._everything.ask(limit)
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -175,8 +189,8 @@ class Exact(Driver):
         for labels, found, count in zip(labellings, evaluations, number.tolist(), strict=True):
             low = found.low if found.status is Status.COLLAPSE else -math.inf
             high = found.high if found.status is Status.COLLAPSE else -math.inf
-            if found.status in (Status.LOCKED, Status.UNCERTIFIED, Status.FAILED):
-                high = math.inf
+            if found.status in (Status.UNCERTIFIED, Status.FAILED):
+                high = found.high if math.isfinite(found.high) else math.inf
             self._known[np.packbits(labels).tobytes()] = (low, high, count)
         for target, best in self.found.items():
             low = self._incumbent(target)
@@ -195,110 +209,99 @@ class Exact(Driver):
 
     def _pursue(self, target: int | None) -> Bits | None:
         """Go on with a target: a labelling to be evaluated, (1, m), or None when it is settled or time is up."""
-        assert self._builder is not None
-        assert self._blocks is not None
-        best = self.found[target]
-        if best.proven:
-            self._settle(target, best)
+        if self._formula is None:
+            if target is None:
+                self._lower(target, self._root())
+            self._began, self._stepping = self.conflicts, False
+            self._begin(target)
+        if self.found[target].proven:
+            self._settle(target)
             return None
-        low = self._incumbent(target)
-        least = low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
-        caps = tighten(
-            self._builder, open_caps(len(self.space.fixed), least / self._scale), self._rounds, lambda: self._late
-        )
-        if caps is None:
-            self._give_way()
-            return None
-        ceiling = least if math.isfinite(low) else -math.inf
-        if caps.most <= caps.least:
-            self._settle(target, replace(best, bound=self._with_excluded(ceiling, target)))
-            return None
-        bound = min(best.bound, caps.most * self._scale)
-        self.found[target] = replace(best, bound=bound)
-        if self._late:
-            return None
-        form = self._formulation(caps, target)
-        outcome = self._run(form, target, max(least, 0.0))
-        if outcome.status == "infeasible":
-            self._settle(target, replace(self.found[target], bound=self._with_excluded(ceiling, target)))
-            return None
-        if outcome.point is None:
-            if not self._late:
-                raise RuntimeError("the solver stopped for a reason of its own")
-            return None
-        chosen = np.flatnonzero(outcome.point[list(form.x)] > 0.5)
-        labels = self._blocks.labelling(self.space, chosen)
-        if not is_member(self.space, labels):
-            raise RuntimeError("the solver chose a labelling outside the space")
-        labels = np.asarray(canonical(labels[None], self.space.group)[0])
-        if np.packbits(labels).tobytes() in self._known:
-            # within tolerances of the program it seems to reach more than it does: rule it out
-            self._excluded.append(labels)
-            return None
-        proposed: Bits = labels[None]
-        return proposed
-
-    @property
-    def _rounds(self) -> int:
-        assert self._blocks is not None
-        largest = max((len(members) for members in self._blocks.members), default=0)
-        return 1 if largest <= _SMALL else _ROUNDS
-
-    def _formulation(self, caps: Caps, target: int | None) -> Formulation:
-        assert self._builder is not None
-        assert self._blocks is not None
-        form = self._builder.pieces(caps) if self._rounds == 1 else self._builder.faces(caps)
-        program = form.program
-        if target is not None:
-            free = float(self.space.assembly.free_faces.sum())
-            by_blocks = self.space.search.front.count == "blocks"
-            value = float(target) if by_blocks else free - target
-            program.bound_row(form.blocks_row if by_blocks else form.dry_row, value, value)
-        index = {inside_of: p for p, inside_of in enumerate(self._blocks.members)}
-        for labels in self._excluded:
-            for image in np.unique(labels[self.space.group], axis=0):
-                members = self._members(image)
-                columns = [form.x[index[block]] for block in members]
-                program.row(columns, [1.0] * len(columns), -INF, len(columns) - 1.0)
-        return form
-
-    def _members(self, labels: Bits) -> list[tuple[int, ...]]:
-        names = blocks_of(self.space.graph, labels)
-        free = self.space.assembly.elements.free
-        return [tuple(free[names[free] == name].tolist()) for name in np.unique(names[free])]
-
-    def _run(self, form: Formulation, target: int | None, least: float) -> Outcome:
-        def stop(bound: float) -> bool:
-            if abs(bound) < INF:
-                self._lower(target, max(bound * self._scale, least))
+        while not self._late:
+            threshold = max(self._aimed, self._least(target))
+            assert self._formula is not None
+            labels = self._formula.next()
+            if labels is None:
+                self._lower(target, threshold)
+                if threshold <= self._least(target):
+                    self._settle(target)
+                    return None
+                self._begin(target)
+                continue
+            proposed = self._examine(labels, threshold)
             self._pulse()
-            return self._late
+            if proposed is not None:
+                return proposed
+            if not self._stepping and self.conflicts - self._began >= _DIRECT:
+                self._stepping = True
+                self._begin(target)
+        return None
 
-        outcome = run(form.program.load(), stop=stop)
-        self.nodes += outcome.nodes
-        self.programs += 1
-        if outcome.status == "optimal":
-            self._lower(target, max(outcome.bound * self._scale, least))
-        return outcome
+    def _examine(self, labels: Bits, threshold: float) -> Bits | None:
+        """Rule a labelling out with all that fall for the same reason; or return it, (1, m), to be evaluated."""
+        assert self._formula is not None
+        assert self._relaxation is not None
+        conflict = conflict_of(self._relaxation, labels, self._free, threshold / self._scale)
+        if conflict is not None:
+            self._conflicts.append(conflict)
+            self._formula.forbid(conflict.faces, conflict.labels)
+            return None
+        self._formula.forbid(np.arange(len(labels)), labels)
+        labels = np.asarray(canonical(labels[None], self.space.group)[0])
+        self._passed.append(labels)
+        proposed: Bits = labels[None]
+        return None if np.packbits(labels).tobytes() in self._known else proposed
+
+    def _least(self, target: int | None) -> float:
+        """λ that a labelling must exceed to be worth finding, scene units."""
+        low = self._incumbent(target)
+        return low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
+
+    def _root(self) -> float:
+        """Bound on all labellings at once, scene units."""
+        assert self._relaxation is not None
+        bound = self._relaxation.bound(self.space.fixed, self._free)
+        return bound * self._scale if math.isfinite(bound) else bound
+
+    def _far(self, target: int | None) -> bool:
+        best = self.found[target]
+        low = max(self._incumbent(target), 0.0)
+        return math.isfinite(best.bound) and best.bound - low > _FINE * max(abs(best.bound), self._floor)
+
+    def _begin(self, target: int | None) -> None:
+        """A formula of what is left: at the incumbent, or half-way to the bound once that has proved to be long."""
+        if self._formula is not None:
+            self._formula.close()
+        low, best = self._least(target), self.found[target]
+        self._aimed = low
+        if self._stepping and self._far(target):
+            self._aimed = 0.5 * (low + best.bound)
+        self._formula = Formula(self.space, self._blocks, target)
+        for conflict in self._conflicts:
+            if conflict.bound * self._scale <= self._aimed:
+                self._formula.forbid(conflict.faces, conflict.labels)
+        for labels in self._passed:
+            self._formula.forbid(np.arange(len(labels)), labels)
 
     def _lower(self, target: int | None, bound: float) -> None:
+        """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
+        for labels in self._passed:
+            _, high, count = self._known.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
+            if target is None or count == target:
+                bound = max(bound, high)
         best = self.found[target]
-        bound = self._with_excluded(bound, target)
         if bound < best.bound:
             self.found[target] = replace(best, bound=bound)
 
-    def _with_excluded(self, bound: float, target: int | None) -> float:
-        """A bound on all but the labellings ruled out, made one on those as well."""
-        for labels in self._excluded:
-            _, high, count = self._known[np.packbits(labels).tobytes()]
-            if target is None or count == target:
-                bound = max(bound, high)
-        return bound
-
-    def _settle(self, target: int | None, best: Best) -> None:
+    def _settle(self, target: int | None) -> None:
         """Close a target; the best labelling of all says which counts are worth a look."""
-        self.found[target] = best
+        best = self.found[target]
+        if math.isnan(best.load_factor) and best.bound <= 0.0:
+            self.found[target] = best = replace(best, bound=-math.inf)
         self._targets.remove(target)
+        if self._formula is not None:
+            self._formula.close()
+            self._formula = None
         if not self._listed:
             self._listed = True
             for count in self._counts():
@@ -315,11 +318,6 @@ class Exact(Driver):
         else:
             (low, high), most = search.dry_faces, int(assembly.free_faces.sum())
         return list(range(low or 0, (most if high is None else min(high, most)) + 1))
-
-    def _give_way(self) -> None:
-        """Normal forces have no bound here: look at every labelling instead."""
-        self._everything = Enumeration(self.space)
-        self._targets = []
 
 
 def front(driver: Exact) -> list[dict[str, Any]]:

@@ -1,1 +1,1 @@
-"""Exact search: the strongest segmentation as one mixed-integer linear program, with a proven bound."""
+"""Exact search: a formula of the labellings that may still be better, and conflicts that rule out the others."""

@@ -1,7 +1,7 @@
 """All blocks there can be: connected sets of free elements within the limits on one block.
 
 One binary per such set, and every element in exactly one of those chosen, says at once what a segmentation is:
-no slits, no cuts added in rounds, every limit on a block kept (METHOD §6).
+no slits, every limit on a block kept (METHOD §6).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from jld_explore.constraints import feasible
 from jld_explore.labelling import above, below
 
 MOST: Final = 20_000
-"""Blocks above which a space is too large for one binary each."""
+"""Blocks above which they are not listed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def polyominoes(space: SearchSpace) -> Polyominoes | None:
     for face in np.flatnonzero(~to_support).tolist():
         around[int(a[face])].append((face, int(b[face])))
         around[int(b[face])].append((face, int(a[face])))
-    size = _Limits(space)
+    size = BlockLimits(space)
     found: list[frozenset[int]] = []
     level: set[frozenset[int]] = {frozenset([e]) for e in around}
     while level:
@@ -89,7 +89,7 @@ def is_member(space: SearchSpace, labels: Bits) -> bool:
     return bool(feasible(space, labels[None])[0])
 
 
-class _Limits:
+class BlockLimits:
     """Sizes of sets of elements against the limits on a block."""
 
     def __init__(self, space: SearchSpace) -> None:

@@ -1,0 +1,114 @@
+"""Bounds on partial labellings against every labelling they speak of (METHOD §6)."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import CASES, grid_assembly
+from cases_spatial import box, scene
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis
+from jld_core.scene import parse_scene
+from jld_core.solvers.status import Status
+from jld_core.undecided import Relaxation, has_hull
+from jld_explore.exact.conflicts import conflict_of
+
+OPEN = 6
+"""Faces left undecided: 64 labellings each."""
+
+
+def highest(analysis: LimitAnalysis, labels: Any) -> float:
+    """Proven lower bound on λ, scaled; −inf where nothing stands, inf where locked."""
+    status, proof = analysis.prove(labels)
+    if status is Status.LOCKED:
+        return np.inf
+    return proof.low if status is Status.COLLAPSE else -np.inf
+
+
+def spatial() -> Assembly:
+    boxes = [
+        box(f"{i}{j}{k}", [i, j, k], [i + 1, j + 1, k + 1]) for i, j, k in itertools.product((0, 1), (0, 1), (0, 1))
+    ]
+    ground = box("ground", [0, 0, -1], [2, 2, 0], support=True)
+    return build_assembly(parse_scene(scene([ground, *boxes])))
+
+
+def assemblies() -> dict[str, Assembly]:
+    found = {name: grid_assembly(rows, **options) for name, (rows, options) in CASES.items()}
+    return {**found, "in space": spatial()}
+
+
+@pytest.mark.parametrize("name", [*CASES, "in space"])
+def test_bound_holds_for_all_labellings_it_speaks_of(name: str) -> None:
+    assembly = assemblies()[name]
+    analysis = LimitAnalysis(assembly)
+    relaxation = Relaxation(analysis)
+    rng = np.random.default_rng(5)
+    m = len(assembly.interfaces)
+    finite = 0
+    for _ in range(3):
+        labels = rng.random(m) < 0.5
+        undecided = np.zeros(m, dtype=bool)
+        undecided[rng.choice(m, min(OPEN, m), replace=False)] = True
+        bound = relaxation.bound(labels, undecided)
+        finite += np.isfinite(bound)
+        best = -np.inf
+        for choice in itertools.product((True, False), repeat=int(undecided.sum())):
+            labels[undecided] = choice
+            best = max(best, highest(analysis, labels))
+        assert best <= bound + 1e-9 * max(1.0, abs(bound))
+    # confined or pressed down, some labelling is always locked
+    assert finite or name in ("arch", "weak arch", "arch with crushable joints", "pressed")
+
+
+@pytest.mark.parametrize("name", ["wall", "beam", "crushable wall", "no friction", "overhang", "in space"])
+def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
+    assembly = assemblies()[name]
+    analysis = LimitAnalysis(assembly)
+    relaxation = Relaxation(analysis)
+    rng = np.random.default_rng(3)
+    nothing = np.zeros(len(assembly.interfaces), dtype=bool)
+    for _ in range(10):
+        labels = rng.random(len(nothing)) < 0.5
+        status, proof = analysis.prove(labels)
+        if status is Status.COLLAPSE:
+            assert relaxation.bound(labels, nothing) == pytest.approx(proof.high, rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["wall", "beam", "crushable wall", "no friction", "overhang", "in space"])
+def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> None:
+    assembly = assemblies()[name]
+    analysis = LimitAnalysis(assembly)
+    relaxation = Relaxation(analysis)
+    rng = np.random.default_rng(8)
+    m = len(assembly.interfaces)
+    rows = rng.random((200, m)) < 0.5
+    known = np.array([highest(analysis, row) for row in rows])
+    finite = known[np.isfinite(known)]
+    threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
+    found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:40]]
+    conflicts = [c for c in found if c is not None]
+    assert conflicts
+    assert np.mean([len(c.faces) for c in conflicts]) < 0.8 * m
+    ruled_out = 0
+    for conflict in conflicts:
+        agree = np.all(rows[:, conflict.faces] == conflict.labels, axis=1)
+        ruled_out += int(agree.sum())
+        assert np.all(known[agree] <= conflict.bound * (1.0 + 1e-9) + 1e-12)
+    assert ruled_out >= len(conflicts)
+
+
+def test_crushing_joints_in_space_have_no_hull() -> None:
+    document = scene(
+        [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("a", [0, 0, 0], [1, 1, 1])],
+        materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 5.0}},
+    )
+    analysis = LimitAnalysis(build_assembly(parse_scene(document)))
+    assert not has_hull(analysis.template.yield_set)
+    with pytest.raises(TypeError, match="no hull"):
+        Relaxation(analysis)
