@@ -22,7 +22,7 @@ from jld_explore.drivers import make_driver
 from jld_explore.study import Progress, Study
 
 WARM: Final = 500
-BUDGETS: Final = {"flagship, 24 faces": 4_000, "planar, 88 faces": 2_500}
+BUDGETS: Final = {"flagship, 24 faces": 2_500, "planar, 88 faces": 1_500}
 DRIVERS: Final = ("random", "genetic")
 
 
