@@ -48,11 +48,13 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
     Raises InputError naming the element or the pair.
     """
     count = np.array([len(polygon) for polygon in polygons])
+    for few in np.flatnonzero(count < 3)[:1].tolist():
+        raise InputError(f"element {ids[few]!r}", "its polygon has no area", "three corners not in a line")
     least = 1e-14 * _spans(polygons) ** 2
     hull = shapely.convex_hull(
         shapely.multipoints(np.concatenate(polygons), indices=np.repeat(np.arange(len(count)), count))
     )
-    for thin in np.flatnonzero((count < 3) | ~(shapely.area(hull) > least))[:1].tolist():
+    for thin in np.flatnonzero(~(shapely.area(hull) > least))[:1].tolist():
         raise InputError(f"element {ids[thin]!r}", "its polygon has no area", "three corners not in a line")
     shapes = _shapes(polygons)
     size = shapely.area(shapes)
