@@ -6,6 +6,7 @@ it does not depend on how fast the machine is.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -149,7 +150,12 @@ def test_parent_killed(jobs: int, moments: tuple[int, ...], scene: Path, undistu
 def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
     """Worker processes of a run, without joblib's own helpers."""
     children = psutil.Process(run.pid).children(recursive=True)
-    return [child for child in children if "resource_tracker" not in " ".join(child.cmdline())]
+    workers = []
+    for child in children:
+        with contextlib.suppress(psutil.NoSuchProcess):  # one that was killed before may be a zombie still
+            if "resource_tracker" not in " ".join(child.cmdline()):
+                workers.append(child)
+    return workers
 
 
 def test_workers_killed(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
