@@ -127,7 +127,7 @@ def solve(
         Condense,
         typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong."),
     ] = Condense.AUTO,
-    solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "clarabel",
+    solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "auto",
     gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
