@@ -48,7 +48,7 @@ PROVEN: Final = 1e-6
 _SEARCH: Final = 10
 """Labellings evaluated before the proof, for each face that can change."""
 
-_DIRECT: Final = 4000
+_DIRECT: Final = 1500
 """Conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap."""
 
 _FINE: Final = 2e-3
