@@ -199,7 +199,7 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
     results = tables.results_table(study.store, study.assembly, study.space, driver)
     front_of = study.scene.search.front
     front = tables.front_table(results, front_of.count, front_of.sense)
-    complete = reason is StopReason.EXHAUSTED  # whatever the driver, it ends only where nothing is left
+    complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive
     found = tables.summary(
         results,
         stop_reason=str(reason),

@@ -188,3 +188,15 @@ def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pyt
     assert last.summary["bound"] <= first.summary["bound"] * (1.0 + 1e-9)
     assert last.summary["gap"] <= 1e-6
     assert np.isclose(last.summary["best"], max(last.summary["best"], first.summary["best"]))
+
+
+def test_without_dilation_the_associative_optimum_bounds_what_was_found(tmp_path: Path) -> None:
+    rows, options = ["aaa", "aaa", "###"], {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
+    every = search(rows, options, tmp_path / "every", "enumeration", objective="zero-dilation")
+    found = search(rows, options, tmp_path / "exact", "exact", objective="zero-dilation")
+    table = every.results[every.results["status"] == "collapse"]
+    # proven only where friction without dilation costs the best nothing
+    assert found.summary["proven"] is (found.summary["gap"] <= 1e-6)
+    assert found.summary["classes"] is None or found.summary["classes"] >= found.summary["evaluated"]
+    assert found.summary["best"] == pytest.approx(table["load_factor_zero_dilation"].max(), rel=1e-6)
+    assert found.summary["bound"] >= table["load_factor_zero_dilation"].max()

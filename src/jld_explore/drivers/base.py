@@ -50,6 +50,11 @@ class Driver(ABC):
         return False
 
     @property
+    def exhaustive(self) -> bool:
+        """Whether a driver with nothing more to propose has proposed every class of its space."""
+        return True
+
+    @property
     def working(self) -> bool:
         """Whether there is more to do for a driver that came back with nothing because time is up."""
         return False

@@ -144,6 +144,11 @@ class Exact(Driver):
         return self._everything is None and not self._targets and all(best.proven for best in self.found.values())
 
     @property
+    def exhaustive(self) -> bool:
+        """See `Driver.exhaustive`."""
+        return self._everything is not None
+
+    @property
     def working(self) -> bool:
         """See `Driver.working`."""
         return self._everything is None and bool(self._targets)
@@ -191,6 +196,9 @@ class Exact(Driver):
             high = found.high if found.status is Status.COLLAPSE else -math.inf
             if found.status in (Status.UNCERTIFIED, Status.FAILED):
                 high = found.high if math.isfinite(found.high) else math.inf
+            if math.isfinite(found.zero_dilation):
+                # there may be other solutions without dilation; the associative λ bounds them all
+                high = max(high, found.associative * (1.0 + PROVEN))
             self._known[np.packbits(labels).tobytes()] = (low, high, count)
         for target, best in self.found.items():
             low = self._incumbent(target)
