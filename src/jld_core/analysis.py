@@ -21,6 +21,7 @@ from jld_core.point_contacts import point_contact_assembly, resultants_of_faces
 from jld_core.program import Template
 from jld_core.result import LimitAnalysisResult
 from jld_core.scaling import scaling_of
+from jld_core.solvers import is_large
 from jld_core.solvers.status import Status
 from jld_core.yield_sets import require_materials
 from jld_core.yield_spatial import spatial_yield
@@ -91,10 +92,17 @@ def _solved(analysis: LimitAnalysis, labels: Bits, model: Model) -> LimitAnalysi
     found = None
     if model.condense == "on" or (model.condense == "auto" and worth_condensing(analysis.template, labels)):
         found = solve_condensed(analysis, labels)
-    found = found or analysis.solve(labels)
-    if found.status is Status.UNCERTIFIED and model.condense == "auto" and not labels.all():
-        # strengths far above some loads: blocks that are rigid in fact leave no rounding in their cracks
-        found = solve_condensed(analysis, labels) or found
+    if found is not None:
+        return found
+    # strengths far above some loads: blocks that are rigid in fact leave no rounding in their cracks
+    joined = model.condense == "auto" and not labels.all()
+    large = joined and is_large(analysis.template.structure)  # where repairs take longer than rigid blocks do
+    found = analysis.solve(labels, harder=not large)
+    if found.status is Status.UNCERTIFIED and joined:
+        rigid = solve_condensed(analysis, labels)
+        if rigid is not None and rigid.status is not Status.UNCERTIFIED:
+            return rigid
+        found = analysis.solve(labels) if large else rigid or found
     return found
 
 
