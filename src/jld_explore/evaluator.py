@@ -94,11 +94,14 @@ class Evaluator:
         if self.settings.objective == "zero-dilation":
             return self._without_dilation(labels, start, floor)
         if worth_condensing(self._analysis.template, labels):
-            found = solve_condensed(self._analysis, labels, stands=False)
+            found = self._condensed(labels, start)
             if found is not None:
-                low, high = found.bracket
-                return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
+                return found
         status, proof = self._analysis.prove(labels)
+        if status is Status.UNCERTIFIED and not labels.all():
+            found = self._condensed(labels, start)
+            if found is not None and found.status is not Status.UNCERTIFIED:
+                return found
         proofs = self._proofs(status, proof, labels, likely) if self.settings.prove else None
         scale, nan = self._analysis.template.scaling.load, math.nan
         low = proof.low * scale if math.isfinite(proof.low) else nan
@@ -112,6 +115,14 @@ class Evaluator:
             load_factor = proof.guess * scale
         seconds = time.perf_counter() - start
         return Evaluation(status, low, high, load_factor, seconds=seconds, proofs=proofs)
+
+    def _condensed(self, labels: Bits, start: float) -> Evaluation | None:
+        """The evaluation with rigid blocks; None where those are no help."""
+        found = solve_condensed(self._analysis, labels, stands=False)
+        if found is None:
+            return None
+        low, high = found.bracket
+        return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
 
     @property
     def _sharp(self) -> Sharpener:
