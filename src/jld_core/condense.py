@@ -24,10 +24,12 @@ from jld_core.limit import LimitAnalysis
 from jld_core.program import Template, pack
 from jld_core.result import LimitAnalysisResult
 from jld_core.scaling import Scaling, scaling_of
+from jld_core.solvers import is_large
 from jld_core.solvers.clarabel_ import ClarabelRoute
 from jld_core.solvers.status import Status
 
 _STRONG = 300.0  # strength over force scale above which blocks count as rigid until shown otherwise
+_STRONG_LARGE = 4.0  # the same for assemblies that are large for their solver (measured on 2 025 faces)
 _ROUNDS = 4  # rounds of taking blocks apart before the full model is the shorter way
 
 
@@ -55,7 +57,7 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
     if not inner.any():
         return False
     weakest = np.minimum(strengths.tension, strengths.shear)[inner] * area[inner] / template.scaling.force
-    return bool(np.nanmin(weakest) > _STRONG)
+    return bool(np.nanmin(weakest) > (_STRONG_LARGE if is_large(template.structure) else _STRONG))
 
 
 def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
