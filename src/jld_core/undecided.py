@@ -113,13 +113,13 @@ class Relaxation:
         total = float(own.sum()) - dead
         if not np.isfinite(total) or work < 0.0:
             return None
-        excess = threshold * work - total - self._prover.noise(motion.velocity, total)
+        total += self._prover.noise(motion.velocity, total)
+        excess = threshold * work - total
         if not excess > 0.0:
             return None
         with np.errstate(invalid="ignore"):
             cost = np.where(undecided, 0.0, either - own)
-        # velocities have size one: less work than rounding makes is none
-        bound = total / work if work > 1e-9 else -np.inf
+        bound = total / work if work > 0.0 else -np.inf
         return Refutation(excess, cost, bound)
 
     def _opened(self, motion: Motion, finite: Floats, labels: Bits, undecided: Bools) -> tuple[Motion, Floats]:
