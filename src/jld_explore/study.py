@@ -153,7 +153,7 @@ class Study:
             known = [self.store.find(labels) for labels in rows]
             self.driver.recall(rows, [evaluation for evaluation in known if evaluation is not None])
         deadline = None if self.seconds is None else self.started + self.seconds
-        self.driver.attend(deadline, lambda: self._count([]))
+        self.driver.attend(deadline, lambda: self._count([]), self.folder)
         waiting: deque[Asked] = deque()
         dry = False
         try:
@@ -182,6 +182,7 @@ class Study:
         finally:
             workers.close()
             self.store.close()
+            self.driver.release()
             if self._consultant is not None:
                 self._consultant.archive.close()
 

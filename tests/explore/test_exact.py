@@ -18,8 +18,10 @@ from jld_explore.candidates import search_space
 from jld_explore.constraints import feasible
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact import Exact
+from jld_explore.exact.conflicts import Conflict
 from jld_explore.exact.formula import Formula
 from jld_explore.exact.polyominoes import polyominoes
+from jld_explore.exact.record import Record
 from jld_explore.explore import Exploration, ExploreSettings, explore
 from jld_explore.labelling import canonical
 
@@ -177,7 +179,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
 
 def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = ["aaaa", "aaaa", "aaaa", "####"], {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
-    monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 5))
+    monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 60))
     first = search(rows, options, tmp_path, "exact", seconds=60.0)
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
@@ -185,6 +187,8 @@ def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
     last = search(rows, options, tmp_path, "exact", resume=True)
     assert last.summary["stop_reason"] == "proven"
+    assert first.summary["conflicts"] > 0
+    assert last.summary["conflicts"] > first.summary["conflicts"]
     assert last.summary["bound"] <= first.summary["bound"] * (1.0 + 1e-9)
     assert last.summary["gap"] <= 1e-6
     assert np.isclose(last.summary["best"], max(last.summary["best"], first.summary["best"]))
@@ -200,3 +204,24 @@ def test_without_dilation_the_associative_optimum_bounds_what_was_found(tmp_path
     assert found.summary["classes"] is None or found.summary["classes"] >= found.summary["evaluated"]
     assert found.summary["best"] == pytest.approx(table["load_factor_zero_dilation"].max(), rel=1e-6)
     assert found.summary["bound"] >= table["load_factor_zero_dilation"].max()
+
+
+def test_conflicts_survive_a_torn_file_and_no_other_scene(tmp_path: Path) -> None:
+    conflicts = [Conflict(np.array([1, 4]), np.array([True, False]), 0.5 + k) for k in range(3)]
+    record = Record(tmp_path, 9, b"key of one scene")
+    for conflict in conflicts:
+        record.append(conflict)
+    record.close()
+    content = (tmp_path / "conflicts.jld").read_bytes()
+    for torn in range(16, len(content)):
+        (tmp_path / "conflicts.jld").write_bytes(content[:torn])
+        again = Record(tmp_path, 9, b"key of one scene")
+        whole = (torn - 16) // 16
+        assert [c.bound for c in again.known] == [0.5 + k for k in range(whole)]
+        assert all(c.faces.tolist() == [1, 4] and c.labels.tolist() == [True, False] for c in again.known)
+        again.close()
+        assert len((tmp_path / "conflicts.jld").read_bytes()) == 16 + 16 * whole
+    other = Record(tmp_path, 9, b"key of the other")
+    assert other.known == []
+    other.close()
+    assert (tmp_path / "conflicts.jld").read_bytes() == b"key of the other"

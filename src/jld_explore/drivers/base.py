@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 from jld_core.assembly import Bits
@@ -59,11 +60,17 @@ class Driver(ABC):
         """Whether there is more to do for a driver that came back with nothing because time is up."""
         return False
 
-    def attend(self, deadline: float | None, pulse: Callable[[], None]) -> None:  # noqa: B027 – most ask in no time
+    def attend(  # noqa: B027 – most ask in no time
+        self, deadline: float | None, pulse: Callable[[], None], folder: Path | None = None
+    ) -> None:
         """Told once before the first ask: when to come back from a long one, and what to call meanwhile.
 
         deadline: as `time.perf_counter` counts, s. pulse: reports progress; signals are heard when it is called.
+        folder: of the study, for what the driver itself must not lose.
         """
+
+    def release(self) -> None:  # noqa: B027
+        """Told once after the last ask: let go of files."""
 
     def recall(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
         """What a study that is gone on with knows already; it is told again when it is asked again."""

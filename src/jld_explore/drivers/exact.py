@@ -14,10 +14,12 @@ too many to be listed) are enumerated, which proves the same.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -37,6 +39,7 @@ from jld_explore.evaluator import Evaluation
 from jld_explore.exact.conflicts import Conflict, conflict_of
 from jld_explore.exact.formula import Formula
 from jld_explore.exact.polyominoes import polyominoes
+from jld_explore.exact.record import Record
 from jld_explore.labelling import canonical
 
 _STEP: Final = 5e-7
@@ -92,6 +95,7 @@ class Exact(Driver):
         if aim == "front" and count == "dry_length":
             raise InputError("search.front.count", "dry_length has no exact front", "dry_faces or blocks")
         analysis = LimitAnalysis(space.assembly)
+        self._template = analysis.template
         self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
         self._blocks = polyominoes(space)
         by_blocks = space.search.blocks != [None, None] or (aim == "front" and count == "blocks")
@@ -107,6 +111,7 @@ class Exact(Driver):
         self._searching = True
         self._known: dict[bytes, tuple[float, float, int]] = {}
         self._conflicts: list[Conflict] = []
+        self._record: Record | None = None
         self._formula: Formula | None = None
         self._passed: list[Bits] = []
         self._aimed = math.inf
@@ -153,11 +158,27 @@ class Exact(Driver):
         """See `Driver.working`."""
         return self._everything is None and bool(self._targets)
 
-    def attend(self, deadline: float | None, pulse: Callable[[], None]) -> None:
+    def attend(self, deadline: float | None, pulse: Callable[[], None], folder: Path | None = None) -> None:
         """See `Driver.attend`."""
         # what was found last must still be evaluated
         self._deadline = None if deadline is None else deadline - 0.3
         self._pulse = pulse
+        if folder is not None and self._everything is None:
+            self._record = Record(folder, len(self.space.fixed), self._key())
+            self._conflicts = list(self._record.known)
+
+    def _key(self) -> bytes:
+        """What conflicts depend on: the numbers of the programs."""
+        template = self._template
+        pattern = template.yield_set.pattern
+        numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
+        return hashlib.sha256(b"".join(part.tobytes() for part in (*numbers, pattern.h_dry, pattern.h_inner))).digest()
+
+    def release(self) -> None:
+        """See `Driver.release`."""
+        if self._record is not None:
+            self._record.close()
+            self._record = None
 
     def recall(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take incumbents (k, m) from a study that is gone on with."""
@@ -252,6 +273,8 @@ class Exact(Driver):
         conflict = conflict_of(self._relaxation, labels, self._free, threshold / self._scale)
         if conflict is not None:
             self._conflicts.append(conflict)
+            if self._record is not None:
+                self._record.append(conflict)
             self._formula.forbid(conflict.faces, conflict.labels)
             return None
         self._formula.forbid(np.arange(len(labels)), labels)
