@@ -178,7 +178,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
 
 
 def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows, options = ["aaaa", "aaaa", "aaaa", "####"], {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
+    rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
     monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 60))
     first = search(rows, options, tmp_path, "exact", seconds=60.0)
     assert first.summary["stop_reason"] in ("time", "proven")
