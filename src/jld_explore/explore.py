@@ -24,8 +24,8 @@ from jld_explore.consult import NAME as ARCHIVE
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
 from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.drivers.exact import Exact
-from jld_explore.drivers.exact import front as exact_front
 from jld_explore.evaluator import EvaluatorSettings
+from jld_explore.exact.best import front as proven_front
 from jld_explore.labelling import from_string
 from jld_explore.store import NAME, Store
 from jld_explore.study import Interrupted, Progress, StopReason, Study, versions
@@ -216,7 +216,7 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
     if isinstance(study.driver, Exact):
         found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
         if study.driver.aim == "front":
-            found["front"] = exact_front(study.driver)
+            found["front"] = proven_front(study.driver.found.values())
     write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
     write_text(study.folder / "results.csv", results.to_csv(index=False))
     fresh = study.folder / "results.parquet.new"

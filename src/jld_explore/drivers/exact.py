@@ -18,7 +18,7 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -36,6 +36,7 @@ from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluator import Evaluation
+from jld_explore.exact.best import PROVEN, Best
 from jld_explore.exact.conflicts import Conflict, conflict_of
 from jld_explore.exact.formula import Formula
 from jld_explore.exact.polyominoes import polyominoes
@@ -45,9 +46,6 @@ from jld_explore.labelling import canonical
 _STEP: Final = 5e-7
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
-PROVEN: Final = 1e-6
-"""Relative distance of bound and incumbent at which the optimum is proven."""
-
 _SEARCH: Final = 10
 """Labellings evaluated before the proof, for each face that can change."""
 
@@ -56,29 +54,6 @@ _DIRECT: Final = 1500
 
 _FINE: Final = 2e-3
 """Relative gap below which the last step is taken at once."""
-
-
-@dataclass(frozen=True)
-class Best:
-    """What is known of the labellings with one count, or of all (count None); λ in scene units.
-
-    load_factor: best found, NaN where none. bound: proven upper bound, −inf where nothing stands or there is
-    nothing, inf where nothing is known. Labellings that are locked have no λ and are not spoken of.
-    """
-
-    count: int | None
-    load_factor: float
-    bound: float
-
-    @property
-    def proven(self) -> bool:
-        """Nothing is better by more than PROVEN, relative."""
-        if self.bound == -math.inf:
-            return True
-        if not (math.isfinite(self.bound) and math.isfinite(self.load_factor)):
-            return False
-        size = max(abs(self.bound), abs(self.load_factor))
-        return bool(self.bound - self.load_factor <= PROVEN * size)
 
 
 class Exact(Driver):
@@ -351,16 +326,4 @@ class Exact(Driver):
         return list(range(low or 0, (most if high is None else min(high, most)) + 1))
 
 
-def front(driver: Exact) -> list[dict[str, Any]]:
-    """The proven front of a driver: count, load_factor, bound, proven; counts nothing stands at are left out."""
-    rows: list[dict[str, Any]] = []
-    for count, best in driver.found.items():
-        if count is None or (math.isnan(best.load_factor) and best.bound == -math.inf):
-            continue
-        known = None if math.isnan(best.load_factor) else best.load_factor
-        bound = best.bound if math.isfinite(best.bound) else None
-        rows.append({"count": count, "load_factor": known, "bound": bound, "proven": best.proven})
-    return sorted(rows, key=lambda row: int(row["count"]))
-
-
-__all__ = ["PROVEN", "Best", "Exact", "front"]
+__all__ = ["Exact"]
