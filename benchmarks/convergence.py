@@ -25,7 +25,7 @@ from jld_explore.candidates import SearchSpace
 from jld_explore.evaluator import Evaluation, Evaluator, EvaluatorSettings
 from jld_explore.plotting import plot_convergence
 
-NAMES: Final = ("random", "hillclimb", "genetic", "optuna:Random", "optuna:NSGAII", "optuna:TPE")
+NAMES: Final = ("random", "hillclimb", "genetic", "exact", "optuna:Random", "optuna:NSGAII", "optuna:TPE")
 PATIENCE: Final = 30.0
 BUDGET: Final = 500
 
