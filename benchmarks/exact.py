@@ -54,8 +54,8 @@ SEEDS: Final = 3
 
 OPEN: Final = (
     "Where time ran out: on the 8 × 10 wall a conflict needs 20 to 30 faces, against 6 to 15 on smaller ones, so that "
-    "each rules out little; in the crushable arch every face yields under every mechanism and under either label, so that a "
-    "mechanism bounds all labellings and few of them closely."
+    "each rules out little; in the crushable arch every face yields under every mechanism and under either label, so "
+    "that a mechanism bounds all labellings and few of them closely."
 )
 
 
@@ -177,8 +177,9 @@ def main(seconds: float = SECONDS) -> None:
         "exact",
         f"# Proven optima\n\n{table(head, rows)}\n\nAt most {seconds:g} s for a wall, {LONG:g} s for the others, one"
         f" thread. Conflicts: partial labellings ruled out; relaxations: programs solved to find them; solves:"
-        f" labellings evaluated.\n\n{OPEN}\n\n## How far below the optimum the others end\n\nPercent of λ, median / worst"
-        f" of {SEEDS} seeds, after the labellings named.\n\n{table(['scene', *rivals], distances(proven))}",
+        f" labellings evaluated.\n\n{OPEN}\n\n## How far below the optimum the others end\n\nPercent of λ,"
+        f" median / worst of {SEEDS} seeds, after the labellings named.\n\n"
+        f"{table(['scene', *rivals], distances(proven))}",
     )
 
 
