@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.assembly import Bits, Bools, Floats
 from jld_core.bracket import Motion, usable
 from jld_core.limit import LimitAnalysis
@@ -109,6 +110,8 @@ class Relaxation:
         either = dissipation.max(axis=0)
         own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
         work = float(self.template.live @ motion.velocity)
+        if abs(work) < tolerances.ROUNDING * float(abs(self.template.live) @ abs(motion.velocity)):
+            work = 0.0  # what is left of terms that cancel bounds nothing
         dead = float(self.template.dead @ motion.velocity)
         total = float(own.sum()) - dead
         if not np.isfinite(total) or work < 0.0:

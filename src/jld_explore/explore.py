@@ -26,6 +26,7 @@ from jld_explore.drivers.enumeration import size_up_to
 from jld_explore.drivers.exact import Exact
 from jld_explore.evaluator import EvaluatorSettings
 from jld_explore.exact.best import front as proven_front
+from jld_explore.exact.best import front_of_all
 from jld_explore.labelling import from_string
 from jld_explore.store import NAME, Store
 from jld_explore.study import Interrupted, Progress, StopReason, Study, versions
@@ -216,7 +217,10 @@ def _write_tables(study: Study, driver: str, reason: StopReason, total: int | No
     if isinstance(study.driver, Exact):
         found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
         if study.driver.aim == "front":
-            found["front"] = proven_front(study.driver.found.values())
+            known = study.driver.found.values()
+            everything = study.driver.exhaustive
+            count = study.space.search.front.count
+            found["front"] = front_of_all(results, count, complete) if everything else proven_front(known)
     write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
     write_text(study.folder / "results.csv", results.to_csv(index=False))
     fresh = study.folder / "results.parquet.new"

@@ -225,3 +225,59 @@ def test_conflicts_survive_a_torn_file_and_no_other_scene(tmp_path: Path) -> Non
     assert other.known == []
     other.close()
     assert (tmp_path / "conflicts.jld").read_bytes() == b"key of the other"
+
+
+@pytest.mark.parametrize(
+    ("rows", "cell", "options"),
+    [
+        (["aaa"] * 3 + ["###"], [0.2, 0.1], {"friction": 3.0, "tension": 0.0, "shear": 0.0}),
+        (["aaa"] * 3 + ["###"], [0.2, 0.1], {"friction": 0.75, "tension": 0.0, "shear": 0.0}),
+        (
+            [".aa", ".aa", ".##"],
+            [0.1, 0.2],
+            {"friction": 1.5, "tension": 0.0, "shear": 0.0, "crush_inner": 1e4, "live": [{"body": [1, 1]}]},
+        ),
+    ],
+)
+def test_faces_no_block_contains_are_dry_in_every_bound(
+    rows: list[str], cell: list[float], options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit on extent leaves faces across which no block can reach; the scene's own label there is inner."""
+    document = grid_document(rows, **options, block_extent=[None, 0.2])
+    document["grid"]["cell"] = cell
+    scene = parse_scene(document)
+    every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration")).summary
+    monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", 0)  # the proof alone finds it
+    found = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact")).summary
+    assert found["proven"] is True
+    assert found["best"] == pytest.approx(every["best"], rel=1e-6)
+    assert found["bound"] >= every["best"] * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", 0)
+    rows, options = SCENES[name]
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact", aim="front")
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+
+
+def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.drivers.exact._DIRECT", 2)
+    rows, options = SCENES["weak"]
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact", aim="front")
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+
+
+def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
+    rows, options = ["aaa", "###"], {"segmentation": False, "front": {"count": "blocks", "sense": "min"}}
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact", aim="front")
+    table = every.results[every.results["status"] == "collapse"]
+    known = table.groupby("blocks")["load_factor"].max()
+    assert {row["count"]: row["load_factor"] for row in found.summary["front"]} == pytest.approx(known.to_dict())
+    assert all(row["proven"] for row in found.summary["front"])

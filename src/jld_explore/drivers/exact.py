@@ -94,7 +94,7 @@ class Exact(Driver):
         self._stepping = False
         self._targets: list[int | None] = [None]
         self._listed = aim == "best"
-        self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf)}
+        self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf, self._floor)}
         self._deadline: float | None = None
         self._pulse: Callable[[], None] = lambda: None
 
@@ -143,11 +143,12 @@ class Exact(Driver):
             self._conflicts = list(self._record.known)
 
     def _key(self) -> bytes:
-        """What conflicts depend on: the numbers of the programs."""
+        """What conflicts depend on: the numbers of the programs, and which faces are free."""
         template = self._template
         pattern = template.yield_set.pattern
         numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
-        return hashlib.sha256(b"".join(part.tobytes() for part in (*numbers, pattern.h_dry, pattern.h_inner))).digest()
+        rows = (pattern.h_dry, pattern.h_inner, self.space.candidates, self.space.fixed, self._free, self.space.group)
+        return hashlib.sha256(b"".join(part.tobytes() for part in (*numbers, *rows))).digest()
 
     def release(self) -> None:
         """See `Driver.release`."""
@@ -266,7 +267,9 @@ class Exact(Driver):
     def _root(self) -> float:
         """Bound on all labellings at once, scene units."""
         assert self._relaxation is not None
-        bound = self._relaxation.bound(self.space.fixed, self._free)
+        # candidates that no possible block contains are dry whatever the scene's own label
+        labels = self.space.fixed | (self.space.candidates & ~self._free)
+        bound = self._relaxation.bound(labels, self._free)
         return bound * self._scale if math.isfinite(bound) else bound
 
     def _far(self, target: int | None) -> bool:
@@ -313,7 +316,7 @@ class Exact(Driver):
             for count in self._counts():
                 low = self._incumbent(count)
                 known = low if math.isfinite(low) else math.nan
-                self.found[count] = Best(count, known, best.bound)
+                self.found[count] = Best(count, known, best.bound, self._floor)
                 self._targets.append(count)
 
     def _counts(self) -> list[int]:
