@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -20,6 +21,7 @@ from jld_core.assembly import Bits, Floats
 from jld_core.program import Template
 from jld_core.sparse_cholesky import Fronts
 
+_FULL = 20_000  # entries up to which products with a full matrix are the quicker ones
 _DENSE = 200  # equations up to which a stored dense projector beats sparse triangular solves
 
 
@@ -61,7 +63,7 @@ class Projector:
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
         self.matrix = matrix
-        self.rows = sp.csr_array(matrix)
+        self.rows = quick(sp.csr_array(matrix))
         self._dense: Floats | None = None
         if matrix.shape[0] <= _DENSE:
             self._dense = _right_inverse(matrix.toarray())
@@ -115,6 +117,8 @@ class Prover:
     def __init__(self, template: Template) -> None:
         self.template = template
         self.transposed = sp.csr_array(template.matrix.T)
+        self._jumps = quick(self.transposed)
+        self._weight = abs(template.dead)
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
@@ -224,7 +228,7 @@ class Prover:
         work = float(template.live @ velocity)
         if normalise and work > 0.0:
             velocity, work = velocity / work, 1.0
-        jumps = (self.transposed @ velocity).reshape(self._everything.shape)
+        jumps = (self._jumps @ velocity).reshape(self._everything.shape)
         return self.measure(velocity, jumps, work, labels)
 
     def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
@@ -236,7 +240,7 @@ class Prover:
 
     def noise(self, velocity: Floats, bound: float) -> float:
         """Rounding that a bound may carry: of the sums that make it up, and of the velocities themselves."""
-        dead, speed = abs(self.template.dead), abs(velocity)
+        dead, speed = self._weight, abs(velocity)
         return tolerances.ROUNDING * (float(dead @ speed) + abs(bound) + 1e-3 * float(dead.sum() * speed.max()))
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
@@ -253,9 +257,14 @@ class Prover:
         return mixed
 
 
+def quick(matrix: Any) -> Any:
+    """A sparse matrix for products with vectors: small ones in full, where looking up what is not zero takes longer."""
+    return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix
+
+
 def usable(vector: Floats) -> bool:
     """Scaled answers are of order one; what a failed solve leaves behind may be anything."""
-    return bool(np.all(abs(vector) < 1e30))
+    return not vector.size or bool(abs(vector).max() < 1e30)
 
 
 def relative_width(low: float, high: float, floor: float) -> float:

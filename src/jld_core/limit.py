@@ -109,7 +109,7 @@ class LimitAnalysis:
             self.route.solve(self.template.program(self._reference, self.margin))
             self._reference_known = True
         raw = self._attempt(proof, self.route, labels, self.margin)
-        status = self._judge(proof)
+        status = self.judge(proof)
         if status is Status.UNCERTIFIED and not harder:
             return status, proof
         if status is Status.UNCERTIFIED:
@@ -123,7 +123,7 @@ class LimitAnalysis:
         if status is Status.COLLAPSE and relative_width(proof.low, proof.high, 0.0) > self.gap:
             # narrow beside the weight of the whole, wide beside λ: a vertex says whether λ is small or zero
             self._crossover(proof, raw, labels)
-            status = self._judge(proof)
+            status = self.judge(proof)
         return status, proof
 
     def unloaded(self, labels: Bits) -> State | None:
@@ -174,7 +174,8 @@ class LimitAnalysis:
             if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
                 proof.collapse_below_zero = motion
 
-    def _judge(self, proof: Proof) -> Status:
+    def judge(self, proof: Proof) -> Status:
+        """The status that a proof amounts to."""
         falls = proof.motion is not None and proof.motion.bound < -proof.motion.noise and not proof.crossed
         if proof.collapse_below_zero is not None or falls:
             return Status.UNSTABLE
@@ -190,7 +191,7 @@ class LimitAnalysis:
         steps = (self._repair, self._crossover, self._at_the_edge, self._phase_one, self._unshrunk)
         for step in steps:
             raw = step(proof, raw, labels)
-            status = self._judge(proof)
+            status = self.judge(proof)
             if status is not Status.UNCERTIFIED:
                 return status
         return Status.UNCERTIFIED

@@ -9,6 +9,7 @@ does not use keeps its place with zero coefficients and slack one.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -108,6 +109,13 @@ class PlanarYield:
     crush_inner: Floats
     pattern: RowPattern
 
+    @cached_property
+    def _endless(self) -> bool:
+        """Are there no compressive strengths?"""
+        return bool(
+            np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all() and np.isfinite(self.shear).all()
+        )
+
     def active(self, labels: Bits) -> Bools:
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = np.where(labels, self.friction, self.shear) > 0.0
@@ -137,6 +145,8 @@ class PlanarYield:
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
+        if self._endless:
+            return np.where(labels, 0.0, self.tension * opening + self.shear * slip)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             p = turn + self.friction * slip - opening
             q = turn / self.crush_dry

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,9 @@ Words = NDArray[np.uint64]
 
 ROUND: Final = 32
 """Labellings solved between two questions to the pool, whatever the number of workers."""
+
+FEW: Final = 8
+"""The same for scenes so small that no workers are asked: the fewer, the more a solve is spared."""
 
 _KEPT_FORCES: Final = 6000
 _KEPT_MECHANISMS: Final = 3000
@@ -97,12 +101,9 @@ def unknown(count: int) -> Bounds:
 def forces_of(template: Template, state: State, labels: Bits) -> Forces:
     """An admissible state of one labelling, with every label it admits on every face."""
     own = np.asarray(labels, dtype=bool)
-    every = np.ones(len(own), dtype=bool)
-    sets = template.yield_set
+    other = template.yield_set.slack(state.forces, ~own) >= max(2.0 * state.error, 0.0)
     # a resultant that a label drops is zero only in the states of that label
-    same = (sets.active(every) == sets.active(~every)).all(axis=1)
-    other = sets.slack(state.forces, ~own) >= max(2.0 * state.error, 0.0)
-    other &= same
+    other &= _alike(template)
     return Forces(state.load, own | other, ~own | other)
 
 
@@ -111,13 +112,24 @@ def mechanism_of(template: Template, motion: Motion, labels: Bits, *, falls: boo
     own = np.asarray(labels, dtype=bool)
     every = np.ones(len(own), dtype=bool)
     sets, jumps = template.yield_set, motion.jumps
-    same = (sets.active(every) == sets.active(~every)).all(axis=1)
     with np.errstate(invalid="ignore"):
-        known = (sets.margin(jumps, ~own) >= 0.0) & same
+        known = (sets.margin(jumps, ~own) >= 0.0) & _alike(template)
         values = [sets.dissipation(jumps, label) for label in (every, ~every)]
     dry = np.where(own | known, values[0], np.inf)
     inner = np.where(~own | known, values[1], np.inf)
     return Mechanism(float(-template.dead @ motion.velocity), dry, inner, falls)
+
+
+_ALIKE: WeakKeyDictionary[Template, Bools] = WeakKeyDictionary()
+
+
+def _alike(template: Template) -> Bools:
+    """(m,) True where both labels of a face keep the same resultants."""
+    if template not in _ALIKE:
+        every = np.ones(len(template.assembly.interfaces), dtype=bool)
+        sets = template.yield_set
+        _ALIKE[template] = (sets.active(every) == sets.active(~every)).all(axis=1)
+    return _ALIKE[template]
 
 
 def proofs_of(template: Template, proof: Proof, labels: Bits) -> Proofs:
@@ -165,8 +177,9 @@ class Pool:
             return known
         for permutation in self.group:
             image = labellings[:, permutation]
-            low = self._forces.bounds(image, since)
-            high, unstable = self._mechanisms.bounds(image, since)
+            words = _words(image), _words(~image)
+            low = self._forces.bounds(words, since)
+            high, unstable = self._mechanisms.bounds(image, words, since)
             known = known.tightened(Bounds(low, high, unstable))
         return known
 
@@ -216,7 +229,7 @@ class _ForceTable(_Table):
         self.not_inner = np.empty((0, words), dtype=np.uint64)
 
     def add(self, forces: Forces) -> None:
-        not_dry, not_inner = _words(~forces.dry[None]), _words(~forces.inner[None])
+        not_dry, not_inner = np.split(_words(~np.array([forces.dry, forces.inner])), 2)
         keep = self._admit()
         if keep is not None:
             self.load, self.not_dry, self.not_inner = self.load[keep], self.not_dry[keep], self.not_inner[keep]
@@ -224,14 +237,14 @@ class _ForceTable(_Table):
         self.not_dry = np.concatenate([self.not_dry, not_dry])
         self.not_inner = np.concatenate([self.not_inner, not_inner])
 
-    def bounds(self, labellings: Bits, since: int) -> Floats:
-        """(k,) highest load of forces that labellings (k, m) admit."""
-        low = np.full(len(labellings), -np.inf)
+    def bounds(self, words: tuple[Words, Words], since: int) -> Floats:
+        """(k,) highest load of forces that labellings admit. words: their dry faces, and their inner ones."""
+        dry, inner = words
+        low = np.full(len(dry), -np.inf)
         rows = np.flatnonzero(self.born >= since)
         if not rows.size:
             return low
-        dry, inner = _words(labellings), _words(~labellings)
-        for part in _parts(len(labellings), rows.size):
+        for part in _parts(len(dry), rows.size):
             fits = _covered(dry[part], inner[part], self.not_dry[rows], self.not_inner[rows])
             value = np.where(fits, self.load[rows], -np.inf)
             best = value.argmax(axis=1)
@@ -267,17 +280,21 @@ class _MechanismTable(_Table):
         self.constant = np.append(self.constant, constant)
         self.falls = np.append(self.falls, mechanism.falls)
         self.gain = np.concatenate([self.gain, (dry - inner)[None]])
-        self.not_dry = np.concatenate([self.not_dry, _words(~finite_dry[None])])
-        self.not_inner = np.concatenate([self.not_inner, _words(~finite_inner[None])])
+        not_dry, not_inner = np.split(_words(~np.array([finite_dry, finite_inner])), 2)
+        self.not_dry = np.concatenate([self.not_dry, not_dry])
+        self.not_inner = np.concatenate([self.not_inner, not_inner])
 
-    def bounds(self, labellings: Bits, since: int) -> tuple[Floats, Bools]:
-        """(k,) lowest bound on λ over the mechanisms, and (k,) whether one proves instability."""
+    def bounds(self, labellings: Bits, words: tuple[Words, Words], since: int) -> tuple[Floats, Bools]:
+        """(k,) lowest bound on λ over the mechanisms, and (k,) whether one proves instability.
+
+        labellings: (k, m); words: their dry faces, and their inner ones.
+        """
         high, unstable = np.full(len(labellings), np.inf), np.zeros(len(labellings), dtype=bool)
         rows = np.flatnonzero(self.born >= since)
         if not rows.size:
             return high, unstable
         falls = self.falls[rows]
-        dry, inner, numbers = _words(labellings), _words(~labellings), labellings.astype(np.float64)
+        (dry, inner), numbers = words, labellings.astype(np.float64)
         for part in _parts(len(labellings), rows.size):
             value = self.constant[rows] + numbers[part] @ self.gain[rows].T
             fits = _covered(dry[part], inner[part], self.not_dry[rows], self.not_inner[rows])

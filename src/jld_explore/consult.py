@@ -18,18 +18,25 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Bits, Bools, Floats, Ints
-from jld_core.bracket import relative_width
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.bracket import load_floor
+from jld_core.program import Template
 from jld_core.solvers.status import Status
-from jld_explore.certificates import ROUND, Bounds, Forces, Mechanism, Pool, Proofs, unknown
+from jld_explore.certificates import FEW, ROUND, Bounds, Forces, Mechanism, Pool, Proofs, unknown
 from jld_explore.evaluator import CERTIFICATE, Evaluation
 
 NAME: Final = "certificates.jld"
+_SMALL: Final = 64
+"""Faces up to which a planar labelling is solved sooner than it is sent to a worker."""
+
+_MANY: Final = 512
+"""Labellings asked together that speak for those to come: fewer do not say what forces will be good for."""
+
 _DIGITS: Final = 9
 """Digits of a scaled bound that tell one family of labellings from another."""
 
-Solve = Callable[[Bits, Floats], list[Evaluation] | None]
-"""Evaluate labellings (k, m), each with the bound (k,) it is likely to reach; None where time ran out."""
+Solve = Callable[[Bits, Bits | None], list[Evaluation] | None]
+"""Evaluate labellings (k, m), in company of those (j, m) that wait, where they are many; None where time ran out."""
 Settle = Callable[[Bits, list[Evaluation]], list[Evaluation]]
 """Take in labellings (k, m) that certificates settled; what is on record of them wins."""
 
@@ -37,31 +44,38 @@ Settle = Callable[[Bits, list[Evaluation]], list[Evaluation]]
 class Consultant:
     """Evaluates labellings with a pool.
 
-    pool: what is known. scale: λ in scene units = scale × scaled λ. floor: size of λ below which it counts as
-    zero, scaled. gap: width of a bracket that counts as solved. archive: where proofs are kept.
+    pool: what is known. template: of the assembly. gap: width of a bracket that counts as solved. archive: where
+    proofs are kept.
     """
 
-    def __init__(self, pool: Pool, scale: float, floor: float, gap: float, archive: Archive) -> None:
-        self.pool, self.scale, self.floor, self.gap, self.archive = pool, scale, floor, gap, archive
+    def __init__(self, pool: Pool, template: Template, gap: float, archive: Archive) -> None:
+        self.pool, self.gap, self.archive = pool, gap, archive
+        self.scale = template.scaling.load
+        self.floor = load_floor(template) / self.scale
+        self.small = is_small(template)
+        self._round_size = FEW if self.small else ROUND
+        self._asks = _asks(template.assembly)
 
     def evaluate(self, labellings: Bits, solve: Solve, settle: Settle) -> list[Evaluation] | None:
         """Evaluations of labellings (k, m) in their order; None where time ran out."""
         found: list[Evaluation | None] = [None] * len(labellings)
+        many = len(labellings) >= _MANY
         bounds = self.pool.ask(labellings)
-        # many dry faces ask most of forces: what they admit, others do as well
-        left = np.argsort(-labellings.sum(axis=1), kind="stable")
+        # those that ask most of forces first: what carries them carries others as well
+        left = np.lexsort((*labellings.T[::-1], -np.round(labellings @ self._asks, _DIGITS)))
         while left.size:
             known = self._settled(bounds.take(left))
-            evaluations = [self._evaluation(bounds, n) for n in left[known].tolist()]
-            evaluations = settle(labellings[left[known]], evaluations)
-            for n, evaluation in zip(left[known].tolist(), evaluations, strict=True):
-                found[n] = evaluation
-            left = left[~known]
+            if known.any():
+                evaluations = [self._evaluation(bounds, n) for n in left[known].tolist()]
+                evaluations = settle(labellings[left[known]], evaluations)
+                for n, evaluation in zip(left[known].tolist(), evaluations, strict=True):
+                    found[n] = evaluation
+                left = left[~known]
             chosen = self._round(bounds.high[left])
             if not chosen.size:
                 break
             picked = left[chosen]
-            solved = solve(labellings[picked], bounds.high[picked])
+            solved = solve(labellings[picked], labellings[left] if many else None)
             if solved is None:
                 return None
             now = self.pool.tick()
@@ -76,11 +90,10 @@ class Consultant:
         return [evaluation for evaluation in found if evaluation is not None]
 
     def _settled(self, bounds: Bounds) -> Bools:
-        width = [
-            relative_width(low, high, self.floor)
-            for low, high in zip(bounds.low.tolist(), bounds.high.tolist(), strict=True)
-        ]
-        return bounds.unstable | (np.array(width) <= self.gap)
+        known = np.isfinite(bounds.low) & np.isfinite(bounds.high)
+        low, high = np.where(known, bounds.low, 0.0), np.where(known, bounds.high, 0.0)
+        size = np.maximum(np.maximum(abs(low), abs(high)), self.floor)
+        return np.asarray(bounds.unstable | (known & (high - low <= self.gap * size)))
 
     def _evaluation(self, bounds: Bounds, n: int) -> Evaluation:
         if bounds.unstable[n]:
@@ -100,9 +113,23 @@ class Consultant:
             if math.isfinite(bound):
                 seen.add(bound)
             chosen.append(position)
-            if len(chosen) == ROUND:
+            if len(chosen) == self._round_size:
                 break
         return np.array(chosen, dtype=np.int64)
+
+
+def is_small(template: Template) -> bool:
+    """Is a labelling solved sooner than it is sent to a worker? Measured on planar walls, with the pool."""
+    return not template.structure.cones and len(template.assembly.interfaces) <= _SMALL
+
+
+def _asks(assembly: Assembly) -> Floats:
+    """(m,) what a dry face asks of forces, from 1 to 2: the more, the less the dead load presses it."""
+    dead = assembly.elements.weight.sum(axis=0)
+    size = float(np.linalg.norm(dead))
+    if size == 0.0:
+        return np.ones(len(assembly.interfaces))
+    return np.asarray(2.0 - abs(assembly.interfaces.normal @ dead) / size)
 
 
 class Archive:
@@ -125,12 +152,17 @@ class Archive:
         return self._known.pop(np.packbits(labels).tobytes(), None)
 
     def append(self, labellings: Bits, proofs: list[Proofs]) -> None:
-        """Write what solves of labellings (k, m) proved, and wait until the disk has it."""
+        """Write what solves of labellings (k, m) proved; it outlives this process at once."""
         self._file.write(b"".join(self._record(*pair) for pair in zip(labellings, proofs, strict=True)))
+
+    def sync(self) -> None:
+        """Wait until the disk has all that was appended."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """Close the file; what was appended is on disk already."""
+        """Wait until the disk has all that was appended, and close the file."""
+        if not self._file.closed:
+            self.sync()
         self._file.close()
 
     def _record(self, labels: Bits, proofs: Proofs) -> bytes:

@@ -7,24 +7,22 @@ import time
 from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
-
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Bools
-from jld_core.bracket import load_floor
+from jld_core.assembly import Assembly, Bits
+from jld_core.bracket import relative_width
 from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.solvers.status import Status
 from jld_core.zero_dilation import zero_dilation
-from jld_explore.certificates import Proofs, forces_of, mechanism_of, proofs_of
-from jld_explore.sharpen import Sharpener
+from jld_explore.certificates import Proofs, proofs_of
+from jld_explore.force_method import ForceMethod
 
 SOLVE: Final = "solve"
 CERTIFICATE: Final = "certificate"
 BOUND: Final = "bound"
 """Settled without the solve it was asked for, because its upper bound is below what matters."""
 
-_GIVEN: Final = 0.1  # share of the gap that forces and mechanisms made for reuse may give away
+_GIVEN: Final = 0.1  # share of the gap that a vertex may leave open, so that two of them still make a narrow bracket
 
 
 @dataclass(frozen=True)
@@ -77,22 +75,22 @@ class Evaluator:
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self.assembly, self.settings = assembly, settings
         self._analysis = LimitAnalysis(assembly, gap=settings.gap)
-        self._sharpener: Sharpener | None = None
+        self._force_method: ForceMethod | None = None
 
-    def evaluate(self, labels: Bits, likely: float = math.inf, floor: float = -math.inf) -> Evaluation:
+    def evaluate(self, labels: Bits, floor: float = -math.inf, company: Bits | None = None) -> Evaluation:
         """Evaluate one labelling.
 
-        labels: (m,) True dry. likely: a proven upper bound on its scaled λ that it probably reaches; tried
-        first where it is finite and proofs are asked for. floor: λ, scene units, at or below which a labelling
-        does not matter; it is not solved without dilation where its associative λ is no larger.
+        labels: (m,) True dry. floor: λ, scene units, at or below which a labelling does not matter; it is not
+        solved without dilation where its associative λ is no larger. company: (k, m) labellings that wait as
+        well, and that proofs had better say something about.
         """
         start = time.perf_counter()
-        if self.settings.prove and math.isfinite(likely):
-            confirmed = self._confirm(labels, likely, start)
-            if confirmed is not None:
-                return confirmed
         if self.settings.objective == "zero-dilation":
             return self._without_dilation(labels, start, floor)
+        if self.settings.prove:
+            found = self._at_a_vertex(labels, company, start)
+            if found is not None:
+                return found
         if worth_condensing(self._analysis.template, labels):
             found = self._condensed(labels, start)
             if found is not None:
@@ -102,7 +100,10 @@ class Evaluator:
             found = self._condensed(labels, start)
             if found is not None and found.status is not Status.UNCERTIFIED:
                 return found
-        proofs = self._proofs(status, proof, labels, likely) if self.settings.prove else None
+        proofs = proofs_of(self._analysis.template, proof, labels) if self.settings.prove else None
+        return self._evaluation(status, proof, proofs, start)
+
+    def _evaluation(self, status: Status, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
         scale, nan = self._analysis.template.scaling.load, math.nan
         low = proof.low * scale if math.isfinite(proof.low) else nan
         high = proof.high * scale if math.isfinite(proof.high) else nan
@@ -113,8 +114,27 @@ class Evaluator:
             high = load_factor = nan
         elif status is Status.UNCERTIFIED and math.isnan(load_factor):
             load_factor = proof.guess * scale
-        seconds = time.perf_counter() - start
-        return Evaluation(status, low, high, load_factor, seconds=seconds, proofs=proofs)
+        return Evaluation(status, low, high, load_factor, seconds=time.perf_counter() - start, proofs=proofs)
+
+    def _at_a_vertex(self, labels: Bits, company: Bits | None, start: float) -> Evaluation | None:
+        """The evaluation by the force method; None where its vertex does not prove a narrow bracket."""
+        if self._force_method is None:
+            own = self._analysis
+            self._force_method = ForceMethod(own.template, own.prover, own.interior)
+        if not self._force_method.usable:
+            return None
+        vertex = self._force_method.solve(labels, company)
+        if vertex is None:
+            return None
+        proof = Proof()
+        proof.offer_motion(vertex.motion)
+        if vertex.state is not None:
+            proof.offer_state(vertex.state)
+        status = self._analysis.judge(proof)
+        narrow = relative_width(proof.low, proof.high, 0.0) <= _GIVEN * self.settings.gap
+        if status is Status.UNSTABLE or (status is Status.COLLAPSE and narrow):
+            return self._evaluation(status, proof, vertex.proofs, start)
+        return None
 
     def _condensed(self, labels: Bits, start: float) -> Evaluation | None:
         """The evaluation with rigid blocks; None where those are no help."""
@@ -123,58 +143,6 @@ class Evaluator:
             return None
         low, high = found.bracket
         return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
-
-    @property
-    def _sharp(self) -> Sharpener:
-        if self._sharpener is None:
-            own = self._analysis
-            every: Bools = np.ones(len(self.assembly.interfaces), dtype=bool)
-            self._sharpener = Sharpener(own.template, own.prover, own.interior, every)
-        return self._sharpener
-
-    def _width(self, load: float) -> float:
-        """What a certificate may give away of a scaled λ, so that two of them still make a narrow bracket."""
-        floor = load_floor(self._analysis.template) / self._analysis.template.scaling.load
-        return _GIVEN * self.settings.gap * max(abs(load), floor)
-
-    def _confirm(self, labels: Bits, likely: float, start: float) -> Evaluation | None:
-        """The evaluation of a labelling that reaches a proven upper bound; None where it does not."""
-        if not self._sharp.usable:
-            return None
-        state = self._sharp.forces(labels, likely - self._width(likely))
-        if state is None:
-            return None
-        scale = self._analysis.template.scaling.load
-        low, high = state.load * scale, likely * scale
-        return Evaluation(
-            Status.COLLAPSE,
-            low,
-            high,
-            0.5 * (low + high),
-            seconds=time.perf_counter() - start,
-            proofs=Proofs((forces_of(self._analysis.template, state, labels),)),
-        )
-
-    def _proofs(self, status: Status, proof: Proof, labels: Bits, likely: float) -> Proofs:
-        """What a limit analysis proves, with forces and a mechanism that prove more where they are to be had."""
-        template, sharp = self._analysis.template, self._sharp
-        found = proofs_of(template, proof, labels)
-        if not sharp.usable:
-            return found
-        forces, mechanisms = found.forces, found.mechanisms
-        if status is Status.COLLAPSE:
-            state = sharp.forces(labels, proof.low - self._width(proof.low))
-            if state is not None:
-                forces += (forces_of(template, state, labels),)
-            if likely - proof.low > self._width(proof.low):
-                motion = sharp.motion(labels, proof.high + self._width(proof.high))
-                if motion is not None:
-                    mechanisms += (mechanism_of(template, motion, labels),)
-        elif status is Status.UNSTABLE:
-            motion = sharp.fall(labels)
-            if motion is not None:
-                mechanisms += (mechanism_of(template, motion, labels, falls=True),)
-        return Proofs(forces, mechanisms)
 
     def _without_dilation(self, labels: Bits, start: float, floor: float) -> Evaluation:
         associative = self._analysis.solve(labels, stands=False)

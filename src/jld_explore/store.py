@@ -11,7 +11,7 @@ import math
 import os
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +50,14 @@ def record_type(faces: int) -> np.dtype[np.void]:
 
 
 class Store:
-    """Evaluations of one study on disk; written by the parent process alone."""
+    """Evaluations of one study on disk; written by the parent process alone.
+
+    first: called before records are waited for, to wait for what they rely on.
+    """
 
     def __init__(self, folder: Path, header: dict[str, Any], faces: int) -> None:
         self.path = folder / NAME
+        self.first: Callable[[], None] | None = None
         self.faces = faces
         self.type = record_type(faces)
         self._table = np.empty(0, dtype=self.type)
@@ -138,7 +142,7 @@ class Store:
         self._file.write(rows.tobytes())
         now = time.monotonic()
         if now - self._synced >= SYNC:
-            os.fsync(self._file.fileno())
+            self._sync()
             self._synced = now
         start, end = self._count, self._count + len(rows)
         if end > len(self._table):
@@ -151,8 +155,13 @@ class Store:
     def close(self) -> None:
         """Wait until the disk has all that was appended, and close the file."""
         if not self._file.closed:
-            os.fsync(self._file.fileno())
+            self._sync()
         self._file.close()
+
+    def _sync(self) -> None:
+        if self.first is not None:
+            self.first()
+        os.fsync(self._file.fileno())
 
 
 def statuses(rows: NDArray[np.void]) -> NDArray[np.object_]:

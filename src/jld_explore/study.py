@@ -20,8 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core._version import __version__
-from jld_core.assembly import Assembly, Bits, Floats, Ints
-from jld_core.bracket import load_floor
+from jld_core.assembly import Assembly, Bits, Ints
 from jld_core.program import Template
 from jld_core.scene import Scene
 from jld_core.solvers.status import Status
@@ -33,7 +32,7 @@ from jld_explore.evaluator import Evaluation, EvaluatorSettings
 from jld_explore.floor import Floor
 from jld_explore.labelling import orbit_sizes, unpack
 from jld_explore.store import Store
-from jld_explore.workers import NO_HINT, Recipe, Run, Workers
+from jld_explore.workers import Recipe, Run, Workers
 
 PORTION: Final = 128
 """Labellings asked together at the most where what is known spares solves."""
@@ -117,13 +116,9 @@ class Study:
         self._floor = Floor(self.space) if self.settings.objective == "zero-dilation" else None
         if self.certificates:
             template = Template(self.assembly)
-            self._consultant = Consultant(
-                Pool(faces, self.space.group),
-                scale=template.scaling.load,
-                floor=load_floor(template) / template.scaling.load,
-                gap=self.settings.gap,
-                archive=Archive(self.folder, faces),
-            )
+            archive = Archive(self.folder, faces)
+            self._consultant = Consultant(Pool(faces, self.space.group), template, self.settings.gap, archive)
+            self.store.first = archive.sync
 
     @property
     def header(self) -> dict[str, Any]:
@@ -147,7 +142,8 @@ class Study:
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
         settings = replace(self.settings, prove=self.certificates)
-        workers = Workers(Recipe.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces))
+        jobs = 1 if self._consultant is not None and self._consultant.small else self.jobs
+        workers = Workers(Recipe.of(self.assembly, settings), jobs, len(self.assembly.interfaces))
         if self.driver.remembers and len(self.store):
             rows = unpack(self.store.rows["labelling"], self.store.faces)
             known = [self.store.find(labels) for labels in rows]
@@ -211,8 +207,8 @@ class Study:
             return self._take(asked.sent)
         assert self._consultant is not None
 
-        def solve(labellings: Bits, likely: Floats) -> list[Evaluation] | None:
-            return self._take(self._send(workers, labellings, likely))
+        def solve(labellings: Bits, company: Bits | None) -> list[Evaluation] | None:
+            return self._take(self._send(workers, labellings, company))
 
         return self._consultant.evaluate(asked.labellings, solve, self._settle)
 
@@ -234,19 +230,15 @@ class Study:
             return found
         return replace(found, proofs=self._consultant.archive.find(labels))
 
-    def _send(self, workers: Workers, labellings: Bits, likely: Floats | None = None) -> Sent:
+    def _send(self, workers: Workers, labellings: Bits, company: Bits | None = None) -> Sent:
         """Begin to evaluate what the store does not have."""
         found: list[Evaluation | None] = [self._recall(labels) for labels in labellings]
         missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
         run = None
         if missing.size:
             deadline = None if self.seconds is None else time.time() + self.seconds - self.elapsed
-            hints = np.tile(NO_HINT, (len(labellings), 1))
-            if likely is not None:
-                hints[:, 0] = likely
-            if self._floor is not None:
-                hints[:, 1] = self._floor.below(labellings)
-            run = workers.run(labellings[missing], deadline, hints[missing])
+            floors = None if self._floor is None else self._floor.below(labellings[missing])
+            run = workers.run(labellings[missing], deadline, floors, company)
         return Sent(labellings, found, missing, run)
 
     def _take(self, sent: Sent) -> list[Evaluation] | None:

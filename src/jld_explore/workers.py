@@ -33,9 +33,6 @@ HANG: Final = 600.0
 _TASKS: Final = 8
 """Tasks that labellings asked together are cut into at the least, so that workers finish together."""
 
-NO_HINT: Final = (np.inf, -np.inf)
-"""Likely and floor where nothing is known, see `Evaluator.evaluate`."""
-
 _own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
 
 
@@ -63,13 +60,14 @@ def evaluate_batch(
     number: int,
     labellings: Bits,
     deadline: float | None = None,
-    hints: Floats | None = None,
+    floors: Floats | None = None,
+    company: Bits | None = None,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process, with the evaluator this thread keeps.
 
-    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. hints:
-    (k, 2) likely and floor, see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those
-    up to the deadline.
+    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. floors (k,)
+    and company (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
+    the deadline.
     """
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
@@ -77,11 +75,11 @@ def evaluate_batch(
         assembly, settings = pickle.loads(recipe.content)
         _own.evaluator, _own.digest = Evaluator(assembly, settings), recipe.digest
     found: list[Evaluation] = []
-    pairs = np.tile(NO_HINT, (len(labellings), 1)) if hints is None else hints
-    for labels, (likely, floor) in zip(labellings, pairs.tolist(), strict=True):
+    values = [-np.inf] * len(labellings) if floors is None else floors.tolist()
+    for labels, floor in zip(labellings, values, strict=True):
         if deadline is not None and time.time() >= deadline:
             break
-        found.append(_own.evaluator.evaluate(labels, likely, floor))
+        found.append(_own.evaluator.evaluate(labels, floor, company))
     return number, found
 
 
@@ -98,15 +96,20 @@ class Workers:
         self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
         self.begun: list[Run] = []
 
-    def run(self, labellings: Bits, deadline: float | None = None, hints: Floats | None = None) -> Run:
+    def run(
+        self,
+        labellings: Bits,
+        deadline: float | None = None,
+        floors: Floats | None = None,
+        company: Bits | None = None,
+    ) -> Run:
         """Begin to evaluate (k, m) labellings, behind those that were begun before.
 
-        deadline: time since the epoch, s; what was not begun by then is left out. hints: (k, 2) likely
-        and floor, see `Evaluator.evaluate`. With one job, and on a cluster, evaluation waits until results are asked
-        for.
+        deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and company (j, m):
+        see `Evaluator.evaluate`. With one job, and on a cluster, evaluation waits until results are asked for.
         """
-        hints = np.tile(NO_HINT, (len(labellings), 1)) if hints is None else hints
-        run = Run(self, labellings, deadline, hints)
+        floors = np.full(len(labellings), -np.inf) if floors is None else floors
+        run = Run(self, labellings, deadline, floors, company)
         if self.jobs > 1 and not self.outside:
             run.begin()
         return run
@@ -147,10 +150,14 @@ class Run:
     die, those of the run that is waited for are suspected; the other runs begin again when their turn comes.
     """
 
-    def __init__(self, workers: Workers, labellings: Bits, deadline: float | None, hints: Floats) -> None:
+    def __init__(
+        self, workers: Workers, labellings: Bits, deadline: float | None, floors: Floats, company: Bits | None
+    ) -> None:
         self._workers, self._deadline = workers, deadline
-        self._labellings, self._hints = labellings, hints
-        size = batch_size(workers.faces, len(labellings))
+        self._labellings, self._floors, self._company = labellings, floors, company
+        self._here = workers.jobs == 1 and not workers.outside
+        # what need not be shared out is not cut into as many tasks
+        size = batch_size(workers.faces, len(labellings) * (_TASKS if self._here else 1))
         starts = range(0, len(labellings), size)
         self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
         self._done: set[int] = set()
@@ -172,15 +179,16 @@ class Run:
         for number in numbers:
             self._sent.append(number)
             part = self._slices[number]
-            labellings, hints = self._labellings[part], self._hints[part]
-            yield joblib.delayed(evaluate_batch)(self._workers.recipe, number, labellings, self._deadline, hints)
+            rows, floors = self._labellings[part], self._floors[part]
+            arguments = (self._workers.recipe, number, rows, self._deadline, floors, self._company)
+            yield joblib.delayed(evaluate_batch)(*arguments)
 
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
         workers = self._workers
-        if workers.jobs == 1 and not workers.outside:
+        if self._here:
             for number, part in enumerate(self._slices):
-                rows, hints = self._labellings[part], self._hints[part]
-                evaluations = evaluate_batch(workers.recipe, number, rows, self._deadline, hints)[1]
+                rows, floors = self._labellings[part], self._floors[part]
+                evaluations = evaluate_batch(workers.recipe, number, rows, self._deadline, floors, self._company)[1]
                 yield slice(part.start, part.start + len(evaluations)), evaluations
             return
         strikes = dict.fromkeys(range(len(self._slices)), 0)
