@@ -119,6 +119,7 @@ class Prover:
         self.transposed = sp.csr_array(template.matrix.T)
         self._jumps = quick(self.transposed)
         self._weight = abs(template.dead)
+        self._total = float(self._weight.sum())
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
@@ -240,8 +241,10 @@ class Prover:
 
     def noise(self, velocity: Floats, bound: float) -> float:
         """Rounding that a bound may carry: of the sums that make it up, and of the velocities themselves."""
-        dead, speed = self._weight, abs(velocity)
-        return tolerances.ROUNDING * (float(dead @ speed) + abs(bound) + 1e-3 * float(dead.sum() * speed.max()))
+        speed = abs(velocity)
+        return tolerances.ROUNDING * (
+            float(self._weight @ speed) + abs(bound) + 1e-3 * self._total * float(speed.max())
+        )
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of a strictly opening motion for the dissipation to become finite."""

@@ -13,7 +13,7 @@ Bounds are those of associative friction without effective area; nothing else is
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -195,94 +195,85 @@ class Pool:
 
 
 class _Table:
-    """Entries with the time they were added and how often they were the best answer."""
+    """Entries with the time they were added and how often they were the best answer.
 
-    def __init__(self, most: int) -> None:
-        self.most = most
-        self.clock = 0
-        self.born = np.empty(0, dtype=np.int64)
-        self.used = np.empty(0, dtype=np.int64)
+    most: entries at the most. layout: fields of one besides those two.
+    """
+
+    def __init__(self, most: int, layout: list[Any]) -> None:
+        self.most, self.clock = most, 0
+        self._count = 0
+        self._room = np.zeros(64, dtype=[("born", "i8"), ("used", "i8"), *layout])
 
     def __len__(self) -> int:
-        return len(self.born)
+        return self._count
 
-    def _admit(self) -> Bools | None:
-        """Make the table's books ready for one more entry; rows to keep where some have to go."""
-        keep = None
+    @property
+    def entries(self) -> NDArray[np.void]:
+        """All entries, the older first."""
+        return self._room[: self._count]
+
+    def put(self, *values: Any) -> None:
+        """Add an entry; where there are too many, half of them go."""
         if len(self) >= self.most:
-            # half goes at once: the least used, the older first
-            order = np.lexsort((self.born, self.used))
-            keep = np.ones(len(self), dtype=bool)
-            keep[order[: self.most // 2]] = False
-            self.born, self.used = self.born[keep], self.used[keep] // 2
-        self.born = np.append(self.born, self.clock)
-        self.used = np.append(self.used, 0)
-        return keep
+            # the least used, the older first
+            order = np.lexsort((self.entries["born"], self.entries["used"]))
+            kept = np.delete(self.entries, order[: self.most // 2])
+            kept["used"] //= 2
+            self._room, self._count = kept, len(kept)
+        if self._count == len(self._room):
+            self._room = np.concatenate([self.entries, np.zeros(max(64, self._count), dtype=self._room.dtype)])
+        self._room[self._count] = (self.clock, 0, *values)
+        self._count += 1
+
+    def since(self, time: int) -> tuple[Ints, NDArray[np.void]]:
+        """Positions of what was added at a time or later, and those entries."""
+        rows = np.flatnonzero(self.entries["born"] >= time)
+        return rows, self.entries[rows]
+
+    def count(self, rows: Ints) -> None:
+        """Note which entries were the best answers."""
+        self.entries["used"] += np.bincount(rows, minlength=len(self))
 
 
 class _ForceTable(_Table):
     def __init__(self, faces: int, most: int) -> None:
-        super().__init__(most)
-        words = len(_words(np.zeros((1, faces), dtype=bool))[0])
-        self.load = np.empty(0)
-        self.not_dry = np.empty((0, words), dtype=np.uint64)
-        self.not_inner = np.empty((0, words), dtype=np.uint64)
+        words = -(-faces // 64)
+        super().__init__(most, [("load", "f8"), ("not_dry", "u8", (words,)), ("not_inner", "u8", (words,))])
 
     def add(self, forces: Forces) -> None:
-        not_dry, not_inner = np.split(_words(~np.array([forces.dry, forces.inner])), 2)
-        keep = self._admit()
-        if keep is not None:
-            self.load, self.not_dry, self.not_inner = self.load[keep], self.not_dry[keep], self.not_inner[keep]
-        self.load = np.append(self.load, forces.load)
-        self.not_dry = np.concatenate([self.not_dry, not_dry])
-        self.not_inner = np.concatenate([self.not_inner, not_inner])
+        self.put(forces.load, *_words(~np.array([forces.dry, forces.inner])))
 
     def bounds(self, words: tuple[Words, Words], since: int) -> Floats:
         """(k,) highest load of forces that labellings admit. words: their dry faces, and their inner ones."""
         dry, inner = words
         low = np.full(len(dry), -np.inf)
-        rows = np.flatnonzero(self.born >= since)
+        rows, some = self.since(since)
         if not rows.size:
             return low
         for part in _parts(len(dry), rows.size):
-            fits = _covered(dry[part], inner[part], self.not_dry[rows], self.not_inner[rows])
-            value = np.where(fits, self.load[rows], -np.inf)
+            fits = _covered(dry[part], inner[part], some["not_dry"], some["not_inner"])
+            value = np.where(fits, some["load"], -np.inf)
             best = value.argmax(axis=1)
             low[part] = value[np.arange(len(best)), best]
-            self._count(rows[best[np.isfinite(low[part])]])
+            self.count(rows[best[np.isfinite(low[part])]])
         return low
-
-    def _count(self, rows: Ints) -> None:
-        self.used += np.bincount(rows, minlength=len(self))
 
 
 class _MechanismTable(_Table):
     def __init__(self, faces: int, most: int) -> None:
-        super().__init__(most)
-        words = len(_words(np.zeros((1, faces), dtype=bool))[0])
-        self.constant = np.empty(0)
-        self.falls = np.empty(0, dtype=bool)
-        self.gain = np.empty((0, faces))
-        self.not_dry = np.empty((0, words), dtype=np.uint64)
-        self.not_inner = np.empty((0, words), dtype=np.uint64)
+        words = -(-faces // 64)
+        bits = [("not_dry", "u8", (words,)), ("not_inner", "u8", (words,))]
+        super().__init__(most, [("constant", "f8"), ("falls", "?"), ("gain", "f8", (faces,)), *bits])
 
     def add(self, mechanism: Mechanism) -> None:
-        dry, inner = mechanism.dry, mechanism.inner
-        finite_dry, finite_inner = np.isfinite(dry), np.isfinite(inner)
-        dry, inner = np.where(finite_dry, dry, 0.0), np.where(finite_inner, inner, 0.0)
+        values = np.array([mechanism.dry, mechanism.inner])
+        finite = np.isfinite(values)
+        values[~finite] = 0.0
         # sums in another order may round differently: the bound is raised by more than that
-        size = abs(mechanism.constant) + float(np.maximum(abs(dry), abs(inner)).sum())
-        constant = mechanism.constant + float(inner.sum()) + 1e-14 * size
-        keep = self._admit()
-        if keep is not None:
-            self.constant, self.falls, self.gain = self.constant[keep], self.falls[keep], self.gain[keep]
-            self.not_dry, self.not_inner = self.not_dry[keep], self.not_inner[keep]
-        self.constant = np.append(self.constant, constant)
-        self.falls = np.append(self.falls, mechanism.falls)
-        self.gain = np.concatenate([self.gain, (dry - inner)[None]])
-        not_dry, not_inner = np.split(_words(~np.array([finite_dry, finite_inner])), 2)
-        self.not_dry = np.concatenate([self.not_dry, not_dry])
-        self.not_inner = np.concatenate([self.not_inner, not_inner])
+        size = abs(mechanism.constant) + float(abs(values).max(axis=0).sum())
+        constant = mechanism.constant + float(values[1].sum()) + 1e-14 * size
+        self.put(constant, mechanism.falls, values[0] - values[1], *_words(~finite))
 
     def bounds(self, labellings: Bits, words: tuple[Words, Words], since: int) -> tuple[Floats, Bools]:
         """(k,) lowest bound on λ over the mechanisms, and (k,) whether one proves instability.
@@ -290,14 +281,14 @@ class _MechanismTable(_Table):
         labellings: (k, m); words: their dry faces, and their inner ones.
         """
         high, unstable = np.full(len(labellings), np.inf), np.zeros(len(labellings), dtype=bool)
-        rows = np.flatnonzero(self.born >= since)
+        rows, some = self.since(since)
         if not rows.size:
             return high, unstable
-        falls = self.falls[rows]
+        falls = some["falls"]
         (dry, inner), numbers = words, labellings.astype(np.float64)
         for part in _parts(len(labellings), rows.size):
-            value = self.constant[rows] + numbers[part] @ self.gain[rows].T
-            fits = _covered(dry[part], inner[part], self.not_dry[rows], self.not_inner[rows])
+            value = some["constant"] + numbers[part] @ some["gain"].T
+            fits = _covered(dry[part], inner[part], some["not_dry"], some["not_inner"])
             below = fits & falls & (value < -tolerances.ROUNDING)
             unstable[part] = below.any(axis=1)
             value[~fits | falls] = np.inf
@@ -306,7 +297,7 @@ class _MechanismTable(_Table):
             unstable[part] |= high[part] < 0.0
             first = np.where(below.any(axis=1), below.argmax(axis=1), best)
             told = below.any(axis=1) | np.isfinite(high[part])
-            self.used += np.bincount(rows[first[told]], minlength=len(self))
+            self.count(rows[first[told]])
         return high, unstable
 
 

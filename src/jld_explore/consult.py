@@ -24,11 +24,9 @@ from jld_core.program import Template
 from jld_core.solvers.status import Status
 from jld_explore.certificates import FEW, ROUND, Bounds, Forces, Mechanism, Pool, Proofs, unknown
 from jld_explore.evaluator import CERTIFICATE, Evaluation
+from jld_explore.force_method import LARGEST
 
 NAME: Final = "certificates.jld"
-_SMALL: Final = 64
-"""Faces up to which a planar labelling is solved sooner than it is sent to a worker."""
-
 _MANY: Final = 512
 """Labellings asked together that speak for those to come: fewer do not say what forces will be good for."""
 
@@ -120,7 +118,7 @@ class Consultant:
 
 def is_small(template: Template) -> bool:
     """Is a labelling solved sooner than it is sent to a worker? Measured on planar walls, with the pool."""
-    return not template.structure.cones and len(template.assembly.interfaces) <= _SMALL
+    return not template.structure.cones and len(template.assembly.interfaces) <= LARGEST
 
 
 def _asks(assembly: Assembly) -> Floats:

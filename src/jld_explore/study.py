@@ -142,8 +142,8 @@ class Study:
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
         settings = replace(self.settings, prove=self.certificates)
-        jobs = 1 if self._consultant is not None and self._consultant.small else self.jobs
-        workers = Workers(Recipe.of(self.assembly, settings), jobs, len(self.assembly.interfaces))
+        quick = self._consultant is not None and self._consultant.small
+        workers = Workers(Recipe.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces), quick=quick)
         if self.driver.remembers and len(self.store):
             rows = unpack(self.store.rows["labelling"], self.store.faces)
             known = [self.store.find(labels) for labels in rows]

@@ -15,7 +15,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -32,6 +33,12 @@ HANG: Final = 600.0
 
 _TASKS: Final = 8
 """Tasks that labellings asked together are cut into at the least, so that workers finish together."""
+
+_MOST: Final = 64
+"""Labellings of a task at the most."""
+
+_THREADS: Final = 2
+"""Threads of one process that are of use: what is not within a solver waits for its turn."""
 
 _own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
 
@@ -52,7 +59,7 @@ class Recipe:
 
 def batch_size(faces: int, asked: int) -> int:
     """Labellings per task, for scenes of so many faces and so many labellings asked together."""
-    return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, 64))
+    return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, _MOST))
 
 
 def evaluate_batch(
@@ -86,15 +93,20 @@ def evaluate_batch(
 class Workers:
     """A pool of `jobs` processes for one recipe; with one job everything runs in this process.
 
-    hang: seconds without any result after which the workers are taken to hang. deaths: how often workers
-    died or hung.
+    hang: seconds without any result after which the workers are taken to hang. quick: labellings are solved sooner
+    than they are sent, so stay in this process, in as many threads as are of use. deaths: how often workers died or
+    hung.
     """
 
-    def __init__(self, recipe: Recipe, jobs: int, faces: int, hang: float = HANG) -> None:
+    def __init__(self, recipe: Recipe, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False) -> None:
         self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
         self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
+        self.quick = quick and not self.outside
+        self.here = self.quick or (jobs == 1 and not self.outside)
         self.begun: list[Run] = []
+        self.threads = min(jobs, _THREADS) if self.here else 0
+        self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
 
     def run(
         self,
@@ -110,9 +122,15 @@ class Workers:
         """
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
         run = Run(self, labellings, deadline, floors, company)
-        if self.jobs > 1 and not self.outside:
+        if not self.here and not self.outside:
             run.begin()
         return run
+
+    def map(self, tasks: Iterable[tuple[Any, ...]]) -> list[tuple[int, list[Evaluation]]]:
+        """Results of tasks, arguments of `evaluate_batch`, in their order, from this process."""
+        if self._threads is None:
+            return [evaluate_batch(*task) for task in tasks]
+        return list(self._threads.map(lambda task: evaluate_batch(*task), tasks))
 
     def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
         """Results of tasks as they finish; tasks are taken at once, and more when some are done."""
@@ -139,7 +157,9 @@ class Workers:
         for run in self.begun:
             run.stop()
         self.begun = []
-        if self.jobs > 1 and not self.outside:
+        if self._threads is not None:
+            self._threads.shutdown(cancel_futures=True)
+        if not self.here and not self.outside:
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
 
@@ -155,9 +175,10 @@ class Run:
     ) -> None:
         self._workers, self._deadline = workers, deadline
         self._labellings, self._floors, self._company = labellings, floors, company
-        self._here = workers.jobs == 1 and not workers.outside
-        # what need not be shared out is not cut into as many tasks
-        size = batch_size(workers.faces, len(labellings) * (_TASKS if self._here else 1))
+        size = batch_size(workers.faces, len(labellings))
+        if workers.quick:
+            # as few tasks as there are threads, so that these seldom wait
+            size = max(1, min(_MOST, -(-len(labellings) // workers.threads)))
         starts = range(0, len(labellings), size)
         self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
         self._done: set[int] = set()
@@ -175,21 +196,33 @@ class Run:
         """Forget what was sent; what it would have given is evaluated again."""
         self._results = None
 
+    def _joined(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
+        """Results of tasks side by side, as one where none is cut short by the deadline."""
+        parts = [self._slices[number] for number, _ in results]
+        whole = slice(parts[0].start, parts[-1].stop)
+        evaluations = [evaluation for _, found in results for evaluation in found]
+        if len(evaluations) == whole.stop - whole.start:
+            yield whole, evaluations
+            return
+        for part, (_, found) in zip(parts, results, strict=True):
+            yield slice(part.start, part.start + len(found)), found
+
+    def _arguments(self, number: int) -> tuple[Any, ...]:
+        part = self._slices[number]
+        return self._workers.recipe, number, self._labellings[part], self._deadline, self._floors[part], self._company
+
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
         for number in numbers:
             self._sent.append(number)
-            part = self._slices[number]
-            rows, floors = self._labellings[part], self._floors[part]
-            arguments = (self._workers.recipe, number, rows, self._deadline, floors, self._company)
-            yield joblib.delayed(evaluate_batch)(*arguments)
+            yield joblib.delayed(evaluate_batch)(*self._arguments(number))
 
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
         workers = self._workers
-        if self._here:
-            for number, part in enumerate(self._slices):
-                rows, floors = self._labellings[part], self._floors[part]
-                evaluations = evaluate_batch(workers.recipe, number, rows, self._deadline, floors, self._company)[1]
-                yield slice(part.start, part.start + len(evaluations)), evaluations
+        if workers.here:
+            # all threads are waited for together, and what they found is recorded at once
+            for first in range(0, len(self._slices), workers.threads):
+                numbers = range(first, min(first + workers.threads, len(self._slices)))
+                yield from self._joined(workers.map(self._arguments(number) for number in numbers))
             return
         strikes = dict.fromkeys(range(len(self._slices)), 0)
         while len(self._done) < len(self._slices):

@@ -60,10 +60,29 @@ def test_one_job_and_two_agree() -> None:
         pool.close()
 
 
-def test_a_deadline_is_kept_inside_batches() -> None:
+def test_threads_give_what_one_gives() -> None:
     assembly, _, rows = wall()
-    workers = Workers(Recipe.of(assembly, EvaluatorSettings()), 1, rows.shape[1])
-    assert [part for part, found in workers.run(rows, time.time() - 1.0) if found] == []
+    recipe = Recipe.of(assembly, EvaluatorSettings(prove=True))
+    pool = Workers(recipe, 2, rows.shape[1], quick=True)
+    try:
+        for some in (rows, rows[:1], rows[:3]):
+            assert values(everything(pool, some)) == values(everything(Workers(recipe, 1, rows.shape[1]), some))
+    finally:
+        pool.close()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_deadline_is_kept_inside_batches(jobs: int) -> None:
+    assembly, _, rows = wall()
+    workers = Workers(Recipe.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], quick=jobs > 1)
+    try:
+        assert [part for part, found in workers.run(rows, time.time() - 1.0) if found] == []
+        past = time.time() + 0.05
+        found = [(part, some) for part, some in workers.run(np.concatenate([rows] * 20), past) if some]
+        assert 0 < sum(len(some) for _, some in found) < 20 * len(rows)
+        assert all(part.stop - part.start == len(some) for part, some in found)
+    finally:
+        workers.close()
 
 
 @pytest.mark.filterwarnings(CANCELLED)
