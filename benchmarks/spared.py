@@ -80,9 +80,8 @@ def main() -> None:
     first = table(head, settled_shares(scenes))
     second = table(["scene", "driver", "classes", "pruned", "share", "s"], pruned_shares(scenes))
     note = (
-        f"{JOBS} workers, one seed; {BUDGET} and {PRUNING} classes and {SECONDS:.0f} s at the most. A solve with "
-        "certificates is up to three linear programs, and the pool asks again after every few of them, which small "
-        "scenes do not repay."
+        f"{JOBS} workers, one seed; {BUDGET} and {PRUNING} classes and {SECONDS:.0f} s at the most, by the clock, "
+        "start of workers included. With certificates scenes this small are solved by two threads of one process."
     )
     write(
         "spared", f"# What drivers are spared\n\n## Certificates\n\n{first}\n\n## Zero dilation\n\n{second}\n\n{note}"
