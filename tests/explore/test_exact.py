@@ -179,12 +179,14 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
 
 def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
+    monkeypatch.setattr("jld_explore.drivers.exact._LISTED", 0)  # conflicts of faces alone
     monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 60))
     first = search(rows, options, tmp_path, "exact", seconds=60.0)
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
     monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
+    monkeypatch.setattr("jld_explore.drivers.exact._LISTED", 0)
     last = search(rows, options, tmp_path, "exact", resume=True)
     assert last.summary["stop_reason"] == "proven"
     assert first.summary["conflicts"] > 0
@@ -262,6 +264,48 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, monkeypatch: 
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+
+
+@pytest.mark.parametrize("searched", [0, 10])
+@pytest.mark.parametrize("name", [*SCENES, "very strong", "no friction", "overhang"])
+def test_the_tree_of_blocks_leaves_nothing_stronger(
+    name: str, searched: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", searched)
+    monkeypatch.setattr("jld_explore.drivers.exact._CLOSER", -1e9)  # planted wherever there is a relaxation by blocks
+    rows, options = {
+        **SCENES,
+        # bounds are too blunt there, and the tree is given up
+        "very strong": (["aaa", "aaa", "###"], {"tension": 1e9, "shear": 1e9, "block_cells": [1, 3]}),
+        "no friction": (["aaa", "aaa", "###"], {"friction": 0.0, "block_cells": [1, 3]}),
+        "overhang": (["aaa", "aa.", "#.."], {"block_cells": [1, 3], "live": [{"body": [-1, 1]}]}),
+    }[name]
+    every = search(rows, options, tmp_path / "every", "enumeration").summary
+    found = search(rows, options, tmp_path / "exact", "exact").summary
+    assert found["proven"] is True
+    if every["best"] is None:
+        assert found["best"] is None
+        return
+    assert found["best"] == pytest.approx(every["best"], rel=1e-6, abs=1e-9)
+    assert found["bound"] >= every["best"] - 1e-6 * abs(every["best"]) - 1e-12
+
+
+def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.drivers.exact._CLOSER", -1e9)
+    rows, options = ["aaaa", "aaaa", "aaaa", "####"], {"block_cells": [1, 2]}
+    whole = search(rows, options, tmp_path / "whole", "exact").summary
+    ticks = iter(range(10_000))
+    monkeypatch.setattr(Exact, "_late", property(lambda self: self._tree is not None and next(ticks) > 4))
+    folder = tmp_path / "part"
+    part = search(rows, options, folder, "exact").summary
+    assert part["proven"] is False
+    assert part["bound"] >= whole["best"] * (1.0 - 1e-9)
+    monkeypatch.undo()
+    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
+    monkeypatch.setattr("jld_explore.drivers.exact._CLOSER", -1e9)
+    rest = search(rows, options, folder, "exact", resume=True).summary
+    assert rest["proven"] is True
+    assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
 
 def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,8 +5,11 @@ so are all labellings that agree with it where that mechanism needs them to: the
 and the next labelling is drawn. If none does, it is evaluated: it is better, or its own bracket says that it is not.
 When the formula has no model left, nothing is stronger.
 
-What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`undecided`), and
-a satisfiability solver. No tolerance of an optimiser enters the proof.
+Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
+branch and bound over blocks first (`exact.tree`); the formula then says whether they leave anything.
+
+What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`undecided`,
+`undecided_blocks`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
 
 Spaces that have no formula or no relaxation (dry compressive strengths in space, blocks to be counted where they are
 too many to be listed) are enumerated, which proves the same.
@@ -30,6 +33,7 @@ from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.solvers.status import Status
 from jld_core.undecided import Relaxation, has_hull
+from jld_core.undecided_blocks import BlockRelaxation, speaks_of
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
 from jld_explore.drivers.base import Driver
@@ -41,6 +45,7 @@ from jld_explore.exact.conflicts import Conflict, conflict_of
 from jld_explore.exact.formula import Formula
 from jld_explore.exact.polyominoes import polyominoes
 from jld_explore.exact.record import Record
+from jld_explore.exact.tree import Node, Tree
 from jld_explore.labelling import canonical
 
 _STEP: Final = 5e-7
@@ -51,6 +56,16 @@ _SEARCH: Final = 10
 
 _DIRECT: Final = 1500
 """Conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap."""
+
+_CLOSER: Final = 0.25
+"""Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
+
+_LISTED: Final = 2000
+"""Blocks above which it is not tried."""
+
+_BLUNT: Final = 20
+"""Whole labellings left over by the tree and refuted by their own mechanism after which it is given up: its bounds are
+then less accurate than what strengths a million times the forces ask for."""
 
 _FINE: Final = 2e-3
 """Relative gap below which the last step is taken at once."""
@@ -69,7 +84,7 @@ class Exact(Driver):
         count = space.search.front.count
         if aim == "front" and count == "dry_length":
             raise InputError("search.front.count", "dry_length has no exact front", "dry_faces or blocks")
-        analysis = LimitAnalysis(space.assembly)
+        self._analysis = analysis = LimitAnalysis(space.assembly)
         self._template = analysis.template
         self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
         self._blocks = polyominoes(space)
@@ -88,6 +103,10 @@ class Exact(Driver):
         self._conflicts: list[Conflict] = []
         self._record: Record | None = None
         self._formula: Formula | None = None
+        self._choices: BlockRelaxation | None = None
+        self._tree: Tree | None = None
+        self._rounded: set[bytes] = set()
+        self._blunt = 0
         self._passed: list[Bits] = []
         self._aimed = math.inf
         self._began = 0
@@ -110,7 +129,8 @@ class Exact(Driver):
     @property
     def relaxations(self) -> int:
         """Programs solved for them."""
-        return 0 if self._relaxation is None else self._relaxation.solves
+        used = [part.solves for part in (self._relaxation, self._choices) if part is not None]
+        return sum(used)
 
     @property
     def bound(self) -> float | None:
@@ -219,12 +239,20 @@ class Exact(Driver):
                 self._lower(target, self._root())
             self._began, self._stepping = self.conflicts, False
             self._begin(target)
+            if target is None:
+                self._tree = self._plant()
         if self.found[target].proven:
             self._settle(target)
             return None
         while not self._late:
             threshold = max(self._aimed, self._least(target))
             assert self._formula is not None
+            if self._tree is not None:
+                proposed = self._grow(self._tree, threshold)
+                self._pulse()
+                if proposed is not None:
+                    return proposed
+                continue
             labels = self._formula.next()
             if labels is None:
                 self._lower(target, threshold)
@@ -248,16 +276,66 @@ class Exact(Driver):
         assert self._relaxation is not None
         conflict = conflict_of(self._relaxation, labels, self._free, threshold / self._scale)
         if conflict is not None:
-            self._conflicts.append(conflict)
-            if self._record is not None:
-                self._record.append(conflict)
-            self._formula.forbid(conflict.faces, conflict.labels)
+            self._add(conflict)
             return None
+        return self._offer(labels)
+
+    def _add(self, conflict: Conflict) -> None:
+        assert self._formula is not None
+        self._conflicts.append(conflict)
+        if self._record is not None:
+            self._record.append(conflict)
+        self._formula.forbid(conflict.faces, conflict.labels)
+
+    def _offer(self, labels: Bits) -> Bits | None:
+        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before."""
+        assert self._formula is not None
         self._formula.forbid(np.arange(len(labels)), labels)
         labels = np.asarray(canonical(labels[None], self.space.group)[0])
         self._passed.append(labels)
         proposed: Bits = labels[None]
         return None if np.packbits(labels).tobytes() in self._known else proposed
+
+    # --- blocks -----------------------------------------------------------------------------------------
+
+    def _plant(self) -> Tree | None:
+        """The tree of block choices, where it promises more than conflicts of faces alone."""
+        root, least, blocks = self.found[None].bound, self._least(None), self._blocks
+        if blocks is None or len(blocks) > _LISTED or not math.isfinite(root) or not speaks_of(self._analysis):
+            return None
+        self._choices = BlockRelaxation(self._analysis, blocks.members, blocks.inside)
+        tree = Tree(self._choices, self.space, blocks, least / self._scale, root / self._scale)
+        return tree if root - tree.root.bound * self._scale >= _CLOSER * (root - least) else None
+
+    def _grow(self, tree: Tree, threshold: float) -> Bits | None:
+        """Decide one more face; a labelling to be evaluated, (1, m), or None."""
+        if tree.finished:
+            self._tree, self._began = None, self.conflicts
+            return None
+        assert self._formula is not None
+        step = tree.step(threshold / self._scale, self._formula.possible, lambda: self._late)
+        for conflict in step.conflicts:
+            self._add(conflict)
+        if step.labelling is not None:
+            before = self.conflicts
+            proposed = self._examine(step.labelling, threshold)
+            self._blunt += self.conflicts > before
+            if self._blunt >= _BLUNT:
+                self._tree, self._began = None, self.conflicts
+            return proposed
+        self._lower(None, max(threshold, tree.bound * self._scale))
+        return None if step.node is None else self._round(tree, step.node, threshold)
+
+    def _round(self, tree: Tree, node: Node, threshold: float) -> Bits | None:
+        """A labelling that the shares of a node's blocks suggest, if it may be better than the best one known."""
+        assert self._formula is not None
+        assert self._relaxation is not None
+        labels = self._formula.next(*tree.rounded(node))
+        if labels is None or labels.tobytes() in self._rounded:
+            return None
+        self._rounded.add(labels.tobytes())
+        weak = self._relaxation.refute(labels, np.zeros(len(labels), dtype=bool), threshold / self._scale)
+        return self._offer(labels) if weak is None else None
 
     def _least(self, target: int | None) -> float:
         """λ that a labelling must exceed to be worth finding, scene units."""
@@ -308,6 +386,7 @@ class Exact(Driver):
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)
         self._targets.remove(target)
+        self._tree = None
         if self._formula is not None:
             self._formula.close()
             self._formula = None

@@ -52,9 +52,17 @@ class Formula:
         """Free the solver."""
         self._solver.delete()
 
-    def next(self) -> Bits | None:
-        """A labelling (m,) in the space that nothing rules out; None where there is none left."""
-        while self._solver.solve():
+    def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
+        """Whether any labelling is left with these labels (k,) on these faces (k,), slits and sizes not looked at."""
+        return bool(self._solver.solve(assumptions=self._literals(faces, labels)))
+
+    def next(self, faces: Iterable[int] = (), labels: Iterable[bool] = ()) -> Bits | None:
+        """A labelling (m,) in the space that nothing rules out; None where there is none left.
+
+        faces, labels: (k,) what it is to have.
+        """
+        wanted = self._literals(faces, labels)
+        while self._solver.solve(assumptions=wanted):
             # variables that no clause names yet may be left out, and are free
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
             labels = self.space.fixed.copy()
@@ -62,9 +70,13 @@ class Formula:
             broken = [] if self.blocks is not None else self._broken(labels)
             if not broken:
                 return labels
-            for faces, wanted in broken:
-                self.forbid(faces, wanted)
+            for place, found in broken:
+                self.forbid(place, found)
         return None
+
+    def _literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
+        pairs = zip(faces, labels, strict=True)
+        return [int(self._inner[f]) * (-1 if dry else 1) for f, dry in pairs if self._inner[f] > 0]
 
     def forbid(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
         """Rule out all labellings with these labels (k,) on these faces (k,), and their images."""

@@ -1,0 +1,169 @@
+"""Bounds on choices of blocks against every choice they speak of, and a program stated otherwise (METHOD §6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from cases import DOWN, grid_assembly, grid_document
+from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis
+from jld_core.scene import parse_scene
+from jld_core.solvers.status import Status
+from jld_core.undecided_blocks import BlockRelaxation, speaks_of
+from jld_core.yield_sets import PlanarYield
+from jld_explore.candidates import search_space
+from jld_explore.exact.polyominoes import Polyominoes, polyominoes
+
+CASES: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
+    "weak": (["aaa", "aaa", "###"], {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}),
+    "no friction": (["aaa", "aaa", "###"], {"friction": 0.0, "block_cells": [1, 3]}),
+    "no tension": (["aaa", "aaa", "###"], {"tension": 0.0, "block_cells": [1, 3]}),
+    "no shear strength": (["aaa", "aaa", "###"], {"shear": 0.0, "block_cells": [1, 3]}),
+    "strong": (["aaa", "aaa", "###"], {"tension": 2e6, "shear": 2e6, "block_cells": [1, 3]}),
+    # some of these stand for no λ, or only while the live load holds them
+    "overhang": (["aaa", "a#a"], {"block_cells": [1, 3], "tension": 3e3, "shear": 3e3}),
+    "leaning": (["aaa", "aa.", "#.."], {"block_cells": [1, 3], "live": [{"body": [-1, 1]}]}),
+    "bridge": (["aaaa", "a..a", "#..#"], {"live": DOWN, "block_cells": [1, 3], "shear": 2e5, "tension": 2e5}),
+}
+
+
+def segmentations(blocks: Polyominoes, free: set[int], allowed: np.ndarray) -> Iterator[list[int]]:
+    """Choices of allowed blocks that cover every element once."""
+    if not free:
+        yield []
+        return
+    first = min(free)
+    for p in np.flatnonzero(allowed).tolist():
+        members = set(blocks.members[p])
+        if first in members and members <= free:
+            for rest in segmentations(blocks, free - members, allowed):
+                yield [p, *rest]
+
+
+class Case:
+    """A small space with the scaled λ of all its segmentations: −inf where unstable, inf where locked."""
+
+    def __init__(self, rows: list[str], options: dict[str, Any]) -> None:
+        scene = parse_scene(grid_document(rows, **options))
+        assembly = build_assembly(scene)
+        space = search_space(scene, assembly)
+        blocks = polyominoes(space)
+        assert blocks is not None
+        self.blocks, self.analysis = blocks, LimitAnalysis(assembly)
+        self.relaxation = BlockRelaxation(self.analysis, blocks.members, blocks.inside)
+        every = np.ones(len(blocks), dtype=bool)
+        self.choices = list(segmentations(blocks, set(assembly.elements.free.tolist()), every))
+        self.load = []
+        for chosen in self.choices:
+            status, proof = self.analysis.prove(blocks.labelling(space, np.array(chosen)))
+            low = {Status.COLLAPSE: proof.low, Status.LOCKED: np.inf}.get(status, -np.inf)
+            self.load.append(low)
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request: pytest.FixtureRequest) -> Case:
+    return Case(*CASES[request.param])
+
+
+def test_bounds_hold_for_every_segmentation(case: Case) -> None:
+    rng = np.random.default_rng(2)
+    most = 1e3
+    finite = 0
+    for turn in range(25):
+        allowed = np.ones(len(case.blocks), dtype=bool) if turn == 0 else rng.random(len(case.blocks)) < 0.8
+        mine = [(load, c) for load, c in zip(case.load, case.choices, strict=True) if allowed[c].all() and load < most]
+        best = max((load for load, _ in mine), default=-np.inf)
+        for threshold in (0.0, 0.5, 0.999 * max(best, 0.0), 1.001 * max(best, 0.0) + 1e-6, 5.0):
+            found = case.relaxation.choose(allowed, threshold, most)
+            finite += found.bound < most
+            assert best <= found.bound * (1.0 + 1e-9) + 1e-12 or found.refuted
+            assert not (found.refuted and best > threshold)
+            for load, chosen in mine:
+                assert not (found.useless[chosen].any() and load > threshold)
+    assert finite > 10
+
+
+def test_a_single_segmentation_is_refuted_just_above_its_load_factor(case: Case) -> None:
+    rng = np.random.default_rng(3)
+    # bounds have one part in 10⁶ where strengths are up to some thousand times the forces
+    collapsing = [i for i, load in enumerate(case.load) if np.isfinite(load) and load > -1e-12]
+    for place in rng.permutation(collapsing)[:12].tolist():
+        allowed = np.zeros(len(case.blocks), dtype=bool)
+        allowed[case.choices[place]] = True
+        load = case.load[place]
+        assert case.relaxation.choose(allowed, load * (1.0 + 1e-6) + 2e-6, 1e3).refuted
+        assert not case.relaxation.choose(allowed, load * (1.0 - 1e-7) - 1e-12, 1e3).refuted
+
+
+@pytest.mark.parametrize("name", ["pairs", "weak", "bridge", "overhang"])
+def test_bound_is_that_of_the_program_stated_block_by_block(name: str) -> None:
+    case = Case(*CASES[name])
+    every = np.ones(len(case.blocks), dtype=bool)
+    for most in (2.0, 10.0):
+        found, stated = case.relaxation.choose(every, 0.0, most), _stated(case, most)
+        assert found.refuted == (stated < 0.0)
+        if not found.refuted:
+            assert found.bound == pytest.approx(min(most, stated), rel=1e-5, abs=1e-6)
+
+
+def _stated(case: Case, most: float) -> float:
+    """max λ of formulation P in CVXPY, faces as rows instead of rays, solved by HiGHS's simplex."""
+    template = case.analysis.template
+    sets, faces, elements = template.yield_set, template.assembly.interfaces, template.assembly.elements
+    assert isinstance(sets, PlanarYield)
+    matrix, free = template.matrix.toarray(), elements.free.tolist()
+    load, x = cp.Variable(), cp.Variable(len(case.blocks), nonneg=True)
+    rows: list[Any] = []
+    covered: dict[int, list[Any]] = {e: [] for e in free}
+    shares: dict[int, list[Any]] = {e: [] for e in free}
+    sides: dict[tuple[int, int], list[Any]] = {}
+    for p, (members, inside) in enumerate(zip(case.blocks.members, case.blocks.inside, strict=True)):
+        own = cp.Variable(nonneg=True)
+        rows.append(own <= most * x[p])
+        forces: dict[int, Any] = {}
+        for face in range(len(faces)):
+            ends = [e for e in (int(faces.a[face]), int(faces.b[face])) if e in members]
+            if not ends:
+                continue
+            n, v, m = forces[face] = cp.Variable(3)
+            if face in inside:
+                rows += [cp.abs(m) <= (n + sets.tension[face] * x[p]) / 3.0, cp.abs(v) <= sets.shear[face] * x[p]]
+            else:
+                rows += [cp.abs(m) <= n, cp.abs(v) <= sets.friction[face] * n]
+                sides.setdefault((face, ends[0]), []).append(forces[face])
+        for e in members:
+            covered[e].append(x[p])
+            shares[e].append(own)
+            at = slice(3 * free.index(e), 3 * free.index(e) + 3)
+            held = sum(matrix[at, 3 * f : 3 * f + 3] @ force for f, force in forces.items())
+            rows.append(held + template.dead[at] * x[p] + template.live[at] * own == 0)
+    rows += [sum(covered[e]) == 1 for e in free] + [sum(shares[e]) == load for e in free]
+    for face, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
+        if (face, a) in sides and (face, b) in sides:
+            rows.append(sum(sides[face, a]) == sum(sides[face, b]))
+    problem = cp.Problem(cp.Maximize(load), rows)
+    problem.solve(solver=cp.HIGHS)
+    return float(problem.value) if problem.status == cp.OPTIMAL else -np.inf
+
+
+def test_one_cell_slides_at_its_friction_or_tips() -> None:
+    # a square under a horizontal body load: λ = min(μ, 1) in weights
+    for friction, known in ((0.4, 0.4), (3.0, 1.0)):
+        assembly = grid_assembly(["a", "#"], friction=friction)
+        analysis = LimitAnalysis(assembly)
+        found = BlockRelaxation(analysis, [(0,)], [()]).choose(np.ones(1, dtype=bool), 0.0, 1e3)
+        assert found.bound * analysis.template.scaling.load == pytest.approx(known, rel=1e-6)
+
+
+def test_confined_and_crushable_assemblies_have_no_relaxation_by_blocks() -> None:
+    for rows, options in ((["#aa#"], {"live": DOWN}), (["aa", "##"], {"crush_inner": 1e5})):
+        analysis = LimitAnalysis(grid_assembly(rows, **options))
+        assert not speaks_of(analysis)
+        with pytest.raises(TypeError, match="relaxation by blocks"):
+            BlockRelaxation(analysis, [(0,), (1,)], [(), ()])
