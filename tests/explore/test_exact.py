@@ -179,14 +179,14 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
 
 def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
-    monkeypatch.setattr("jld_explore.drivers.exact._LISTED", 0)  # conflicts of faces alone
+    monkeypatch.setattr("jld_explore.exact.block_search._LISTED", 0)  # conflicts of faces alone
     monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 60))
     first = search(rows, options, tmp_path, "exact", seconds=60.0)
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
     monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
-    monkeypatch.setattr("jld_explore.drivers.exact._LISTED", 0)
+    monkeypatch.setattr("jld_explore.exact.block_search._LISTED", 0)
     last = search(rows, options, tmp_path, "exact", resume=True)
     assert last.summary["stop_reason"] == "proven"
     assert first.summary["conflicts"] > 0
@@ -272,7 +272,9 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(
     name: str, searched: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", searched)
-    monkeypatch.setattr("jld_explore.drivers.exact._CLOSER", -1e9)  # planted wherever there is a relaxation by blocks
+    monkeypatch.setattr(
+        "jld_explore.exact.block_search._CLOSER", -1e9
+    )  # planted wherever there is a relaxation by blocks
     rows, options = {
         **SCENES,
         # bounds are too blunt there, and the tree is given up
@@ -291,18 +293,18 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(
 
 
 def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact._CLOSER", -1e9)
-    rows, options = ["aaaa", "aaaa", "aaaa", "####"], {"block_cells": [1, 2]}
+    monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
+    rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2]}
     whole = search(rows, options, tmp_path / "whole", "exact").summary
     ticks = iter(range(10_000))
-    monkeypatch.setattr(Exact, "_late", property(lambda self: self._tree is not None and next(ticks) > 4))
+    monkeypatch.setattr(Exact, "_late", property(lambda self: self._by_blocks.going and next(ticks) > 6))
     folder = tmp_path / "part"
     part = search(rows, options, folder, "exact").summary
     assert part["proven"] is False
     assert part["bound"] >= whole["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
     monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
-    monkeypatch.setattr("jld_explore.drivers.exact._CLOSER", -1e9)
+    monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
     rest = search(rows, options, folder, "exact", resume=True).summary
     assert rest["proven"] is True
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)

@@ -6,7 +6,7 @@ and the next labelling is drawn. If none does, it is evaluated: it is better, or
 When the formula has no model left, nothing is stronger.
 
 Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
-branch and bound over blocks first (`exact.tree`); the formula then says whether they leave anything.
+branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything.
 
 What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`undecided`,
 `undecided_blocks`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
@@ -17,7 +17,6 @@ too many to be listed) are enumerated, which proves the same.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -33,7 +32,6 @@ from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis
 from jld_core.solvers.status import Status
 from jld_core.undecided import Relaxation, has_hull
-from jld_core.undecided_blocks import BlockRelaxation, speaks_of
 from jld_explore.candidates import SearchSpace
 from jld_explore.constraints import counts
 from jld_explore.drivers.base import Driver
@@ -41,11 +39,11 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluator import Evaluation
 from jld_explore.exact.best import PROVEN, Best
+from jld_explore.exact.block_search import BlockSearch
 from jld_explore.exact.conflicts import Conflict, conflict_of
 from jld_explore.exact.formula import Formula
 from jld_explore.exact.polyominoes import polyominoes
-from jld_explore.exact.record import Record
-from jld_explore.exact.tree import Node, Tree
+from jld_explore.exact.record import Record, key_of
 from jld_explore.labelling import canonical
 
 _STEP: Final = 5e-7
@@ -56,16 +54,6 @@ _SEARCH: Final = 10
 
 _DIRECT: Final = 1500
 """Conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap."""
-
-_CLOSER: Final = 0.25
-"""Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
-
-_LISTED: Final = 2000
-"""Blocks above which it is not tried."""
-
-_BLUNT: Final = 20
-"""Whole labellings left over by the tree and refuted by their own mechanism after which it is given up: its bounds are
-then less accurate than what strengths a million times the forces ask for."""
 
 _FINE: Final = 2e-3
 """Relative gap below which the last step is taken at once."""
@@ -84,14 +72,15 @@ class Exact(Driver):
         count = space.search.front.count
         if aim == "front" and count == "dry_length":
             raise InputError("search.front.count", "dry_length has no exact front", "dry_faces or blocks")
-        self._analysis = analysis = LimitAnalysis(space.assembly)
+        analysis = LimitAnalysis(space.assembly)
         self._template = analysis.template
         self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
         self._blocks = polyominoes(space)
         by_blocks = space.search.blocks != [None, None] or (aim == "front" and count == "blocks")
         covered = has_hull(analysis.template.yield_set) and not (by_blocks and self._blocks is None)
         self._everything = None if covered else Enumeration(space)
-        self._relaxation = Relaxation(analysis) if covered else None
+        self._relaxation = relaxation = Relaxation(analysis) if covered else None
+        self._by_blocks = None if relaxation is None else BlockSearch(analysis, space, self._blocks, relaxation)
         self._free = space.candidates.copy()
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
@@ -103,10 +92,6 @@ class Exact(Driver):
         self._conflicts: list[Conflict] = []
         self._record: Record | None = None
         self._formula: Formula | None = None
-        self._choices: BlockRelaxation | None = None
-        self._tree: Tree | None = None
-        self._rounded: set[bytes] = set()
-        self._blunt = 0
         self._passed: list[Bits] = []
         self._aimed = math.inf
         self._began = 0
@@ -129,8 +114,7 @@ class Exact(Driver):
     @property
     def relaxations(self) -> int:
         """Programs solved for them."""
-        used = [part.solves for part in (self._relaxation, self._choices) if part is not None]
-        return sum(used)
+        return sum(part.solves for part in (self._relaxation, self._by_blocks) if part is not None)
 
     @property
     def bound(self) -> float | None:
@@ -159,16 +143,8 @@ class Exact(Driver):
         self._deadline = None if deadline is None else deadline - 0.3
         self._pulse = pulse
         if folder is not None and self._everything is None:
-            self._record = Record(folder, len(self.space.fixed), self._key())
+            self._record = Record(folder, len(self.space.fixed), key_of(self._template, self.space, self._blocks))
             self._conflicts = list(self._record.known)
-
-    def _key(self) -> bytes:
-        """What conflicts depend on: the numbers of the programs, and which faces are free."""
-        template = self._template
-        pattern = template.yield_set.pattern
-        numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
-        rows = (pattern.h_dry, pattern.h_inner, self.space.candidates, self.space.fixed, self._free, self.space.group)
-        return hashlib.sha256(b"".join(part.tobytes() for part in (*numbers, *rows))).digest()
 
     def release(self) -> None:
         """See `Driver.release`."""
@@ -234,21 +210,22 @@ class Exact(Driver):
 
     def _pursue(self, target: int | None) -> Bits | None:
         """Go on with a target: a labelling to be evaluated, (1, m), or None when it is settled or time is up."""
+        assert self._by_blocks is not None
         if self._formula is None:
             if target is None:
                 self._lower(target, self._root())
+                self._by_blocks.plant(self._least(None) / self._scale, self.found[None].bound / self._scale)
             self._began, self._stepping = self.conflicts, False
             self._begin(target)
-            if target is None:
-                self._tree = self._plant()
         if self.found[target].proven:
             self._settle(target)
             return None
         while not self._late:
             threshold = max(self._aimed, self._least(target))
             assert self._formula is not None
-            if self._tree is not None:
-                proposed = self._grow(self._tree, threshold)
+            if self._by_blocks.going:
+                proposed = self._choose(self._by_blocks, threshold)
+                self._began = self.conflicts
                 self._pulse()
                 if proposed is not None:
                     return proposed
@@ -296,46 +273,20 @@ class Exact(Driver):
         proposed: Bits = labels[None]
         return None if np.packbits(labels).tobytes() in self._known else proposed
 
-    # --- blocks -----------------------------------------------------------------------------------------
-
-    def _plant(self) -> Tree | None:
-        """The tree of block choices, where it promises more than conflicts of faces alone."""
-        root, least, blocks = self.found[None].bound, self._least(None), self._blocks
-        if blocks is None or len(blocks) > _LISTED or not math.isfinite(root) or not speaks_of(self._analysis):
-            return None
-        self._choices = BlockRelaxation(self._analysis, blocks.members, blocks.inside)
-        tree = Tree(self._choices, self.space, blocks, least / self._scale, root / self._scale)
-        return tree if root - tree.root.bound * self._scale >= _CLOSER * (root - least) else None
-
-    def _grow(self, tree: Tree, threshold: float) -> Bits | None:
-        """Decide one more face; a labelling to be evaluated, (1, m), or None."""
-        if tree.finished:
-            self._tree, self._began = None, self.conflicts
-            return None
+    def _choose(self, search: BlockSearch, threshold: float) -> Bits | None:
+        """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or None."""
         assert self._formula is not None
-        step = tree.step(threshold / self._scale, self._formula.possible, lambda: self._late)
+        step = search.step(self._formula, threshold / self._scale, lambda: self._late)
         for conflict in step.conflicts:
             self._add(conflict)
-        if step.labelling is not None:
+        if step.whole is not None:
             before = self.conflicts
-            proposed = self._examine(step.labelling, threshold)
-            self._blunt += self.conflicts > before
-            if self._blunt >= _BLUNT:
-                self._tree, self._began = None, self.conflicts
+            proposed = self._examine(step.whole, threshold)
+            if self.conflicts > before:
+                search.left_over()
             return proposed
-        self._lower(None, max(threshold, tree.bound * self._scale))
-        return None if step.node is None else self._round(tree, step.node, threshold)
-
-    def _round(self, tree: Tree, node: Node, threshold: float) -> Bits | None:
-        """A labelling that the shares of a node's blocks suggest, if it may be better than the best one known."""
-        assert self._formula is not None
-        assert self._relaxation is not None
-        labels = self._formula.next(*tree.rounded(node))
-        if labels is None or labels.tobytes() in self._rounded:
-            return None
-        self._rounded.add(labels.tobytes())
-        weak = self._relaxation.refute(labels, np.zeros(len(labels), dtype=bool), threshold / self._scale)
-        return self._offer(labels) if weak is None else None
+        self._lower(None, max(threshold, search.bound * self._scale))
+        return None if step.promising is None else self._offer(step.promising)
 
     def _least(self, target: int | None) -> float:
         """λ that a labelling must exceed to be worth finding, scene units."""
@@ -386,7 +337,8 @@ class Exact(Driver):
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)
         self._targets.remove(target)
-        self._tree = None
+        if self._by_blocks is not None:
+            self._by_blocks.fell()
         if self._formula is not None:
             self._formula.close()
             self._formula = None

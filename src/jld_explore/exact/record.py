@@ -6,6 +6,7 @@ bound, a checksum. What a kill tears off is cut; a file with another key is begu
 
 from __future__ import annotations
 
+import hashlib
 import os
 import struct
 import time
@@ -15,12 +16,24 @@ from typing import Final
 
 import numpy as np
 
+from jld_core.program import Template
+from jld_explore.candidates import SearchSpace
 from jld_explore.exact.conflicts import Conflict
+from jld_explore.exact.polyominoes import Polyominoes
 
 NAME: Final = "conflicts.jld"
 
 _EVERY: Final = 0.5
 """Seconds between two waits for the disk."""
+
+
+def key_of(template: Template, space: SearchSpace, blocks: Polyominoes | None) -> bytes:
+    """What conflicts depend on: the numbers of the programs, which faces are free, which blocks there can be."""
+    pattern = template.yield_set.pattern
+    numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
+    rows = (pattern.h_dry, pattern.h_inner, space.candidates, space.fixed, space.group)
+    names = repr(None if blocks is None else blocks.members).encode()
+    return hashlib.sha256(b"".join([*(part.tobytes() for part in (*numbers, *rows)), names])).digest()
 
 
 class Record:

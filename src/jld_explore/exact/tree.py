@@ -57,11 +57,11 @@ Child = Node | Conflict | None
 
 @dataclass(frozen=True)
 class Step:
-    """What one step found: conflicts; a labelling (m,) with nothing undecided, to be looked at; the node taken."""
+    """The node that was taken; conflicts found; a labelling (m,) with nothing undecided, to be looked at."""
 
+    node: Node
     conflicts: tuple[Conflict, ...] = ()
     labelling: Bits | None = None
-    node: Node | None = None
 
 
 class Tree:
@@ -121,22 +121,22 @@ class Tree:
         self._next = None
         fallen = Conflict(node.faces, node.labels, threshold)
         if node.choice.bound <= threshold:
-            return Step((fallen,), None, node)
+            return Step(node, (fallen,))
         allowed = self._settled(node.allowed & ~node.choice.useless)
         if allowed is None:
-            return Step((fallen,), None, node)
+            return Step(node, (fallen,))
         undecided = self._undecided(allowed)
         if not undecided.size:
-            return Step((), self._blocks.labelling(self._space, np.flatnonzero(allowed)), node)
+            return Step(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
         children = self._branch(node, allowed, undecided, threshold, possible, late)
         if children is None:
             self._next = node
-            return Step((), None, node)
+            return Step(node)
         alive = [child for child in children if isinstance(child, Node)]
         for child in alive[1:]:
             self._push(child)
         self._next = alive[0] if alive else None
-        return Step(tuple(child for child in children if isinstance(child, Conflict)), None, node)
+        return Step(node, tuple(child for child in children if isinstance(child, Conflict)))
 
     def rounded(self, node: Node) -> tuple[Ints, Bits]:
         """Labels (k,) of faces (k,) that the larger shares of a node's blocks suggest, with those it decides."""
