@@ -64,6 +64,10 @@ FRONTS: Final = (
 )
 """Scenes whose whole front is proven."""
 
+NOTE: Final = (
+    "At most {:g} s for a wall, {:g} s for a large one and the others, one thread. Conflicts: partial labellings ruled "
+    "out; relaxations: programs solved to find them; solves: labellings evaluated."
+)
 OPEN: Final = (
     "Walls of blocks of two cells are proven by a tree of block choices, whose relaxation starts 4 to 8 % above the "
     "optimum (relaxed face by face: 13 to 35 %); with blocks of three and more both start at the same bound, and "
@@ -212,15 +216,19 @@ def main(seconds: float = SECONDS) -> None:
     front_head = ["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"]
     front_table = table(front_head, fronts())
     rivals = [f"{driver} {'-'.join(options.values())} {budget}" for driver, options, budget in RIVALS]
-    write(
-        "exact",
-        f"# Proven optima\n\n{table(head, rows)}\n\nAt most {seconds:g} s for a wall, {LONG:g} s for a large one and the others, one"
-        f" thread. Conflicts: partial labellings ruled out; relaxations: programs solved to find them; solves:"
-        f" labellings evaluated.\n\n{OPEN}\n\n## Whole fronts\n\nThe best labelling for every number of dry faces at"
-        f" which anything stands, each with its bound.\n\n{front_table}\n\n## How far below the optimum the others"
-        f" end\n\nPercent of λ, median / worst of {SEEDS} seeds, after the labellings named.\n\n"
-        f"{table(['scene', *rivals], distances(proven))}",
+    parts = (
+        "# Proven optima",
+        table(head, rows),
+        NOTE.format(seconds, LONG),
+        OPEN,
+        "## Whole fronts",
+        "The best labelling for every number of dry faces at which anything stands, each with its bound.",
+        front_table,
+        "## How far below the optimum the others end",
+        f"Percent of λ, median / worst of {SEEDS} seeds, after the labellings named.",
+        table(["scene", *rivals], distances(proven)),
     )
+    write("exact", "\n\n".join(parts))
 
 
 if __name__ == "__main__":
