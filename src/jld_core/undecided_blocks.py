@@ -247,7 +247,7 @@ class BlockRelaxation:
         dual, point = np.zeros(self._shape[0]), np.zeros(self._shape[1])
         dual[rows], point[columns] = np.array(raw.z), np.array(raw.x)
         share, nothing = np.clip(np.nan_to_num(point[: self._count]), 0.0, 1.0), np.zeros(self._count, dtype=bool)
-        mechanism = self._repair(dual, allowed) if usable(dual) else None
+        mechanism = self._repair(dual, allowed, most) if usable(dual) else None
         if mechanism is None:
             return Choice(most, False, share, nothing)
         # what bounds Σ e_p is concave in θ: above zero at two load factors, it is so between them
@@ -313,7 +313,7 @@ class BlockRelaxation:
         dry = half[:, 0] - abs(half[:, 2]) - friction * abs(half[:, 1])
         return np.concatenate([dry, inner[:, 0] - abs(inner[:, 2]) / 3.0])
 
-    def _repair(self, dual: Floats, allowed: Bools) -> _Mechanism | None:
+    def _repair(self, dual: Floats, allowed: Bools, most: float) -> _Mechanism | None:
         """Velocities from multipliers, opened until every dissipation is finite, and their sums for each block."""
         cover, share, agree, balance = self._places
         velocity = dual[balance : balance + _Q * len(self._part_block)].reshape(-1, _Q)
@@ -332,10 +332,15 @@ class BlockRelaxation:
         live, dead, size = np.zeros(self._count), np.zeros(self._count), np.zeros(self._count)
         np.add.at(live, self._part_block, (self._live * velocity).sum(axis=1))
         np.add.at(dead, self._part_block, (self._dead * velocity).sum(axis=1))
-        np.add.at(size, self._part_block, abs(self._dead * velocity).sum(axis=1))
         cost = -dead
         np.add.at(cost, self._joint_block, spent)
-        np.add.at(size, self._joint_block, abs(spent))
+        # what rounding may take counts before terms cancel; a jump is six products, far fewer than ROUNDING allows for
+        work = (abs(self._dead) + most * abs(self._live)) * abs(velocity)
+        np.add.at(size, self._part_block, work.sum(axis=1))
+        strength = sets.tension[self._joint_face] + sets.shear[self._joint_face]
+        speed = np.einsum("kij,ki->k", abs(self._arm_a), abs(velocity[self._joint_a]))
+        speed += np.einsum("kij,ki->k", abs(self._arm_b), abs(velocity[self._joint_b]))
+        np.add.at(size, self._joint_block, 1e-2 * strength * speed)
         return _Mechanism(live, cost, size, dual[cover:share], -dual[share:agree])
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
@@ -344,7 +349,7 @@ class BlockRelaxation:
         held = np.zeros(self._count)
         np.add.at(held, self._part_block, value[self._part_place])
         slack = load * mechanism.live - mechanism.cost - held
-        size = mechanism.size + abs(load * mechanism.live) + abs(held)
+        size = mechanism.size + abs(held)
         noise = tolerances.ROUNDING * (float(size[allowed].sum()) + float(abs(value).sum()))
         excess = float(value.sum()) + float(np.minimum(slack[allowed], 0.0).sum()) - noise
         return excess, np.maximum(slack, 0.0)

@@ -292,6 +292,38 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(
     assert found["bound"] >= every["best"] - 1e-6 * abs(every["best"]) - 1e-12
 
 
+@pytest.mark.parametrize(
+    ("across", "limits"),
+    [(3, {"dry_faces": [10, None]}), (4, {"blocks": [8, None]}), (4, {"dry_faces": [13, None]})],
+)
+def test_the_tree_offers_nothing_outside_the_limits_on_counts(
+    across: int, limits: dict[str, Any], tmp_path: Path
+) -> None:
+    # the tree knows nothing of counts: of its leaves only those in the space may be evaluated
+    rows = [*["a" * across] * 3, "#" * across]
+    options = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 2], **limits}
+    every = search(rows, options, tmp_path / "every", "enumeration").summary
+    found = search(rows, options, tmp_path / "exact", "exact").summary
+    assert found["proven"] is True
+    assert found["best"] == pytest.approx(every["best"], rel=1e-6)
+    assert found["bound"] >= every["best"] * (1.0 - 1e-9)
+    assert found["evaluated"] <= every["evaluated"]
+
+
+def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    # a threshold over the scale of a scene three cells wide, times that scale, is often more than the threshold
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]))
+    driver = Exact(search_space(scene, build_assembly(scene)), 0)
+    faces, labels = np.flatnonzero(driver.space.candidates)[:2], np.array([False, True])
+    rng = np.random.default_rng(4)
+    for least in rng.random(50):
+        monkeypatch.setattr(driver, "_least", lambda target, least=least: least)
+        driver._conflicts = [Conflict(faces, labels, least / driver._scale)]
+        driver._begin(None)
+        assert driver._formula is not None
+        assert not driver._formula.possible(faces, labels)
+
+
 def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2]}

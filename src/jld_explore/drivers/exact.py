@@ -206,6 +206,10 @@ class Exact(Driver):
     def _late(self) -> bool:
         return self._deadline is not None and time.perf_counter() >= self._deadline
 
+    def _late_after_pulse(self) -> bool:
+        self._pulse()
+        return self._late
+
     # --- one target -------------------------------------------------------------------------------------
 
     def _pursue(self, target: int | None) -> Bits | None:
@@ -276,9 +280,11 @@ class Exact(Driver):
     def _choose(self, search: BlockSearch, threshold: float) -> Bits | None:
         """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or None."""
         assert self._formula is not None
-        step = search.step(self._formula, threshold / self._scale, lambda: self._late)
+        step = search.step(self._formula, threshold / self._scale, self._late_after_pulse)
         for conflict in step.conflicts:
             self._add(conflict)
+        if step.whole is not None and not self._formula.possible(np.arange(len(step.whole)), step.whole):
+            return None  # the tree knows nothing of counts
         if step.whole is not None:
             before = self.conflicts
             proposed = self._examine(step.whole, threshold)
@@ -316,7 +322,8 @@ class Exact(Driver):
             self._aimed = 0.5 * (low + best.bound)
         self._formula = Formula(self.space, self._blocks, target)
         for conflict in self._conflicts:
-            if conflict.bound * self._scale <= self._aimed:
+            # compared as it was made: products of quotients round
+            if conflict.bound <= self._aimed / self._scale:
                 self._formula.forbid(conflict.faces, conflict.labels)
         for labels in self._passed:
             self._formula.forbid(np.arange(len(labels)), labels)

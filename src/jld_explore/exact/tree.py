@@ -190,20 +190,19 @@ class Tree:
         expected = next((place for place in order if sure[place]), None)
         best, best_children = (-1.0 if expected is None else float(score[expected])), None
         for place in [place for place in order if not sure[place]][:_TRIED]:
-            if late():
+            tried = self._tried(node, allowed, int(undecided[place]), inner[place], threshold, possible, late)
+            if tried is None:
                 return None
-            children, found = self._tried(node, allowed, int(undecided[place]), inner[place], threshold, possible)
+            children, found = tried
             if not all(isinstance(child, Node) for child in children):
                 return children
             if found > best:
                 best, best_children = found, children
         if best_children is None:
             assert expected is not None
-            if late():
-                return None
-            best_children, _ = self._tried(
-                node, allowed, int(undecided[expected]), inner[expected], threshold, possible
-            )
+            place = int(undecided[expected])
+            tried = self._tried(node, allowed, place, inner[expected], threshold, possible, late)
+            return None if tried is None else tried[0]
         return best_children
 
     def _expected(self, undecided: Ints, inner: Floats) -> Floats:
@@ -215,12 +214,21 @@ class Tree:
         return np.asarray(np.maximum(joined, _SMALL) * np.maximum(parted, _SMALL))
 
     def _tried(
-        self, node: Node, allowed: Bools, face: int, inner: float, threshold: float, possible: Possible
-    ) -> tuple[list[Child], float]:
-        """Both children of a node, inner first, and how much they gain together."""
+        self,
+        node: Node,
+        allowed: Bools,
+        face: int,
+        inner: float,
+        threshold: float,
+        possible: Possible,
+        late: Callable[[], bool],
+    ) -> tuple[list[Child], float] | None:
+        """Both children of a node, inner first, and how much they gain together; None where time ran out."""
         children: list[Child] = []
         gains = []
         for label, left in ((False, ~self._parted[face]), (True, ~self._held[face])):
+            if late():
+                return None
             child = self._child(node, self._settled(allowed & left), face, label, threshold, possible)
             low = child.choice.bound if isinstance(child, Node) else threshold
             gain = max(node.choice.bound - low, 0.0)
