@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from benchmarks.throughput import PARTS, Throughput
 
 COLOURS: Final = ("#2166ac", "#92c5de", "#1b7837", "#a6dba0", "#c2a5cf", "#bdbdbd")
+DEEP: Final = ("#2166ac", "#1b7837")
+"""Colours on which digits are white."""
 
 
 def draw(found: list[Throughput]) -> Figure:
@@ -22,7 +24,7 @@ def draw(found: list[Throughput]) -> Figure:
         ("plain CVXPY, nothing proven", "#2166ac", 0.2, [one.plain for one in found]),
     ):
         bars = left.bar(place + shift, values, 0.38, color=colour, label=name)
-        left.bar_label(bars, [f"{value:.3g}" for value in values], fontsize=8)
+        left.bar_label(bars, [f"{value:.0f}" for value in values], fontsize=8)
     left.set_yscale("log")
     left.set_ylim(top=4.0 * max(one.rate for one in found))
     left.set_xticks(place, [one.name.replace(", ", "\n") for one in found], fontsize=8)
@@ -34,7 +36,8 @@ def draw(found: list[Throughput]) -> Figure:
         right.barh(place, share, 0.7, left=start, color=colour, label=part)
         for y, x, value in zip(place, start, share, strict=True):
             if value >= 5.0:
-                right.text(x + 0.5 * value, y, f"{value:.0f}", ha="center", va="center", fontsize=8)
+                ink = "white" if colour in DEEP else "black"
+                right.text(x + 0.5 * value, y, f"{value:.0f}", color=ink, ha="center", va="center", fontsize=8)
         start += share
     right.set_yticks(place, [one.name for one in found], fontsize=8)
     right.invert_yaxis()
