@@ -20,6 +20,7 @@ from jld_core.solvers import auxiliary, is_large
 from jld_core.solvers.status import RawSolution
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
+_BLUR = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
 _LITTLE = 1e-5  # slack, scaled, that every row can have at once if it can have any
 
 
@@ -246,7 +247,8 @@ class Interior:
             velocity = start + share * size * step
             work = float(template.live @ velocity)
             if normalise:
-                if not work > 0.0:
+                # where the live load hardly works, what decides the proof would be jumps as small as their rounding
+                if not work * _BLUR > tolerances.ROUNDING * float(abs(template.live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
             found = self._measure_reduced(velocity, work, labels, bases)

@@ -294,7 +294,7 @@ class _MechanismTable(_Table):
             value[~fits | falls] = np.inf
             best = value.argmin(axis=1)
             high[part] = value[np.arange(len(best)), best]
-            unstable[part] |= high[part] < 0.0
+            unstable[part] |= high[part] < -tolerances.ROUNDING
             first = np.where(below.any(axis=1), below.argmax(axis=1), best)
             told = below.any(axis=1) | np.isfinite(high[part])
             self.count(rows[first[told]])

@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
 from jld_core.bracket import load_floor
 from jld_core.program import Template
@@ -91,7 +92,9 @@ class Consultant:
         known = np.isfinite(bounds.low) & np.isfinite(bounds.high)
         low, high = np.where(known, bounds.low, 0.0), np.where(known, bounds.high, 0.0)
         size = np.maximum(np.maximum(abs(low), abs(high)), self.floor)
-        return np.asarray(bounds.unstable | (known & (high - low <= self.gap * size)))
+        # bounds that contradict each other by more than rounding settle nothing
+        sound = low - high <= 10.0 * tolerances.ROUNDING * np.maximum(size, 1.0)
+        return np.asarray(bounds.unstable | (known & sound & (high - low <= self.gap * size)))
 
     def _evaluation(self, bounds: Bounds, n: int) -> Evaluation:
         if bounds.unstable[n]:
@@ -148,6 +151,10 @@ class Archive:
     def find(self, labels: Bits) -> Proofs | None:
         """What the solve of a labelling (m,) proved; None where it is not on record. Forgotten once found."""
         return self._known.pop(np.packbits(labels).tobytes(), None)
+
+    def holds(self, labels: bytes) -> bool:
+        """Whether what the solve of a packed labelling proved is on record."""
+        return labels in self._known
 
     def append(self, labellings: Bits, proofs: list[Proofs]) -> None:
         """Write what solves of labellings (k, m) proved; it outlives this process at once."""

@@ -97,8 +97,8 @@ class Evaluator:
                 return found
         status, proof = self._analysis.prove(labels)
         if status is Status.UNCERTIFIED and not labels.all():
-            found = self._condensed(labels, start)
-            if found is not None and found.status is not Status.UNCERTIFIED:
+            found, known = self._condensed(labels, start), self._evaluation(status, proof, None, start)
+            if found is not None and found.status is not Status.UNCERTIFIED and not _contradict(found, known):
                 return found
         proofs = proofs_of(self._analysis.template, proof, labels) if self.settings.prove else None
         return self._evaluation(status, proof, proofs, start)
@@ -161,3 +161,10 @@ class Evaluator:
             zero_dilation=found.load_factor,
             seconds=time.perf_counter() - start,
         )
+
+
+def _contradict(one: Evaluation, other: Evaluation) -> bool:
+    """Whether two brackets of one λ have nothing in common, by more than rounding; then neither is to be relied on."""
+    ends = [abs(end) for found in (one, other) for end in (found.low, found.high) if math.isfinite(end)]
+    rounding = 10.0 * tolerances.ROUNDING * max(ends, default=0.0)
+    return one.low > other.high + rounding or other.low > one.high + rounding

@@ -226,7 +226,9 @@ class ForceMethod:
         if exact and not state.admissible:
             noise = tolerances.ROUNDING * max(1.0, float(abs(state.forces).max()))
             if state.slack >= -noise and state.error <= noise:
-                return State(state.forces, state.load, 0.0, 0.0)
+                # rows that give way by so much raise λ by the work of their moves at the most
+                given = 2.0 * noise * float(self._moves().sum())
+                return State(state.forces, state.load - given, 0.0, 0.0)
         return state
 
     def _checked(self, velocity: Floats, labels: Bits) -> Motion:
@@ -296,6 +298,7 @@ _OPTIONS: Final[dict[str, bool | int | float | str]] = {
     "output_flag": False,
     "threads": 1,
     "solver": "simplex",
+    "simplex_iteration_limit": 20_000,  # some hundred times what a labelling takes
     "presolve": "off",  # these programs are too small to gain by it
     "simplex_scale_strategy": 0,  # rows and columns are of order one already
     "primal_feasibility_tolerance": 1e-10,

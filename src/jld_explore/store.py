@@ -152,6 +152,24 @@ class Store:
         self._index.update(zip(self._keys(rows), range(start, end), strict=True))
         self._count = end  # last: an interruption before this leaves no half-written row in the tables
 
+    def keep_proven(self, holds: Callable[[bytes], bool]) -> None:
+        """Cut the records off from the first that was solved and whose packed labelling `holds` knows no proofs of.
+
+        Where power was lost the disk may have later pages of this file and not the earlier ones of another.
+        """
+        solved = self.rows["settled"] == _SETTLED.index(SOLVE)
+        keys = self._keys(self.rows)
+        kept = next((n for n in np.flatnonzero(solved).tolist() if not holds(keys[n])), self._count)
+        if kept == self._count:
+            return
+        size = (self._count - kept) * self.type.itemsize
+        self._file.truncate(self._file.seek(0, os.SEEK_END) - size)
+        self._file.seek(0, os.SEEK_END)
+        os.fsync(self._file.fileno())
+        self.repaired += size
+        self._count = kept
+        self._index = dict(zip(keys[:kept], range(kept), strict=True))
+
     def close(self) -> None:
         """Wait until the disk has all that was appended, and close the file."""
         if not self._file.closed:

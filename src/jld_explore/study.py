@@ -119,6 +119,7 @@ class Study:
             archive = Archive(self.folder, faces)
             self._consultant = Consultant(Pool(faces, self.space.group), template, self.settings.gap, archive)
             self.store.first = archive.sync
+            self.store.keep_proven(archive.holds)
 
     @property
     def header(self) -> dict[str, Any]:

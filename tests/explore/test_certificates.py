@@ -16,8 +16,8 @@ from jld_core.scene import parse_scene
 from jld_core.solvers.status import Status
 from jld_explore import explore as exploring
 from jld_explore.candidates import search_space
-from jld_explore.certificates import Forces, Mechanism, Pool, Proofs, proofs_of
-from jld_explore.consult import NAME, Archive
+from jld_explore.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
+from jld_explore.consult import NAME, Archive, Consultant
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.explore import ExploreSettings, explore
 
@@ -67,15 +67,17 @@ def test_most_are_settled(tmp_path: Path) -> None:
     assert (found["settled"] == "certificate").mean() > 0.5
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_interrupted_and_resumed(jobs: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("jobs", "stored", "archived"), [(1, 0.5, 0.8), (2, 0.5, 0.8), (1, 0.9, 0.05)], ids=["1", "2", "power lost"]
+)
+def test_interrupted_and_resumed(jobs: int, stored: float, archived: float, tmp_path: Path) -> None:
     rows, options = SCENES["weak wall"]
     whole = table(rows, options, tmp_path / "whole")
     scene = parse_scene(grid_document(rows, **options))
     folder = tmp_path / "part"
     explore(scene, folder, ExploreSettings(driver="enumeration", jobs=jobs, certificates=True))
-    # as if it had been killed: the last records are torn off both files
-    for name, share in (("evaluations.jld", 0.5), (NAME, 0.8)):
+    # as if it had been killed: the last records are torn off both files; more of the archive where power was lost
+    for name, share in (("evaluations.jld", stored), (NAME, archived)):
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(content[: int(share * len(content))])
     settings = ExploreSettings(driver="enumeration", jobs=jobs, resume=True, certificates=True)
@@ -105,6 +107,18 @@ def test_every_bound_holds(rows: list[str]) -> None:
         if n % 5 == 0 and status is Status.COLLAPSE:
             assert bounds.low[n] >= proof.low - 1e-12
             assert bounds.high[n] <= proof.high + 1e-9
+
+
+def test_bounds_that_contradict_each_other_settle_nothing(tmp_path: Path) -> None:
+    assembly = build_assembly(parse_scene(grid_document(["aa", "##"])))
+    template = LimitAnalysis(assembly).template
+    faces = len(assembly.interfaces)
+    identity = np.arange(faces)[None]
+    archive = Archive(tmp_path, faces)
+    archive.close()
+    consultant = Consultant(Pool(faces, identity), template, 1e-6, archive)
+    low, high = np.array([0.5, 0.5, 0.5 + 1e-13]), np.array([0.5, 0.4, 0.5])
+    assert consultant._settled(Bounds(low, high, np.zeros(3, dtype=bool))).tolist() == [True, False, True]
 
 
 def test_pool_answers_as_plain_python_does() -> None:

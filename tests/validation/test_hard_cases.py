@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from benchmarks.hard_scenes import (
     Entry,
@@ -25,6 +26,7 @@ from benchmarks.hard_scenes import (
 
 from cases import grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from jld_explore.evaluator import Evaluator, EvaluatorSettings
 from reference_planar import reference_load_factor
 
 
@@ -54,6 +56,24 @@ def test_hard_case(case: HardCase) -> None:
         assert result.gap <= 1e-6
     elif case.status is Status.UNSTABLE:
         assert math.isnan(result.load_factor)
+
+
+@pytest.mark.parametrize(("halvings", "expected"), [(16, 10.899063770712107), (23, 0.08514948818601104)])
+def test_a_motion_that_hardly_works_proves_nothing(halvings: int, expected: float) -> None:
+    """Confined, almost without friction: facial reduction once divided by a work that was rounding, and proved λ = 0.
+
+    Expected: the same linear program in rational numbers.
+    """
+    document = grid_document(["aa..a", "#aaaa", "aa.a#"], friction=2.0**-halvings, tension=1e6, shear=1e6)
+    document["grid"] |= {"cell": [1, 1], "thickness": 1}
+    document["materials"] |= {"density": 0, "gravity": 1}
+    document["loads"] = {"live": [{"element": "c3r1", "force": [0, -1]}]}
+    assembly = build_assembly(parse_scene(document))
+    labels = np.array([label == "d" for label in "iddiddiiddidid"])
+    for prove in (False, True):
+        found = Evaluator(assembly, EvaluatorSettings(prove=prove)).evaluate(labels)
+        assert not found.high < expected * (1.0 - 1e-6)
+        assert not found.low > expected * (1.0 + 1e-6)
 
 
 def test_a_hard_case_for_everything_that_was_asked() -> None:
