@@ -272,9 +272,9 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(
     name: str, searched: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", searched)
-    monkeypatch.setattr(
-        "jld_explore.exact.block_search._CLOSER", -1e9
-    )  # planted wherever there is a relaxation by blocks
+    # planted wherever there is a relaxation by blocks
+    monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
+    monkeypatch.setattr("jld_explore.exact.block_search._LISTED", 1e9)
     rows, options = {
         **SCENES,
         # bounds are too blunt there, and the tree is given up

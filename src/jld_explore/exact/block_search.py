@@ -27,8 +27,8 @@ _CLOSER: Final = 0.25
 """Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
 
 _LISTED: Final = 4
-"""Possible blocks for each element above which it is not tried: blocks of one and two cells come to three. With those of
-two to six on the beam on bearings a tree takes 20 s, where conflicts of faces take one."""
+"""Possible blocks for each element above which it is not tried: blocks of one and two cells come to three. With those
+of two to six on the beam on bearings a tree takes 20 s, where conflicts of faces take one."""
 
 _BLUNT: Final = 20
 """Whole labellings left over by a tree and refuted by their own mechanism after which it is felled: its bounds are then
