@@ -13,6 +13,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits
+from jld_core.bracket import apart
 from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.effective_area import solve_effective_area
 from jld_core.errors import InputError
@@ -101,7 +102,9 @@ def _solved(analysis: LimitAnalysis, labels: Bits, model: Model) -> LimitAnalysi
     if found.status is Status.UNCERTIFIED and joined:
         rigid = solve_condensed(analysis, labels)
         if rigid is not None and rigid.status is not Status.UNCERTIFIED:
-            return rigid
+            if not apart(rigid.bracket, found.bracket):
+                return rigid
+            rigid = None
         found = analysis.solve(labels) if large else rigid or found
     return found
 

@@ -278,6 +278,20 @@ def relative_width(low: float, high: float, floor: float) -> float:
     return (high - low) / size if size > 0.0 else float(high > low)
 
 
+def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
+    """Do lower and upper bounds contradict each other by more than rounding? Then neither is to be relied on.
+
+    low, high: bounds or arrays of them, NaN where there is none. least: size below which rounding is not relative, 1
+    for what is scaled.
+    """
+    return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
+
+
+def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two brackets of one λ, in any units, have nothing in common. Ends: NaN or infinite where unknown."""
+    return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
+
+
 def load_floor(template: Template) -> float:
     """1e-3 · total weight / total live load, in scene units of λ."""
     assembly = template.assembly

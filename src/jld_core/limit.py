@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits, Floats
-from jld_core.bracket import Motion, Prover, State, load_floor, relative_width
+from jld_core.bracket import Motion, Prover, State, crossed, load_floor, relative_width
 from jld_core.interior import Interior
 from jld_core.program import Template
 from jld_core.result import LimitAnalysisResult
@@ -46,8 +46,7 @@ class Proof:
         """Do the two proofs contradict each other by more than rounding? Then neither is to be relied on."""
         if self.state is None or self.motion is None:
             return False
-        low, high = self.state.load, self.motion.bound
-        return low - high > 10.0 * tolerances.ROUNDING * max(1.0, abs(low), abs(high))
+        return bool(crossed(self.state.load, self.motion.bound))
 
     @property
     def low(self) -> float:

@@ -20,9 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-import clarabel
 import numpy as np
 import scipy.sparse as sp
 
@@ -30,6 +29,8 @@ from jld_core import tolerances
 from jld_core.assembly import Bools, Floats, Ints
 from jld_core.bracket import Motion, usable
 from jld_core.limit import LimitAnalysis
+from jld_core.program import ConicProgram, pack
+from jld_core.solvers import ClarabelRoute, Route
 from jld_core.yield_sets import PlanarYield
 
 _RESIDUAL: Final = 1e-7
@@ -94,7 +95,8 @@ class BlockRelaxation:
         self._lay_out(members, inside)
         self._state_program()
         self._open(opening)
-        self._quick, self._careful = _settings(_RESIDUAL), _settings(_FINE)
+        self._quick = ClarabelRoute(_RESIDUAL)
+        self._careful = ClarabelRoute(_FINE, iterative_refinement_enable=True)
 
     # --- layout -----------------------------------------------------------------------------------------
 
@@ -242,10 +244,12 @@ class BlockRelaxation:
         # segmentations as strong as the best one known are refuted by a hair
         return self._choose(allowed, threshold, found.bound, self._careful)
 
-    def _choose(self, allowed: Bools, threshold: float, most: float, settings: Any) -> Choice:
-        raw, rows, columns = self._solve(allowed, threshold, most, settings)
+    def _choose(self, allowed: Bools, threshold: float, most: float, route: Route) -> Choice:
+        program, rows, columns = self._program(allowed, threshold, most)
+        raw = route.solve(program)
+        self.solves += 1
         dual, point = np.zeros(self._shape[0]), np.zeros(self._shape[1])
-        dual[rows], point[columns] = np.array(raw.z), np.array(raw.x)
+        dual[rows], point[columns] = raw.dual, raw.point
         share, nothing = np.clip(np.nan_to_num(point[: self._count]), 0.0, 1.0), np.zeros(self._count, dtype=bool)
         mechanism = self._repair(dual, allowed, most) if usable(dual) else None
         if mechanism is None:
@@ -265,7 +269,8 @@ class BlockRelaxation:
                 return Choice(tried, False, share, useless)
         return Choice(most, False, share, useless)
 
-    def _solve(self, allowed: Bools, threshold: float, most: float, settings: Any) -> tuple[Any, Ints, Ints]:
+    def _program(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
+        """The program of the allowed blocks alone, and which rows and columns of the whole it has."""
         row, column, value = self._entries
         value = value.copy()
         value[self._limits] = -most
@@ -279,15 +284,12 @@ class BlockRelaxation:
         rows &= used | (self._rhs != 0.0)
         new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
         shape = int(rows.sum()), int(columns.sum())
-        matrix = sp.csc_matrix((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
+        matrix = sp.csc_array((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
         objective = np.zeros(shape[1])
         objective[-1] = -1.0
         equal = int(rows[: self._equalities].sum())
-        cones = [clarabel.ZeroConeT(equal), clarabel.NonnegativeConeT(shape[0] - equal)]
-        nothing = sp.csc_matrix((shape[1], shape[1]))
-        solver = clarabel.DefaultSolver(nothing, objective, matrix, self._rhs[rows], cones, settings)
-        self.solves += 1
-        return solver.solve(), np.flatnonzero(rows), np.flatnonzero(columns)
+        program = pack(matrix, self._rhs[rows], objective, equal, shape[0] - equal, ())
+        return program, np.flatnonzero(rows), np.flatnonzero(columns)
 
     # --- proof ------------------------------------------------------------------------------------------
 
@@ -353,16 +355,6 @@ class BlockRelaxation:
         noise = tolerances.ROUNDING * (float(size[allowed].sum()) + float(abs(value).sum()))
         excess = float(value.sum()) + float(np.minimum(slack[allowed], 0.0).sum()) - noise
         return excess, np.maximum(slack, 0.0)
-
-
-def _settings(residual: float) -> Any:
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    for key in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-        setattr(settings, key, residual)
-    # a third of the time, and needed for the smallest residuals alone
-    settings.iterative_refinement_enable = residual < _RESIDUAL
-    return settings
 
 
 def speaks_of(analysis: LimitAnalysis) -> bool:

@@ -18,9 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
-from jld_core.bracket import load_floor
+from jld_core.bracket import crossed, load_floor
 from jld_core.program import Template
 from jld_core.solvers.status import Status
 from jld_explore.certificates import FEW, ROUND, Bounds, Forces, Mechanism, Pool, Proofs, unknown
@@ -92,9 +91,8 @@ class Consultant:
         known = np.isfinite(bounds.low) & np.isfinite(bounds.high)
         low, high = np.where(known, bounds.low, 0.0), np.where(known, bounds.high, 0.0)
         size = np.maximum(np.maximum(abs(low), abs(high)), self.floor)
-        # bounds that contradict each other by more than rounding settle nothing
-        sound = low - high <= 10.0 * tolerances.ROUNDING * np.maximum(size, 1.0)
-        return np.asarray(bounds.unstable | (known & sound & (high - low <= self.gap * size)))
+        narrow = (high - low <= self.gap * size) & ~crossed(low, high)
+        return np.asarray(bounds.unstable | (known & narrow))
 
     def _evaluation(self, bounds: Bounds, n: int) -> Evaluation:
         if bounds.unstable[n]:

@@ -9,7 +9,7 @@ from typing import Final
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly, Bits
-from jld_core.bracket import relative_width
+from jld_core.bracket import apart, relative_width
 from jld_core.condense import solve_condensed, worth_condensing
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.solvers.status import Status
@@ -97,8 +97,14 @@ class Evaluator:
                 return found
         status, proof = self._analysis.prove(labels)
         if status is Status.UNCERTIFIED and not labels.all():
-            found, known = self._condensed(labels, start), self._evaluation(status, proof, None, start)
-            if found is not None and found.status is not Status.UNCERTIFIED and not _contradict(found, known):
+            found, scale = self._condensed(labels, start), self._analysis.template.scaling.load
+            known = proof.low * scale, proof.high * scale
+            # an answer that contradicts what is proven already proves nothing
+            if (
+                found is not None
+                and found.status is not Status.UNCERTIFIED
+                and not apart((found.low, found.high), known)
+            ):
                 return found
         proofs = proofs_of(self._analysis.template, proof, labels) if self.settings.prove else None
         return self._evaluation(status, proof, proofs, start)
@@ -161,10 +167,3 @@ class Evaluator:
             zero_dilation=found.load_factor,
             seconds=time.perf_counter() - start,
         )
-
-
-def _contradict(one: Evaluation, other: Evaluation) -> bool:
-    """Whether two brackets of one λ have nothing in common, by more than rounding; then neither is to be relied on."""
-    ends = [abs(end) for found in (one, other) for end in (found.low, found.high) if math.isfinite(end)]
-    rounding = 10.0 * tolerances.ROUNDING * max(ends, default=0.0)
-    return one.low > other.high + rounding or other.low > one.high + rounding

@@ -158,8 +158,7 @@ class Store:
         Where power was lost the disk may have later pages of this file and not the earlier ones of another.
         """
         solved = self.rows["settled"] == _SETTLED.index(SOLVE)
-        keys = self._keys(self.rows)
-        kept = next((n for n in np.flatnonzero(solved).tolist() if not holds(keys[n])), self._count)
+        kept = next((n for key, n in self._index.items() if solved[n] and not holds(key)), self._count)
         if kept == self._count:
             return
         size = (self._count - kept) * self.type.itemsize
@@ -168,7 +167,7 @@ class Store:
         os.fsync(self._file.fileno())
         self.repaired += size
         self._count = kept
-        self._index = dict(zip(keys[:kept], range(kept), strict=True))
+        self._index = {key: n for key, n in self._index.items() if n < kept}
 
     def close(self) -> None:
         """Wait until the disk has all that was appended, and close the file."""
