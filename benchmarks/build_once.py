@@ -21,9 +21,9 @@ from benchmarks.common import random_segmentations, table, wall, write
 from benchmarks.stated import CLARABEL_DEFAULT, stated
 from jld_core import LimitAnalysis, Status
 from jld_core.assembly import Bits
-from jld_core.program import ConicProgram, Template
+from jld_core.program.template import ConicProgram, Template
 from jld_core.solvers import RawSolution
-from jld_core.solvers.cvxpy_ import CvxpyRoute
+from jld_core.solvers.cvxpy import CvxpyRoute
 
 LABELLINGS, OF_CVXPY, SEED = 200, 40, 1
 STRENGTHS = {

@@ -25,7 +25,7 @@ from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene
 from jld_core.assembly import Bits
 from jld_explore import explore as exploring
 from jld_explore.explore import ExploreSettings
-from jld_explore.labelling import from_string
+from jld_explore.space.labelling import from_string
 
 JOBS: Final = 2
 SAMPLE: Final = 300

@@ -19,11 +19,11 @@ from benchmarks.drivers import driver_of, search
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from jld_core.assembly import Assembly, Bits, Bools
 from jld_core.errors import InputError
-from jld_core.plotting import save_figure
-from jld_core.scene import Scene
-from jld_explore.candidates import SearchSpace
-from jld_explore.evaluator import Evaluation, Evaluator, EvaluatorSettings
-from jld_explore.plotting import plot_convergence
+from jld_core.scene.reading import Scene
+from jld_core.views.figures import save_figure
+from jld_explore.evaluation.evaluator import Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.report.pictures import plot_convergence
+from jld_explore.space.search_space import SearchSpace
 
 NAMES: Final = ("random", "hillclimb", "genetic", "exact", "optuna:Random", "optuna:NSGAII", "optuna:TPE")
 PATIENCE: Final = 30.0

@@ -23,15 +23,15 @@ from benchmarks.common import RESULTS
 from benchmarks.search_scenes import ENUMERATED, built
 from jld_core.assembly import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.solvers.status import Status
-from jld_explore.candidates import SearchSpace
-from jld_explore.constraints import counts
-from jld_explore.drivers import make_driver
+from jld_core.solvers.base import Status
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluator import Evaluation, Evaluator, EvaluatorSettings
-from jld_explore.labelling import keys
-from jld_explore.pareto import on_front
+from jld_explore.drivers.registry import make_driver
+from jld_explore.evaluation.evaluator import Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.report.front import on_front
+from jld_explore.space.labelling import keys
+from jld_explore.space.limits import counts
+from jld_explore.space.search_space import SearchSpace
 
 CHECKPOINTS: Final = (100, 1_000, 10_000)
 DRIVERS: Final = ("random", "hillclimb", "genetic", "genetic:best")

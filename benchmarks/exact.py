@@ -18,14 +18,14 @@ import numpy as np
 
 from benchmarks.common import table, write
 from jld_core import Scene, build_assembly, load_scene, parse_scene
-from jld_core.limit import LimitAnalysis
-from jld_core.undecided import Relaxation
-from jld_core.undecided_blocks import BlockRelaxation, speaks_of
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
+from jld_core.limit.relaxation import Relaxation
 from jld_explore import explore as exploring
-from jld_explore.candidates import search_space
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.exact.polyominoes import polyominoes
+from jld_explore.drivers.exact.possible_blocks import polyominoes
 from jld_explore.explore import ExploreSettings
+from jld_explore.space.search_space import search_space
 
 WALLS: Final = (
     (4, 6, 2, 2e4, "3 s"),

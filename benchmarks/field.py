@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from benchmarks.common import RESULTS, table, write
 from benchmarks.scenes import box, brick_boxes
 from jld_core import build_assembly, parse_scene, solve
-from jld_core.plotting import save_figure
+from jld_core.views.figures import save_figure
 
 FRICTION: Final = 0.65
 UNIT: Final = (1.0, 0.5, 0.5)

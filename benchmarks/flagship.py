@@ -13,11 +13,11 @@ import numpy as np
 
 from benchmarks.common import ROOT, table, write
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene
-from jld_core.bracket import load_floor
-from jld_core.limit import Proof
-from jld_explore.candidates import search_space
+from jld_core.limit.analysis import Proof
+from jld_core.limit.bounds import load_floor
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.labelling import to_string
+from jld_explore.space.labelling import to_string
+from jld_explore.space.search_space import search_space
 
 SHOWN = 10
 

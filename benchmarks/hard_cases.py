@@ -81,7 +81,7 @@ def row_of(verdict: Verdict) -> list[str]:
 def main() -> None:
     """Solve all cases and write benchmarks/results/hard_cases.md and .png."""
     from benchmarks.hard_plot import draw
-    from jld_core.plotting import save_figure
+    from jld_core.views.figures import save_figure
 
     verdicts = [judge(case) for case in hard_cases()]
     head = ["what is hard", "which", "status", "bracket", "gap", "off by", "right", "programs", "s", "route"]

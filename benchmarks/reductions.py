@@ -19,10 +19,10 @@ import numpy as np
 from benchmarks.common import RESULTS, random_segmentations, table, wall, write
 from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene
-from jld_core.condense import rigid_blocks, solve_condensed
-from jld_core.program import ConicProgram, Template, pack
+from jld_core.models.rigid_blocks import rigid_blocks, solve_condensed
+from jld_core.models.zero_dilation import zero_dilation
+from jld_core.program.template import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelRoute
-from jld_core.zero_dilation import zero_dilation
 
 ENOUGH: Final = 0.5
 """Processor seconds that runs of one measurement fill."""
@@ -302,7 +302,7 @@ def measured(small: bool = False) -> list[Reduction]:
 def main() -> None:
     """Measure all and write benchmarks/results/reductions.md and .png."""
     from benchmarks.reductions_plot import draw
-    from jld_core.plotting import save_figure
+    from jld_core.views.figures import save_figure
 
     found = measured()
     head = [

@@ -179,7 +179,7 @@ def rows_of(found: list[Measured], reference: Reference) -> list[list[str]]:
 def main() -> None:
     """Measure everything and write benchmarks/results/speed_error.md and .png."""
     from benchmarks.speed_plot import draw
-    from jld_core.plotting import save_figure
+    from jld_core.views.figures import save_figure
 
     small = {2: build_assembly(grid(bonded(GRIDS[33]))), 3: build_assembly(brick_wall(2, 2))}
     results: dict[str, tuple[list[Measured], Reference]] = {}

@@ -17,11 +17,11 @@ import scipy.sparse as sp
 
 from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysis, Status
-from jld_core.condense import solve_condensed
-from jld_core.program import ConicProgram, Template, pack
+from jld_core.models.rigid_blocks import solve_condensed
+from jld_core.program.template import ConicProgram, Template, pack
 from jld_core.solvers import ROUTES as KNOWN
 from jld_core.solvers import ClarabelRoute, Route
-from jld_explore.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 
 
 @dataclass(frozen=True)

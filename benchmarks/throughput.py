@@ -27,14 +27,14 @@ from benchmarks.stated import stated
 from benchmarks.stopwatch import Stopwatch
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.assembly import Bits, Floats
-from jld_core.bracket import Prover
-from jld_core.interior import Interior
-from jld_core.program import Template
-from jld_core.solvers.schur_ipm import SchurRoute
-from jld_explore.candidates import search_space
-from jld_explore.drivers import make_driver
-from jld_explore.labelling import unpack
-from jld_explore.store import Store
+from jld_core.limit.bounds import Prover
+from jld_core.limit.repair import Interior
+from jld_core.program.template import Template
+from jld_core.solvers.schur.interior_point import SchurRoute
+from jld_explore.drivers.registry import make_driver
+from jld_explore.evaluation.records import Store
+from jld_explore.space.labelling import unpack
+from jld_explore.space.search_space import search_space
 from jld_explore.study import Study
 
 PARTS: Final = ("solver", "proof", "assembly", "driver", "store", "other Python")
@@ -182,7 +182,7 @@ def measure(name: str, scene: Scene, asked: int, sample: int, jobs: int) -> Thro
 def main() -> None:
     """Measure all scenes and write benchmarks/results/throughput.md and .png."""
     from benchmarks.throughput_plot import draw
-    from jld_core.plotting import save_figure
+    from jld_core.views.figures import save_figure
 
     jobs = os.cpu_count() or 1
     found = [measure(name, *case, jobs) for name, case in scenes().items()]

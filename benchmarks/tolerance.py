@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.common import random_segmentations, scene, table, wall, write
 from jld_core import Assembly, LimitAnalysis
 from jld_core.assembly import Bits, Floats
-from jld_core.bracket import load_floor, relative_width
-from jld_core.limit import Proof
-from jld_core.program import Template
+from jld_core.limit.analysis import Proof
+from jld_core.limit.bounds import load_floor, relative_width
+from jld_core.program.template import Template
 from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus
 
 TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)

@@ -15,10 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core import gallery as scenes
-from jld_core.plotting import draw_assembly, draw_mechanism
+from jld_core.samples import gallery as scenes
+from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import Exploration, ExploreSettings, explore
-from jld_explore.labelling import from_string
+from jld_explore.space.labelling import from_string
 from studies.report import (
     GREY,
     PAIRED,

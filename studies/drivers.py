@@ -19,10 +19,10 @@ from matplotlib.lines import Line2D
 
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.assembly import Floats
-from jld_core.plotting import draw_assembly, draw_mechanism
-from jld_core.scene import Scene
+from jld_core.scene.reading import Scene
+from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import Exploration, ExploreSettings, explore
-from jld_explore.labelling import from_string
+from jld_explore.space.labelling import from_string
 from jld_explore.study import Progress
 from studies.report import (
     GREY,

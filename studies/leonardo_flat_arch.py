@@ -17,13 +17,13 @@ from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, solve
 from jld_core.assembly import Assembly, Bits
-from jld_core.gallery import leonardo_flat_arch
-from jld_core.mechanism import Movement, face_motions
-from jld_core.plotting import draw_assembly, draw_forces, draw_mechanism
-from jld_core.zero_dilation import zero_dilation
-from jld_core.zero_dilation_search import Scheme
+from jld_core.limit.mechanism import Movement, face_motions
+from jld_core.models.zero_dilation import zero_dilation
+from jld_core.models.zero_dilation_search import Scheme
+from jld_core.samples.gallery import leonardo_flat_arch
+from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.labelling import from_string
+from jld_explore.space.labelling import from_string
 from studies.report import (
     GREY,
     PAIRED,

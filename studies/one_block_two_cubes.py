@@ -18,9 +18,9 @@ from matplotlib.projections.polar import PolarAxes
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.assembly import Floats
-from jld_core.gallery import stacked_cubes
-from jld_core.mechanism import Movement, face_motions
-from jld_core.plotting import draw_mechanism
+from jld_core.limit.mechanism import Movement, face_motions
+from jld_core.samples.gallery import stacked_cubes
+from jld_core.views.figures import draw_mechanism
 from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, main, without_legend, write
 
 NAME: Final = "one_block_two_cubes"

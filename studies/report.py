@@ -20,9 +20,9 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from jld_core.assembly import Bools, Floats
-from jld_core.plotting import save_figure
-from jld_core.plotting_furniture import MEANING, MOVES, PRESS, YIELD
-from jld_core.plotting_paint import DOTTED, INK
+from jld_core.views.annotations import MEANING, MOVES, PRESS, YIELD
+from jld_core.views.figures import save_figure
+from jld_core.views.structure import DOTTED, INK
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 SCENES: Final = ROOT / "scenes"

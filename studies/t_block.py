@@ -17,9 +17,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from jld_core import LimitAnalysisResult, Status, build_assembly, solve
-from jld_core.gallery import t_block
-from jld_core.mechanism import Movement, face_motions
-from jld_core.plotting import draw_assembly, draw_mechanism
+from jld_core.limit.mechanism import Movement, face_motions
+from jld_core.samples.gallery import t_block
+from jld_core.views.figures import draw_assembly, draw_mechanism
 from studies.report import (
     Report,
     axes_at,

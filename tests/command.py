@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from jld_explore import cli
+from jld_explore.cli.command import main
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *a
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            main()
     finally:  # the command takes signals for itself, and this process is not its own
         for number, handler in handlers.items():
             signal.signal(number, handler)

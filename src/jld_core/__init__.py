@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from jld_core._version import __version__
-from jld_core.analysis import Model, solve
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, RouteError
-from jld_core.limit import LimitAnalysis
-from jld_core.result import LimitAnalysisResult
-from jld_core.scene import Scene, load_scene, parse_scene
-from jld_core.solvers.status import Status
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.models.solve import Model, solve
+from jld_core.scene.reading import Scene, load_scene, parse_scene
+from jld_core.solvers.base import Status
 
 __all__ = [
     "DRY",

@@ -164,7 +164,7 @@ class Assembly:
 
     @cached_property
     def _drawing(self) -> str | None:
-        from jld_core import notebook  # it needs the program of an assembly, which needs this module
+        from jld_core.views import notebook  # it needs the program of an assembly, which needs this module
 
         return notebook.svg_of_assembly(self)
 
@@ -172,6 +172,6 @@ class Assembly:
         return self._drawing
 
     def _repr_html_(self) -> str:
-        from jld_core import notebook
+        from jld_core.views import notebook
 
         return notebook.page(self.name, notebook.facts_of_assembly(self), self._drawing)

@@ -13,7 +13,7 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from jld_explore.cli import main as command
+    from jld_explore.cli.command import main as command
 
     command()
 

@@ -12,23 +12,23 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from jld_core import notebook
-from jld_core.analysis import solve
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError
-from jld_core.scene import Scene
-from jld_explore import describe, tables
-from jld_explore.candidates import SearchSpace, search_space
-from jld_explore.consult import NAME as ARCHIVE
-from jld_explore.drivers import DRIVERS, OPTIONS, make_driver
+from jld_core.models.solve import solve
+from jld_core.scene.reading import Scene
+from jld_core.views import notebook
 from jld_explore.drivers.enumeration import size_up_to
-from jld_explore.drivers.exact import Exact
-from jld_explore.evaluator import EvaluatorSettings
-from jld_explore.exact.best import front as proven_front
-from jld_explore.exact.best import front_of_all
-from jld_explore.labelling import from_string
-from jld_explore.store import NAME, Store
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.optimum import front as proven_front
+from jld_explore.drivers.exact.optimum import front_of_all
+from jld_explore.drivers.registry import DRIVERS, OPTIONS, make_driver
+from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.records import NAME, Store
+from jld_explore.evaluation.with_certificates import NAME as ARCHIVE
+from jld_explore.report import tables, words
+from jld_explore.space.labelling import from_string
+from jld_explore.space.search_space import SearchSpace, search_space
 from jld_explore.study import Interrupted, Progress, StopReason, Study, versions
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Exploration:
     def _drawing(self) -> str | None:
         if len(self.assembly.elements) > notebook.LARGEST:
             return None
-        from jld_core.plotting import svg_of
+        from jld_core.views.figures import svg_of
 
         return svg_of(_front_picture(self))
 
@@ -66,9 +66,9 @@ class Exploration:
         return self._drawing
 
     def _repr_html_(self) -> str:
-        tables_of = {"strongest": describe.best_rows(self), f"front, {describe.front_name(self)}": self.front}
-        parts = [f"<p>{name}</p>{table[describe.COLUMNS].to_html(index=False)}" for name, table in tables_of.items()]
-        return notebook.page(self.scene.name, describe.facts_of_exploration(self), self._drawing, *parts)
+        tables_of = {"strongest": words.best_rows(self), f"front, {words.front_name(self)}": self.front}
+        parts = [f"<p>{name}</p>{table[words.COLUMNS].to_html(index=False)}" for name, table in tables_of.items()]
+        return notebook.page(self.scene.name, words.facts_of_exploration(self), self._drawing, *parts)
 
 
 @dataclass(frozen=True)
@@ -238,18 +238,18 @@ def write_pictures(done: Exploration, ending: str = "png", out: Path | None = No
     ending: "png", "svg" or "pdf". out: folder written into, default the study's own.
     Raises InputError for another ending.
     """
-    from jld_core.plotting import save_figure
-    from jld_explore import plotting
+    from jld_core.views.figures import save_figure
+    from jld_explore.report import pictures as drawings
 
     pictures = {"pareto": _front_picture(done)}
     best = done.summary["best_labelling"]
     if best is not None:
-        pictures["best"] = plotting.plot_best(solve(done.assembly, from_string(best)))
-    pictures["distribution"] = plotting.plot_distribution(done.results)
-    pictures["dry_frequency"] = plotting.plot_dry_frequency(done.results, done.assembly)
+        pictures["best"] = drawings.plot_best(solve(done.assembly, from_string(best)))
+    pictures["distribution"] = drawings.plot_distribution(done.results)
+    pictures["dry_frequency"] = drawings.plot_dry_frequency(done.results, done.assembly)
     history = done.folder / tables.CONVERGENCE
     if history.exists():
-        pictures["convergence"] = plotting.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
+        pictures["convergence"] = drawings.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
     written = [(out or done.folder) / f"{name}.{ending}" for name in pictures]
     for path, figure in zip(written, pictures.values(), strict=True):
         save_figure(figure, path)
@@ -257,7 +257,7 @@ def write_pictures(done: Exploration, ending: str = "png", out: Path | None = No
 
 
 def _front_picture(done: Exploration) -> Figure:
-    from jld_explore.plotting import plot_pareto
+    from jld_explore.report.pictures import plot_pareto
 
     front_of = done.scene.search.front
     return plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)
@@ -265,7 +265,7 @@ def _front_picture(done: Exploration) -> Figure:
 
 def read_folder(folder: Path) -> Exploration:
     """A finished study read back from its folder. Raises InputError where a file is missing."""
-    from jld_core.scene import load_scene
+    from jld_core.scene.reading import load_scene
 
     for name in (NAME, "scene.json", "results.parquet", "summary.json"):
         if not (folder / name).exists():

@@ -21,18 +21,18 @@ import numpy as np
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly, Bits, Ints
-from jld_core.program import Template
-from jld_core.scene import Scene
-from jld_core.solvers.status import Status
-from jld_explore.candidates import SearchSpace
-from jld_explore.certificates import Pool, Proofs
-from jld_explore.consult import Archive, Consultant
+from jld_core.program.template import Template
+from jld_core.scene.reading import Scene
+from jld_core.solvers.base import Status
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluator import Evaluation, EvaluatorSettings
-from jld_explore.floor import Floor
-from jld_explore.labelling import orbit_sizes, unpack
-from jld_explore.store import Store
-from jld_explore.workers import Recipe, Run, Workers
+from jld_explore.evaluation.certificates import Pool, Proofs
+from jld_explore.evaluation.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.pruning import Floor
+from jld_explore.evaluation.records import Store
+from jld_explore.evaluation.with_certificates import Archive, Consultant
+from jld_explore.evaluation.workers import Recipe, Run, Workers
+from jld_explore.space.labelling import orbit_sizes, unpack
+from jld_explore.space.search_space import SearchSpace
 
 PORTION: Final = 128
 """Labellings asked together at the most where what is known spares solves."""

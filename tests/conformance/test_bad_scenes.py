@@ -19,9 +19,9 @@ import pytest
 from cases import grid_document
 from command import Outcome, call, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_explore import describe
 from jld_explore import explore as explore_module
-from jld_explore.candidates import search_space
+from jld_explore.report.words import assembly as described
+from jld_explore.space.search_space import search_space
 
 Document = dict[str, Any]
 GONE: Any = object()
@@ -651,7 +651,7 @@ def test_mutated_scenes(base: int) -> None:
         except InputError:
             ended["nothing to search"] += 1
         else:
-            assert describe.assembly(scene, assembly, space)
+            assert described(scene, assembly, space)
     # the mutations reach both sides
     assert ended["refused"] > 100
     assert ended[Status.COLLAPSE] > 20

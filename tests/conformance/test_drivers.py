@@ -12,18 +12,18 @@ import pytest
 
 from cases import grid_document
 from jld_core.assembly import Assembly, Bits
-from jld_core.build import build_assembly
-from jld_core.scene import Scene, parse_scene
-from jld_core.solvers.status import Status
+from jld_core.build.assemble import build_assembly
+from jld_core.scene.reading import Scene, parse_scene
+from jld_core.solvers.base import Status
 from jld_explore import study as study_module
-from jld_explore import tables
-from jld_explore.candidates import SearchSpace, search_space
-from jld_explore.constraints import feasible
-from jld_explore.drivers import DRIVERS, make_driver
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluator import Evaluation, EvaluatorSettings
-from jld_explore.labelling import canonical, keys
+from jld_explore.drivers.registry import DRIVERS, make_driver
+from jld_explore.evaluation.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.report import tables
+from jld_explore.space.labelling import canonical, keys
+from jld_explore.space.limits import feasible
+from jld_explore.space.search_space import SearchSpace, search_space
 from jld_explore.study import Interrupted, StopReason, Study
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
@@ -83,7 +83,7 @@ class Table:
 @pytest.fixture(autouse=True)
 def table(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Table]]:
     """Workers make a Table where they would make an evaluator."""
-    monkeypatch.setattr("jld_explore.workers.Evaluator", Table)
+    monkeypatch.setattr("jld_explore.evaluation.workers.Evaluator", Table)
     Table.calls, Table.after = 0, None
     yield Table
     Table.after = None

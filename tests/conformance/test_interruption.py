@@ -24,8 +24,8 @@ import pytest
 
 from cases import grid_document
 from command import Outcome, call, command, environment, process
-from jld_explore.drivers import DRIVERS
-from jld_explore.store import NAME, record_type
+from jld_explore.drivers.registry import DRIVERS
+from jld_explore.evaluation.records import NAME, record_type
 from paths import SCENES
 
 FACES, CLASSES = 21, 1340  # 4×3 cells on a support row, blocks of 2 to 6 cells, counted by enumeration

@@ -10,7 +10,7 @@ from cases_spatial import assembly as spatial_assembly
 from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, Status, solve
 from jld_core.assembly import Bits
-from jld_core.condense import rigid_blocks, solve_condensed, worth_condensing
+from jld_core.models.rigid_blocks import rigid_blocks, solve_condensed, worth_condensing
 
 
 def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generator) -> Bits:
@@ -82,7 +82,7 @@ def test_endless_strength_is_no_numerical_trouble(strength: float) -> None:
 
 
 def test_mechanism_of_blocks_is_rigid_and_does_unit_work() -> None:
-    from jld_core.equilibrium import equilibrium_matrix, load_vectors
+    from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 
     assembly = grid_assembly(["aaaa", "aaaa", "aaaa", "####"], tension=1e9, shear=1e9)
     labels = random_segmentation(assembly, 5, np.random.default_rng(8))

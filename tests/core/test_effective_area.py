@@ -11,12 +11,12 @@ import pytest
 
 import cases_spatial
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene
-from jld_core.effective_area import change, contact_of, frozen_contact, solve_effective_area
-from jld_core.frozen import FrozenYield
-from jld_core.program import Template
-from jld_core.sections import rectangle_torsion_length
-from jld_core.solvers.clarabel_ import ClarabelRoute
-from jld_core.zero_dilation import solve_zero_dilation
+from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_core.mechanics.prescribed_friction import FrozenYield
+from jld_core.models.effective_area import change, contact_of, frozen_contact, solve_effective_area
+from jld_core.models.zero_dilation import solve_zero_dilation
+from jld_core.program.template import Template
+from jld_core.solvers.clarabel import ClarabelRoute
 from paths import SCENES
 
 FRICTION, WIDTH, DEPTH = 0.7, 1.2, 0.7

@@ -13,9 +13,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core import plotting_marks as marks
 from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
-from jld_core.plotting import (
+from jld_core.views import quantities as marks
+from jld_core.views.annotations import legend_inches
+from jld_core.views.figures import (
     draw_assembly,
     draw_forces,
     draw_mechanism,
@@ -24,8 +25,7 @@ from jld_core.plotting import (
     save_figure,
     svg_of,
 )
-from jld_core.plotting_furniture import legend_inches
-from jld_core.plotting_paint import TINTS, painter_order, projection_of
+from jld_core.views.structure import TINTS, painter_order, projection_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

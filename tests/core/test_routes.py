@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cases import CASES, grid_assembly
 from jld_core import LimitAnalysis, LimitAnalysisResult, Status
-from jld_core.program import Template
+from jld_core.program.template import Template
 from jld_core.solvers import ClarabelRoute
 from reference_planar import reference_load_factor
 

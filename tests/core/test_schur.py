@@ -8,15 +8,15 @@ import pytest
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, solve
-from jld_core.bracket import Prover
 from jld_core.errors import RouteError
-from jld_core.interior import Interior
-from jld_core.point_contacts import point_contact_assembly
-from jld_core.program import Template, pack
-from jld_core.scaling import scaling_of
+from jld_core.limit.bounds import Prover
+from jld_core.limit.repair import Interior
+from jld_core.mechanics.scaling import scaling_of
+from jld_core.mechanics.yield_spatial import spatial_yield
+from jld_core.models.point_contacts import point_contact_assembly
+from jld_core.program.template import Template, pack
+from jld_core.samples.walls import running_bond
 from jld_core.solvers import LARGE, ClarabelRoute, RawStatus, SchurRoute, make_route
-from jld_core.walls import running_bond
-from jld_core.yield_spatial import spatial_yield
 
 SPATIAL = {
     "wall": lambda: assembly(wall(3, 2)),

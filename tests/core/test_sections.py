@@ -8,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from jld_core import sections
+from jld_core.geometry import polygons
 
 Array = NDArray[np.float64]
 
@@ -57,22 +57,22 @@ def torsion_length_by_quadrature(polygon: Array) -> float:
 def test_torsion_length_equals_quadrature(polygon: Array) -> None:
     """METHOD §2: c_T = (1/A) ∫ r dA about the centroid; 1e-12 relative."""
     far = polygon + np.array([3.0, -7.0])
-    assert sections.torsion_length(far[None])[0] == pytest.approx(torsion_length_by_quadrature(polygon), rel=1e-12)
+    assert polygons.torsion_length(far[None])[0] == pytest.approx(torsion_length_by_quadrature(polygon), rel=1e-12)
 
 
 def test_torsion_length_of_rectangles_in_closed_form() -> None:
     """METHOD §2: the unit square has 0.382598."""
     a, b = np.array([1.0, 2.0, 50.0]), np.array([1.0, 0.3, 0.01])
     stack = np.array([rectangle(x, y) for x, y in zip(a, b, strict=True)])
-    closed = sections.rectangle_torsion_length(a, b)
+    closed = polygons.rectangle_torsion_length(a, b)
     assert closed[0] == pytest.approx(0.382598, abs=5e-7)
-    np.testing.assert_allclose(sections.torsion_length(stack), closed, rtol=1e-12)
+    np.testing.assert_allclose(polygons.torsion_length(stack), closed, rtol=1e-12)
 
 
 def test_torsion_length_of_polygons_tends_to_that_of_the_disc() -> None:
     """A disc has 2R/3; regular polygons converge with the square of the number of corners."""
     counts = np.array([16, 32, 64, 128])
-    error = [2.0 / 3.0 - sections.torsion_length(disc(n)[None])[0] for n in counts]
+    error = [2.0 / 3.0 - polygons.torsion_length(disc(n)[None])[0] for n in counts]
     slope = np.polyfit(np.log(counts), np.log(error), 1)[0]
     assert slope == pytest.approx(-2.0, abs=0.05)
 
@@ -83,38 +83,38 @@ def test_torsion_length_where_an_edge_points_at_the_centroid() -> None:
 
     def quarter(a: float, b: float) -> float:
         """∫ r dA over [0, a] × [0, b]: a quarter of the rectangle 2a × 2b."""
-        return float(a * b * sections.rectangle_torsion_length(np.array([2 * a]), np.array([2 * b]))[0])
+        return float(a * b * polygons.rectangle_torsion_length(np.array([2 * a]), np.array([2 * b]))[0])
 
     half = quarter(2.0, 1.0) + quarter(1.0, 1.0)
     for noise in (0.0, 1e-9, 1e-13, 1e-16, 1e-170):
         moved = ess + noise * np.cos(np.arange(16).reshape(8, 2))
-        assert sections.torsion_length(moved[None])[0] == pytest.approx(2.0 * half / 6.0, rel=1e-13 + 10.0 * noise)
+        assert polygons.torsion_length(moved[None])[0] == pytest.approx(2.0 * half / 6.0, rel=1e-13 + 10.0 * noise)
 
 
 @pytest.mark.parametrize("polygon", [TRIANGLE, PENTAGON, NOTCHED], ids=["triangle", "pentagon", "notched"])
 def test_area_centroid_and_second_moments(polygon: Array) -> None:
     """Against shapely, and the midpoint rule on triangles, which is exact for second degree; 1e-12."""
     shape = shapely.Polygon(polygon)
-    assert sections.area(polygon[None])[0] == pytest.approx(shape.area, rel=1e-13)
-    assert sections.area(polygon[None, ::-1])[0] == pytest.approx(-shape.area, rel=1e-13)
-    centre = sections.centroid(polygon[None])[0]
+    assert polygons.area(polygon[None])[0] == pytest.approx(shape.area, rel=1e-13)
+    assert polygons.area(polygon[None, ::-1])[0] == pytest.approx(-shape.area, rel=1e-13)
+    centre = polygons.centroid(polygon[None])[0]
     np.testing.assert_allclose(centre, shape.centroid.coords[0], rtol=1e-12)
     total = np.zeros((2, 2))
     for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(shape)):
         corner = shapely.get_coordinates(triangle)[:3] - centre
         for middle in 0.5 * (corner + np.roll(corner, -1, axis=0)):
             total += triangle.area / 3.0 * np.outer(middle, middle)
-    np.testing.assert_allclose(sections.second_moments(polygon[None])[0], total, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(polygons.second_moments(polygon[None])[0], total, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("polygon", [TRIANGLE, PENTAGON, NOTCHED, disc(9)], ids=len)
 def test_hull_rows_hold_the_centre_of_pressure(polygon: Array) -> None:
     """METHOD §1: x1 = −M2/N, x2 = M1/N, within the hull exactly where all rows are ≥ 0."""
-    local = polygon - sections.centroid(polygon[None])
-    outline = sections.hull(local)
+    local = polygon - polygons.centroid(polygon[None])
+    outline = polygons.hull(local)
     assert shapely.Polygon(outline).equals(shapely.Polygon(local).convex_hull)
     hull = shapely.Polygon(local).convex_hull
-    rows = sections.hull_rows(outline)
+    rows = polygons.hull_rows(outline)
     assert len(rows) == len(outline)
     rng = np.random.default_rng(1)
     for x1, x2 in rng.uniform(local.min(axis=0) - 0.3, local.max(axis=0) + 0.3, (200, 2)):
@@ -131,23 +131,23 @@ def test_hulls_equal_single_hulls_and_leave_convex_polygons_alone() -> None:
     star = disc(10)
     star[::2] *= 0.4
     twice_around = disc(7)[[0, 2, 4, 6, 1, 3, 5]]
-    found = sections.hulls([PENTAGON, NOTCHED, star, twice_around])
+    found = polygons.hulls([PENTAGON, NOTCHED, star, twice_around])
     assert found[0] is PENTAGON
     for polygon, outline in zip([NOTCHED, star, twice_around], found[1:], strict=True):
-        np.testing.assert_array_equal(outline, sections.hull(polygon))
+        np.testing.assert_array_equal(outline, polygons.hull(polygon))
     assert [len(outline) for outline in found[1:]] == [4, 5, 7]
 
 
 @pytest.mark.parametrize("polygon", [TRIANGLE, PENTAGON, NOTCHED], ids=["triangle", "pentagon", "notched"])
 def test_kern_rows_are_edge_stresses(polygon: Array) -> None:
     """The linear stress with resultants N, M1 = ∫σ x2, M2 = −∫σ x1, at the corners, times the area."""
-    local = polygon - sections.centroid(polygon[None])
-    area, moments = sections.area(local[None])[0], sections.second_moments(local[None])[0]
-    outline = sections.hull(local)
+    local = polygon - polygons.centroid(polygon[None])
+    area, moments = polygons.area(local[None])[0], polygons.second_moments(local[None])[0]
+    outline = polygons.hull(local)
     rng = np.random.default_rng(2)
     mean, slope = rng.normal(), rng.normal(size=2)
     n, first = mean * area, moments @ slope
-    rows = sections.kern_rows(outline, area, moments)
+    rows = polygons.kern_rows(outline, area, moments)
     np.testing.assert_allclose(rows @ [n, first[1], -first[0]], area * (mean + outline @ slope), rtol=1e-12)
 
 
@@ -155,7 +155,7 @@ def test_kern_rows_of_a_rectangle() -> None:
     """N ± 6 M1/l2 ± 6 M2/l1."""
     a, b = 2.0, 0.5
     outline = rectangle(a, b) - [a / 2, b / 2]
-    rows = sections.kern_rows(outline, a * b, sections.second_moments(outline[None])[0])
+    rows = polygons.kern_rows(outline, a * b, polygons.second_moments(outline[None])[0])
     np.testing.assert_allclose(np.abs(rows), np.tile([1.0, 6.0 / b, 6.0 / a], (4, 1)), rtol=1e-13)
 
 
@@ -165,23 +165,23 @@ def test_rectangles_are_told_from_what_only_looks_like_one() -> None:
     rhombus = np.array([[0.0, 0.0], [1.0, 0.3], [1.3, 1.3], [0.3, 1.0]])
     crossed = rectangle(2, 1)[[0, 2, 1, 3]]
     stack = np.array([rectangle(3, 1) @ turn, trapezoid, rhombus, crossed])
-    np.testing.assert_array_equal(sections.is_rectangle(stack, 1e-9), [True, False, False, False])
-    assert not sections.is_rectangle(PENTAGON[None], 1e-9).any()
+    np.testing.assert_array_equal(polygons.is_rectangle(stack, 1e-9), [True, False, False, False])
+    assert not polygons.is_rectangle(PENTAGON[None], 1e-9).any()
 
 
 def test_idle_corners_are_dropped() -> None:
     """A rectangle with points on its edges, as files of single precision have them, is a rectangle."""
     points = np.array([[0, 0], [1, 1e-8], [2, 0], [2, 1], [2 - 1e-9, 1 + 1e-9], [0.3, 1], [0, 1]])
-    plain = sections.without_idle_corners([points, PENTAGON, rectangle(1, 2)], 1e-6)
-    assert sections.is_rectangle(plain[0][None], 1e-6)[0]
+    plain = polygons.without_idle_corners([points, PENTAGON, rectangle(1, 2)], 1e-6)
+    assert polygons.is_rectangle(plain[0][None], 1e-6)[0]
     np.testing.assert_array_equal(plain[1], PENTAGON)
     np.testing.assert_array_equal(plain[2], rectangle(1, 2))
     spatial = np.column_stack([points, points[:, 0]])
-    assert len(sections.corners(spatial, 1e-6)) == 4
+    assert len(polygons.corners(spatial, 1e-6)) == 4
 
 
 def test_stacks_by_corner_count() -> None:
-    stacks = list(sections.by_corner_count([PENTAGON, TRIANGLE, PENTAGON + 1.0]))
+    stacks = list(polygons.by_corner_count([PENTAGON, TRIANGLE, PENTAGON + 1.0]))
     assert [(list(chosen), stack.shape) for chosen, stack in stacks] == [
         ([1], (1, 3, 2)),
         ([0, 2], (2, 5, 2)),

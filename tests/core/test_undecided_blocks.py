@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from cases import DOWN, grid_assembly, grid_document
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis
-from jld_core.scene import parse_scene
-from jld_core.solvers.status import Status
-from jld_core.undecided_blocks import BlockRelaxation, speaks_of
-from jld_core.yield_sets import PlanarYield
-from jld_explore.candidates import search_space
-from jld_explore.exact.polyominoes import Polyominoes, polyominoes
+from jld_core.build.assemble import build_assembly
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
+from jld_core.mechanics.yield_planar import PlanarYield
+from jld_core.scene.reading import parse_scene
+from jld_core.solvers.base import Status
+from jld_explore.drivers.exact.possible_blocks import Polyominoes, polyominoes
+from jld_explore.space.search_space import search_space
 
 CASES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),

@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
 from jld_core.assembly import Assembly
-from jld_core.bending import InnerBending
-from jld_core.build import build_assembly
+from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis
-from jld_core.point_contacts import point_contact_assembly
-from jld_core.program import Template
-from jld_core.scaling import scaling_of
-from jld_core.scene import parse_scene
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.mechanics.bending import InnerBending
+from jld_core.mechanics.scaling import scaling_of
+from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield
+from jld_core.models.point_contacts import point_contact_assembly
+from jld_core.program.template import Template
+from jld_core.scene.reading import parse_scene
 from jld_core.solvers import ClarabelRoute
-from jld_core.solvers.status import RawStatus, Status
-from jld_core.yield_spatial import SpatialYield, spatial_yield
+from jld_core.solvers.base import RawStatus, Status
 from reference_spatial import face_constraints, load_factor, make_face
 
 Array = NDArray[np.float64]

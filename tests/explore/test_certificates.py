@@ -10,16 +10,16 @@ import pandas as pd
 import pytest
 
 from cases import DOWN, grid_document
-from jld_core.build import build_assembly
-from jld_core.limit import LimitAnalysis
-from jld_core.scene import parse_scene
-from jld_core.solvers.status import Status
+from jld_core.build.assemble import build_assembly
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.scene.reading import parse_scene
+from jld_core.solvers.base import Status
 from jld_explore import explore as exploring
-from jld_explore.candidates import search_space
-from jld_explore.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
-from jld_explore.consult import NAME, Archive, Consultant
 from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
+from jld_explore.evaluation.with_certificates import NAME, Archive, Consultant
 from jld_explore.explore import ExploreSettings, explore
+from jld_explore.space.search_space import search_space
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "wall": (["aaa", "aaa", "###"], {}),

@@ -11,19 +11,19 @@ import pytest
 
 from cases import DOWN, grid_document
 from cases_spatial import box, scene
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
+from jld_core.build.assemble import build_assembly
+from jld_core.scene.reading import parse_scene
 from jld_explore import explore as exploring
-from jld_explore.candidates import search_space
-from jld_explore.constraints import feasible
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact import Exact
-from jld_explore.exact.conflicts import Conflict
-from jld_explore.exact.formula import Formula
-from jld_explore.exact.polyominoes import polyominoes
-from jld_explore.exact.record import Record
+from jld_explore.drivers.exact.conflicts import Conflict
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.possible_blocks import polyominoes
+from jld_explore.drivers.exact.record import Record
 from jld_explore.explore import Exploration, ExploreSettings, explore
-from jld_explore.labelling import canonical
+from jld_explore.space.labelling import canonical
+from jld_explore.space.limits import feasible
+from jld_explore.space.search_space import search_space
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -133,7 +133,7 @@ def test_blocks_need_not_be_listed(name: str, tmp_path: Path, monkeypatch: pytes
     rows, options = SCENES[name]
     if "blocks" in options:
         pytest.skip("blocks are counted where they are listed")
-    monkeypatch.setattr("jld_explore.drivers.exact.polyominoes", lambda space: None)
+    monkeypatch.setattr("jld_explore.drivers.exact.driver.polyominoes", lambda space: None)
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact")
     assert found.summary["proven"] is True
@@ -179,14 +179,14 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
 
 def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
-    monkeypatch.setattr("jld_explore.exact.block_search._LISTED", 0)  # conflicts of faces alone
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 0)  # conflicts of faces alone
     monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 60))
     first = search(rows, options, tmp_path, "exact", seconds=60.0)
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
     monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
-    monkeypatch.setattr("jld_explore.exact.block_search._LISTED", 0)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 0)
     last = search(rows, options, tmp_path, "exact", resume=True)
     assert last.summary["stop_reason"] == "proven"
     assert first.summary["conflicts"] > 0
@@ -249,7 +249,7 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
     document["grid"]["cell"] = cell
     scene = parse_scene(document)
     every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration")).summary
-    monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", 0)  # the proof alone finds it
+    monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", 0)  # the proof alone finds it
     found = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact")).summary
     assert found["proven"] is True
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
@@ -258,7 +258,7 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", 0)
+    monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", 0)
     rows, options = SCENES[name]
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
@@ -271,10 +271,10 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, monkeypatch: 
 def test_the_tree_of_blocks_leaves_nothing_stronger(
     name: str, searched: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact._SEARCH", searched)
+    monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", searched)
     # planted wherever there is a relaxation by blocks
-    monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
-    monkeypatch.setattr("jld_explore.exact.block_search._LISTED", 1e9)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 1e9)
     rows, options = {
         **SCENES,
         # bounds are too blunt there, and the tree is given up
@@ -325,7 +325,7 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(monkeypatch
 
 
 def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2]}
     whole = search(rows, options, tmp_path / "whole", "exact").summary
     ticks = iter(range(10_000))
@@ -336,14 +336,14 @@ def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mon
     assert part["bound"] >= whole["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
     monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
-    monkeypatch.setattr("jld_explore.exact.block_search._CLOSER", -1e9)
+    monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
     rest = search(rows, options, folder, "exact", resume=True).summary
     assert rest["proven"] is True
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
 
 def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact._DIRECT", 2)
+    monkeypatch.setattr("jld_explore.drivers.exact.driver._DIRECT", 2)
     rows, options = SCENES["weak"]
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
-from jld_core.solvers.status import Status
-from jld_explore.candidates import search_space
-from jld_explore.drivers.ranking import places, standing, worth
-from jld_explore.evaluator import BOUND, Evaluation, Evaluator, EvaluatorSettings
+from jld_core.build.assemble import build_assembly
+from jld_core.scene.reading import parse_scene
+from jld_core.solvers.base import Status
+from jld_explore.evaluation.evaluator import BOUND, Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation.pruning import Floor
+from jld_explore.evaluation.ranking import places, standing, worth
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.floor import Floor
+from jld_explore.space.search_space import search_space
 
 NAN = float("nan")
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jld_core.build import build_assembly
-from jld_core.scene import load_scene
-from jld_core.solvers.status import Status
-from jld_explore.candidates import search_space
+from jld_core.build.assemble import build_assembly
+from jld_core.scene.reading import load_scene
+from jld_core.solvers.base import Status
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.drivers.ranking import ORDER, objectives, places, standing
-from jld_explore.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation.ranking import ORDER, objectives, places, standing
+from jld_explore.space.search_space import search_space
 from paths import SCENES
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration

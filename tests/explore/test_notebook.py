@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from nbclient import NotebookClient
 
-from jld_core import LimitAnalysisResult, build_assembly, load_scene, notebook, parse_scene, solve
+from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
+from jld_core.views import notebook
 from paths import SCENES
 
 CELLS = (
@@ -92,9 +93,9 @@ def test_large_ones_are_not_drawn_unasked(monkeypatch: pytest.MonkeyPatch) -> No
     result = locked()
     assert result._repr_svg_() is None
     assert "<img" not in result._repr_html_()
-    assert "jld_core.plotting" in result._repr_html_()
+    assert "jld_core.views.figures" in result._repr_html_()
 
 
 def test_drawing_code_is_not_imported_before_it_is_wanted() -> None:
-    asked = "import sys, jld_explore.cli; sys.exit('matplotlib' in sys.modules)"
+    asked = "import sys, jld_explore.cli.command; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0

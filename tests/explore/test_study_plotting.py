@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from command import call
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene
 from jld_core.assembly import Assembly, Bits
-from jld_core.plotting import save_figure
-from jld_core.plotting_marks import blocks_of
-from jld_explore.plotting import (
+from jld_core.views.figures import save_figure
+from jld_core.views.quantities import blocks_of
+from jld_explore.report.pictures import (
     labels_of,
     plot_best,
     plot_convergence,

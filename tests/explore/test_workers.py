@@ -15,16 +15,16 @@ import pytest
 
 from cases import grid_document
 from jld_core.assembly import Assembly, Bits
-from jld_core.build import build_assembly
-from jld_core.scene import parse_scene
-from jld_core.solvers.status import Status
-from jld_explore.candidates import search_space
-from jld_explore.drivers import make_driver
+from jld_core.build.assemble import build_assembly
+from jld_core.scene.reading import parse_scene
+from jld_core.solvers.base import Status
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.drivers.registry import make_driver
+from jld_explore.evaluation.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.workers import Recipe, Workers, batch_size
+from jld_explore.report.tables import results_table
+from jld_explore.space.search_space import search_space
 from jld_explore.study import StopReason, Study
-from jld_explore.tables import results_table
-from jld_explore.workers import Recipe, Workers, batch_size
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
@@ -136,7 +136,7 @@ class Poison:
 
 def poisoned(assembly: Assembly, labels: list[bool], way: str) -> Assembly:
     """Make evaluators of this process die or hang on a labelling."""
-    from jld_explore.evaluator import Evaluator
+    from jld_explore.evaluation.evaluator import Evaluator
 
     healthy = Evaluator.evaluate
 

@@ -7,7 +7,7 @@ import pytest
 from benchmarks import batched, scale, scale_one
 from benchmarks.common import random_segmentations, wall
 
-from jld_core.program import Template
+from jld_core.program.template import Template
 from jld_core.solvers import ClarabelRoute
 
 

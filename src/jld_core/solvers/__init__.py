@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from jld_core.errors import InputError, RouteError
-from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.clarabel_ import ClarabelRoute
-from jld_core.solvers.highs_ import HighsRoute
-from jld_core.solvers.schur_ipm import SchurRoute
-from jld_core.solvers.status import RawSolution, RawStatus, Route
+from jld_core.program.template import ConicProgram, Structure
+from jld_core.solvers.base import RawSolution, RawStatus, Route
+from jld_core.solvers.clarabel import ClarabelRoute
+from jld_core.solvers.highs import HighsRoute
+from jld_core.solvers.schur.interior_point import SchurRoute
 
 ROUTES = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 
@@ -37,7 +37,7 @@ def make_route(
     if name in ("highs", "highs-ipm"):
         return HighsRoute(name, threads=threads)
     if name == "cvxpy":
-        from jld_core.solvers.cvxpy_ import CvxpyRoute  # half a second that every other start would pay
+        from jld_core.solvers.cvxpy import CvxpyRoute  # half a second that every other start would pay
 
         return CvxpyRoute()
     raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from jld_core.assembly import Bits
-from jld_explore.evaluator import Evaluation
+from jld_explore.evaluation.evaluator import Evaluation
 
 
 class Driver(ABC):

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.assembly import Bits, Bools, Floats, Ints
-from jld_explore.candidates import SearchSpace
-from jld_explore.constraints import within_limits
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluator import Evaluation
-from jld_explore.labelling import above, below, representatives
+from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.space.labelling import above, below, representatives
+from jld_explore.space.limits import within_limits
+from jld_explore.space.search_space import SearchSpace
 
 Names = NDArray[np.unsignedinteger[Any]]
 

@@ -17,11 +17,11 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from jld_core.assembly import Bits, Floats, Ints
-from jld_explore.candidates import SearchSpace
-from jld_explore.drivers.ranking import front_counts, objectives, places
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
-from jld_explore.evaluator import Evaluation
+from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.ranking import front_counts, objectives, places
+from jld_explore.space.search_space import SearchSpace
 
 CROSSING: Final = 0.5
 """Share of children with two parents; the others are changes of one."""

@@ -13,13 +13,13 @@ from typing import Final
 import numpy as np
 
 from jld_core.assembly import Bits
-from jld_explore.candidates import SearchSpace
-from jld_explore.constraints import feasible
-from jld_explore.drivers.atoms import Dice
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.operators import Operators, operators
-from jld_explore.labelling import canonical, keys
+from jld_explore.drivers.operators.atom_graph import Dice
+from jld_explore.drivers.operators.segmentations import Operators, operators
+from jld_explore.space.labelling import canonical, keys
+from jld_explore.space.limits import feasible
+from jld_explore.space.search_space import SearchSpace
 
 PATIENCE: Final = 12
 """Proposals tried for each new labelling wanted before a driver looks for them elsewhere."""

@@ -1,0 +1,63 @@
+"""Load entries of a scene to generalised forces about the centroids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jld_core.assembly import Elements, Floats
+from jld_core.errors import InputError
+from jld_core.scene.reading import BodyLoad, PointLoad
+
+
+def moment_about(arm: Floats, force: Floats) -> Floats:
+    """arm × force, about the out-of-plane axis (planar, shape (1,)) or as a vector (spatial, shape (3,))."""
+    if len(arm) == 2:
+        return np.array([arm[0] * force[1] - arm[1] * force[0]])
+    return np.cross(arm, force)
+
+
+def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:
+    """Sum of load entries as (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m) about the centroids.
+
+    elements: the assembly's; key: "loads.dead" or "loads.live", for complaints. The moment of a force
+    applied at p is (p − c) × f; "at" may lie outside the element.
+    Raises InputError: unknown element, a support, or a vector of the wrong length.
+    """
+    dimension = elements.centroid.shape[1]
+    total = np.zeros((len(elements), 3 if dimension == 2 else 6))
+    for position, entry in enumerate(entries):
+        where = f"{key}[{position}]"
+        if isinstance(entry, BodyLoad):
+            body = _vector(entry.body, dimension, f"{where}.body")
+            magnitude = np.linalg.norm(elements.weight, axis=1)
+            total[:, :dimension] += np.where(elements.support, 0.0, magnitude)[:, None] * body
+            continue
+        if entry.element not in elements.index:
+            raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
+        index = elements.index[entry.element]
+        if elements.support[index]:
+            raise InputError(f"{where}.element", f"{entry.element!r} is a support", "the id of a free element")
+        moment = np.atleast_1d(np.asarray(entry.moment, dtype=float))
+        if dimension == 3 and moment.size == 1 and moment[0] == 0.0:
+            moment = np.zeros(3)
+        if moment.size != total.shape[1] - dimension:
+            raise InputError(
+                f"{where}.moment",
+                f"it has {moment.size} numbers",
+                f"{total.shape[1] - dimension} in this scene",
+            )
+        total[index, dimension:] += moment
+        if entry.force is not None:
+            force = _vector(entry.force, dimension, f"{where}.force")
+            at = elements.centroid[index] if entry.at is None else _vector(entry.at, dimension, f"{where}.at")
+            total[index, :dimension] += force
+            total[index, dimension:] += moment_about(at - elements.centroid[index], force)
+    return total
+
+
+def _vector(values: list[float], dimension: int, where: str) -> Floats:
+    if len(values) != dimension:
+        raise InputError(where, f"it has {len(values)} numbers", f"{dimension} in this scene")
+    return np.array(values, dtype=float)

@@ -1,0 +1,111 @@
+"""Planar scene → elements and interfaces: grids of cells, or general polygons."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from jld_core.geometry import polygons
+from jld_core.assembly import Elements, Interfaces
+from jld_core.geometry.planar_contacts import (PlanarContact, check_polygons, find_planar_contacts, planar_interfaces, without_repeats,)
+from jld_core.build.elements import collect_elements, pair_index, refuse_twins
+from jld_core.errors import InputError
+from jld_core.scene.reading import Contact, Element, Grid, Scene
+
+
+def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | None]]:
+    """Elements and interfaces of a planar scene, and the scene's own entry for each interface.
+
+    Raises InputError for polygons or interfaces that cannot be used.
+    """
+    entries = _cells(scene.grid) if scene.grid is not None else list(scene.elements or [])
+    thickness = scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
+    ids = [entry.id for entry in entries]
+    refuse_twins(ids)
+    outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])
+    check_polygons(ids, outlines)
+    area, centroid = np.empty(len(ids)), np.empty((len(ids), 2))
+    for chosen, stack in polygons.by_corner_count(outlines):
+        signed = polygons.area(stack)
+        for position in chosen[signed < 0.0].tolist():
+            outlines[position] = outlines[position][::-1].copy()
+        area[chosen], centroid[chosen] = abs(signed), polygons.centroid(stack)
+    volume = area * thickness
+    elements = collect_elements(scene, entries, centroid, volume, outlines, ())
+    given: list[Contact | None]
+    if scene.interfaces is None:
+        contacts = find_planar_contacts(outlines)
+        given = [None] * len(contacts)
+    else:
+        contacts = [_given_contact(entry, position, elements) for position, entry in enumerate(scene.interfaces)]
+        given = list(scene.interfaces)
+    kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
+    return elements, planar_interfaces([contacts[k] for k in kept], thickness), [given[k] for k in kept]
+
+
+def _cells(grid: Grid) -> list[Element]:
+    """Elements of a grid, named c{column}r{row}; blocks are the joined parts of equal letters."""
+    width, height = grid.cell
+    count = len(grid.rows)
+    block = _joined_letters(grid.rows)
+    cells = []
+    for r, row in enumerate(grid.rows):
+        for c, letter in enumerate(row):
+            if letter == ".":
+                continue
+            x0, x1, y0, y1 = c * width, (c + 1) * width, (count - 1 - r) * height, (count - r) * height
+            cells.append(
+                Element(
+                    id=f"c{c}r{r}",
+                    polygon=[[x0, y0], [x1, y0], [x1, y1], [x0, y1]],
+                    block=block.get((r, c)),
+                    support=letter == "#",
+                )
+            )
+    return cells
+
+
+def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
+    """Block name of each free cell: the letter, numbered where one letter makes several blocks."""
+    part: dict[tuple[int, int], int] = {}
+    parts: dict[str, int] = {}
+    for r, row in enumerate(rows):
+        for c, letter in enumerate(row):
+            if letter in ".#" or (r, c) in part:
+                continue
+            number = parts[letter] = parts.get(letter, 0) + 1
+            queue = deque([(r, c)])
+            part[r, c] = number
+            while queue:
+                i, j = queue.popleft()
+                for cell in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+                    inside = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(row)
+                    if inside and cell not in part and rows[cell[0]][cell[1]] == letter:
+                        part[cell] = number
+                        queue.append(cell)
+    return {
+        (r, c): rows[r][c] if parts[rows[r][c]] == 1 else f"{rows[r][c]}{number}" for (r, c), number in part.items()
+    }
+
+
+def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
+    """An interface the scene states, its normal taken from the outline of its first element."""
+    where = f"interfaces[{position}]"
+    a, b = pair_index(entry.elements, elements, f"{where}.elements")
+    if len(entry.polygon) != 2 or any(len(point) != 2 for point in entry.polygon):
+        raise InputError(f"{where}.polygon", "it is not a planar contact", "two points [x, y]")
+    ends = np.array(entry.polygon, dtype=float)
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    if not length > 0.0:
+        raise InputError(f"{where}.polygon", "it has no length", "two different points")
+    outline = elements.shape[a]
+    edge = np.roll(outline, -1, axis=0) - outline
+    edge /= np.hypot(*edge.T)[:, None]
+    outward = np.column_stack([edge[:, 1], -edge[:, 0]])
+    along = (ends[1] - ends[0]) / length
+    distance = abs(np.einsum("ij,ij->i", ends.mean(axis=0) - outline, outward)) + length * abs(outward @ along)
+    normal = outward[int(np.argmin(distance))]
+    # the stated line decides the direction, the element's face only on which side the other element lies
+    across = np.array([along[1], -along[0]])
+    return PlanarContact(a, b, ends, across if across @ normal > 0 else -across)

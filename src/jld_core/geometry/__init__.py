@@ -1,0 +1,1 @@
+"""Polygons, polyhedra, and where they touch. Knows no Assembly."""

@@ -1,0 +1,1 @@
+"""A raw answer → a proof: bounds, repairs, status, result."""

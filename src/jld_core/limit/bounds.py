@@ -1,0 +1,298 @@
+"""Two-sided bounds on λ computed by us from whatever a solver returned (METHOD §3).
+
+A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set; an upper bound is the
+work balance of velocities whose dissipation is finite on every face. Neither needs the solver to be right: its
+answer is repaired, checked, and bounds nothing if the check fails. All quantities here are scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from jld_core import tolerances
+from jld_core.assembly import Bits, Floats
+from jld_core.linalg.cholesky import Fronts
+from jld_core.program.template import Template
+
+_FULL = 20_000  # entries up to which products with a full matrix are the quicker ones
+_DENSE = 200  # equations up to which a stored dense projector beats sparse triangular solves
+
+
+@dataclass(frozen=True)
+class State:
+    """Forces (m, q) and λ, scaled, with the least slack in the yield sets and the error left in equilibrium."""
+
+    forces: Floats
+    load: float
+    slack: float
+    error: float
+
+    @property
+    def admissible(self) -> bool:
+        """The exact solution next to these rounded numbers is inside every yield set."""
+        return self.slack >= 2.0 * self.error
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Velocities (q·free,) with b_λ·u = work, scaled; their least margin, dissipation minus dead work, and jumps.
+
+    bound: Σ D(J) − b·u, meaningful where margin ≥ 0. noise: what rounding may have done to the bound.
+    """
+
+    velocity: Floats
+    jumps: Floats
+    work: float
+    margin: float
+    bound: float
+    noise: float = 0.0
+
+
+class Projector:
+    """Nearest solution of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), with A restricted to the active resultants.
+
+    places: (rows, d) where the element of each row is; None where a column is full, and A Aᵀ with it.
+    """
+
+    def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
+        self.matrix = matrix
+        self.rows = quick(sp.csr_array(matrix))
+        self._dense: Floats | None = None
+        if matrix.shape[0] <= _DENSE:
+            self._dense = _right_inverse(matrix.toarray())
+        else:
+            normal = (matrix @ matrix.T).tocsc()
+            self._solve = _cholesky(normal, places) or _lu(normal)
+
+    def correction(self, residual: Floats) -> Floats:
+        """Least change of F that removes a residual (q·free,); shape (q·m,)."""
+        if self._dense is not None:
+            return self._dense @ residual
+        return np.asarray(self.matrix.T @ self._solve(residual))
+
+
+def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
+    """Solver by multifrontal Cholesky; None where the matrix is full or not positive definite."""
+    if places is None:
+        return None
+    rows, columns = normal.tocoo().coords
+    lower = rows >= columns
+    _, node = np.unique(places, axis=0, return_inverse=True)
+    first = np.unique(node, return_index=True)[1]
+    try:
+        fronts = Fronts(rows[lower].astype(np.int64), columns[lower].astype(np.int64), node, places[first])
+        return fronts.factor(normal.tocoo().data[lower]).solve
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
+    # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
+    shifted = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
+    return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
+
+
+def _right_inverse(matrix: Floats) -> Floats:
+    """Aᵀ(A Aᵀ)⁻¹; the pseudo-inverse where rows depend on one another."""
+    try:
+        factor = np.linalg.cholesky(matrix @ matrix.T)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(matrix, rcond=1e-12), dtype=float)
+    diagonal = np.diag(factor)
+    if diagonal.min() < 1e-6 * diagonal.max():
+        return np.asarray(np.linalg.pinv(matrix, rcond=1e-12), dtype=float)
+    return la.cho_solve((factor, True), matrix).T
+
+
+class Prover:
+    """Turns raw points and multipliers of one template into checked bounds."""
+
+    def __init__(self, template: Template) -> None:
+        self.template = template
+        self.transposed = sp.csr_array(template.matrix.T)
+        self._jumps = quick(self.transposed)
+        self._weight = abs(template.dead)
+        self._total = float(self._weight.sum())
+        self._projectors: dict[bytes, Projector] = {}
+        self._columns = template.matrix.shape[1]
+        self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+
+    def projector(self, labels: Bits) -> tuple[Projector, Floats | None]:
+        """The projector for the resultants that a labelling keeps, and their 0/1 mask (None: all)."""
+        active = self.template.yield_set.active(labels)
+        if active.all():
+            active = self._everything
+        key = np.packbits(active).tobytes()
+        mask = None if active is self._everything else active.ravel().astype(float)
+        if key not in self._projectors:
+            matrix, places = self.template.matrix, self.template.structure.places
+            if mask is not None:
+                places = None
+                live = sp.csc_array(self.template.live[:, None])
+                matrix = sp.csc_array(sp.hstack([matrix @ sp.diags_array(mask), live]))
+            if len(self._projectors) >= 16:
+                self._projectors.pop(next(iter(self._projectors)))
+            self._projectors[key] = Projector(sp.csc_array(matrix), places)
+        return self._projectors[key], mask
+
+    def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
+        """Project y = (F, …, λ) onto equilibrium and measure its slack.
+
+        point: (≥ q·m + 1,), λ last. labels: (m,). held: λ is kept whatever happens; otherwise it moves with the
+        forces where resultants are dropped.
+        """
+        load = float(point[-1])
+        if not usable(point):
+            return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        return self._settle(
+            point[: self._columns], -(self.template.dead + load * self.template.live), load, labels, passes, held=held
+        )
+
+    def ray(self, point: Floats, labels: Bits) -> State:
+        """The same for a ray: A R + b_λ = 0 with R in the recession cones; `slack` refers to those."""
+        if not usable(point) or not point[-1] > 0.0:
+            return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        return self._settle(point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True)
+
+    def _settle(
+        self,
+        forces: Floats,
+        target: Floats,
+        load: float,
+        labels: Bits,
+        passes: int,
+        recession: bool = False,
+        held: bool = False,
+    ) -> State:
+        sets = self.template.yield_set
+        projector, mask = self.projector(labels)
+        if recession or (held and mask is not None):
+            active = sets.recession_active(labels) if recession else sets.active(labels)
+            mask = active.ravel().astype(float)
+            projector = Projector(
+                sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places
+            )
+        if mask is None or recession or held:
+            forces = forces if mask is None else forces * mask
+            for _ in range(passes):
+                forces = forces - projector.correction(projector.rows @ forces - target)
+            left = projector.rows @ forces - target
+            error = float(abs(projector.correction(left)).max())
+        else:
+            # with resultants dropped, equilibrium may hold at one λ alone: λ is projected with the forces
+            joint = np.append(forces * mask, load)
+            for _ in range(passes + 1):
+                joint = joint - projector.correction(projector.rows @ joint + self.template.dead)
+            left = projector.rows @ joint + self.template.dead
+            error = float(abs(projector.correction(left)).max())
+            forces, load = joint[:-1], float(joint[-1])
+        if mask is not None and float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max())):
+            error = np.inf  # without the dropped resultants there is no equilibrium here at all
+        table = forces.reshape(self._everything.shape)
+        if recession:
+            slack = sets.recession_slack(table, labels)
+        else:
+            slack = sets.slack(table, labels)
+        return State(table, load, float(slack.min()), error)
+
+    def blend(self, state: State, inside: State, labels: Bits) -> State:
+        """Move a state towards one well inside, just far enough to become admissible.
+
+        Yield sets are convex and equilibrium is linear, λ included, so every blend is a state.
+        """
+        need = 4.0 * max(state.error, inside.error)
+        if state.slack >= need or inside.slack <= need:
+            return state
+        share = min(1.0, (need - state.slack) / (inside.slack - state.slack))
+        for _ in range(4):
+            forces = (1.0 - share) * state.forces + share * inside.forces
+            load = (1.0 - share) * state.load + share * inside.load
+            mixed = self._settle(forces.ravel(), -(self.template.dead + load * self.template.live), load, labels, 1)
+            if mixed.admissible:
+                return mixed
+            share = min(1.0, 2.0 * share)
+        return mixed
+
+    def motion(self, velocity: Floats, labels: Bits, normalise: bool = True) -> Motion:
+        """Jumps, margin and bound of velocities (q·free,); normalised to b_λ·u = 1 where their work allows."""
+        template = self.template
+        velocity = velocity[: template.matrix.shape[0]]
+        if not usable(velocity):
+            return Motion(velocity, np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+        work = float(template.live @ velocity)
+        if normalise and work > 0.0:
+            velocity, work = velocity / work, 1.0
+        jumps = (self._jumps @ velocity).reshape(self._everything.shape)
+        return self.measure(velocity, jumps, work, labels)
+
+    def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
+        """Margin and bound of velocities whose jumps are known."""
+        sets = self.template.yield_set
+        margin = float(sets.margin(jumps, labels).min())
+        bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
+        return Motion(velocity, jumps, work, margin, bound, self.noise(velocity, bound))
+
+    def noise(self, velocity: Floats, bound: float) -> float:
+        """Rounding that a bound may carry: of the sums that make it up, and of the velocities themselves."""
+        speed = abs(velocity)
+        return tolerances.ROUNDING * (
+            float(self._weight @ speed) + abs(bound) + 1e-3 * self._total * float(speed.max())
+        )
+
+    def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
+        """Add just enough of a strictly opening motion for the dissipation to become finite."""
+        opening = self.measure(opening.velocity, opening.jumps, opening.work, labels)
+        if not np.isfinite(motion.margin) or motion.margin >= 0.0 or not opening.margin > 0.0:
+            return motion
+        share = -motion.margin / opening.margin
+        for _ in range(4):
+            mixed = self.motion(motion.velocity + share * opening.velocity, labels, normalise=motion.work > 0.0)
+            if mixed.margin >= 0.0:
+                return mixed
+            share *= 2.0
+        return mixed
+
+
+def quick(matrix: Any) -> Any:
+    """A sparse matrix for products with vectors: small ones in full, where looking up what is not zero takes longer."""
+    return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix
+
+
+def usable(vector: Floats) -> bool:
+    """Scaled answers are of order one; what a failed solve leaves behind may be anything."""
+    return not vector.size or bool(abs(vector).max() < 1e30)
+
+
+def relative_width(low: float, high: float, floor: float) -> float:
+    """Width of a bracket over max(|lo|, |hi|, floor); inf where an end is missing (METHOD §3)."""
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return np.inf
+    size = max(abs(low), abs(high), floor)
+    return (high - low) / size if size > 0.0 else float(high > low)
+
+
+def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
+    """Do lower and upper bounds contradict each other by more than rounding? Then neither is to be relied on.
+
+    low, high: bounds or arrays of them, NaN where there is none. least: size below which rounding is not relative, 1
+    for what is scaled.
+    """
+    return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
+
+
+def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two brackets of one λ, in any units, have nothing in common. Ends: NaN or infinite where unknown."""
+    return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
+
+
+def load_floor(template: Template) -> float:
+    """1e-3 · total weight / total live load, in scene units of λ."""
+    assembly = template.assembly
+    return tolerances.GAP_FLOOR * assembly.total_dead / assembly.total_live

@@ -1,0 +1,209 @@
+"""Faces whose label is not decided: what bounds λ over all labellings that agree on the faces that are.
+
+The relaxation of an **undecided** face is the closed hull of its dry and its inner set (METHOD §6). Without a bound
+on N that is their sum, and the sum is the dry set moved to N = −σtA and widened in shear by τA: the rows of a dry
+face with other right-hand sides. With compressive strengths the rows enclose the hull.
+
+What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the
+rows were: a bound is right for every labelling it speaks of, however loose the program that it came from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.assembly import Bits, Bools, Floats
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import Motion, usable
+from jld_core.mechanics.yield_planar import PlanarYield, RowPattern, Rows, YieldSet
+from jld_core.mechanics.yield_spatial import SpatialYield
+from jld_core.program.template import ConicProgram
+from jld_core.solvers import make_route
+
+_TINY: Final = 1e-6
+"""Margins, relative to the largest jump, that are worth closing by opening all faces a little."""
+
+_ANY: Final = 1e12
+"""A scaled λ above any that is of use."""
+
+_RESIDUAL: Final = 1e-10
+"""Asked of the solver: bounds are computed from its answer, so that it need not be exact."""
+
+
+@dataclass(frozen=True)
+class Refutation:
+    """Why no labelling that agrees on some faces reaches a load factor.
+
+    excess: threshold · b_λ·u + b·u − Σ D, above zero with what rounding may take. cost: (m,) what a face takes from
+    the excess when it becomes undecided, inf where the mechanism bounds nothing then. bound: λ that no such
+    labelling exceeds, scaled; −inf where none stands.
+    """
+
+    excess: float
+    cost: Floats
+    bound: float
+
+
+class Relaxation:
+    """Upper bounds on λ for partial labellings of one assembly.
+
+    analysis: of the assembly; template, prover and the motion that opens all faces are shared with it.
+    """
+
+    def __init__(self, analysis: LimitAnalysis) -> None:
+        self.template = analysis.template
+        self._prover, self._interior = analysis.prover, analysis.interior
+        self._open = self.template.with_rows(_hull(self.template.yield_set))
+        self._route = make_route("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
+        self._margin = max(_RESIDUAL, self.template.precision.margin)
+        self.solves = 0
+
+    def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
+        """The program of a partial labelling: labels (m,) True dry, of no force where undecided (m,)."""
+        return self.template.program(labels, self._margin, other=self._open, taken=undecided)
+
+    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> Refutation | None:
+        """A proof that no labelling that agrees where decided reaches a scaled λ; None where there is none.
+
+        labels: (m,) True dry. undecided: (m,). threshold: scaled λ.
+        """
+        raw = self._route.solve(self.program(labels, undecided))
+        self.solves += 1
+        velocity = raw.dual[: self.template.matrix.shape[0]]
+        if not usable(velocity):
+            return None
+        size = float(abs(velocity).max())
+        if not size > 0.0:
+            return None
+        motion = self._prover.motion(velocity / size, labels, normalise=False)
+        found = self._weigh(motion, labels, undecided, threshold)
+        return found if found is not None else self._weigh(self._parted(motion), labels, undecided, threshold)
+
+    def bound(self, labels: Bits, undecided: Bools) -> float:
+        """Scaled λ that no labelling exceeds that agrees where decided; inf where none was found."""
+        found = self.refute(labels, undecided, _ANY)
+        return np.inf if found is None else found.bound
+
+    def _parted(self, motion: Motion) -> Motion:
+        """A motion with a little of one that opens all faces added to it."""
+        opening = self._interior.opening()
+        if opening is None:
+            return motion
+        share = 1e-9 * float(abs(motion.velocity).max()) / float(abs(opening.velocity).max())
+        velocity = motion.velocity + share * opening.velocity
+        return self._prover.motion(velocity, np.ones(len(motion.jumps), dtype=bool), normalise=False)
+
+    def _weigh(self, motion: Motion, labels: Bits, undecided: Bools, threshold: float) -> Refutation | None:
+        sets, jumps = self.template.yield_set, motion.jumps
+        if not usable(motion.velocity):
+            return None
+        every = np.ones(len(labels), dtype=bool)
+        finite = np.array([sets.margin(jumps, every), sets.margin(jumps, ~every)])
+        motion, finite = self._opened(motion, finite, labels, undecided)
+        jumps = motion.jumps
+        dissipation = np.array([sets.dissipation(jumps, every), sets.dissipation(jumps, ~every)])
+        dissipation = np.where(finite >= 0.0, dissipation, np.inf)
+        either = dissipation.max(axis=0)
+        own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
+        work = float(self.template.live @ motion.velocity)
+        if abs(work) < tolerances.ROUNDING * float(abs(self.template.live) @ abs(motion.velocity)):
+            work = 0.0  # what is left of terms that cancel bounds nothing
+        dead = float(self.template.dead @ motion.velocity)
+        total = float(own.sum()) - dead
+        if not np.isfinite(total) or work < 0.0:
+            return None
+        total += self._prover.noise(motion.velocity, total)
+        excess = threshold * work - total
+        if not excess > 0.0:
+            return None
+        with np.errstate(invalid="ignore"):
+            cost = np.where(undecided, 0.0, either - own)
+        bound = total / work if work > 0.0 else -np.inf
+        return Refutation(excess, cost, bound)
+
+    def _opened(self, motion: Motion, finite: Floats, labels: Bits, undecided: Bools) -> tuple[Motion, Floats]:
+        """The motion with just the opening added that margins missed by rounding need, and the margins then."""
+        opening = self._interior.opening()
+        reach = _TINY * max(float(abs(motion.jumps).max()), 1e-300)
+        missed = (finite < 0.0) & (finite > -reach)
+        if opening is None or not missed.any():
+            return motion, finite
+        share = 1.01 * float(-finite[missed].min()) / opening.margin
+        every = np.ones(len(labels), dtype=bool)
+        motion = self._prover.motion(motion.velocity + share * opening.velocity, every, normalise=False)
+        sets = self.template.yield_set
+        return motion, np.array([sets.margin(motion.jumps, every), sets.margin(motion.jumps, ~every)])
+
+
+def _hull(sets: YieldSet) -> Rows:
+    if not has_hull(sets):
+        raise TypeError("no hull is known of these yield sets")
+    assert isinstance(sets, PlanarYield | SpatialYield)
+    every = np.ones(len(sets.friction), dtype=bool)
+    either = sets.active(every) | sets.active(~every)
+    return _Hull(_hull_rows(sets), np.asarray(either))
+
+
+@dataclass(frozen=True)
+class _Hull:
+    """Rows of the closed hull in the place of those of a dry face, and the resultants that either label keeps."""
+
+    pattern: RowPattern
+    either: Bools
+
+    def active(self, labels: Bits) -> Bools:
+        return self.either
+
+
+def has_hull(sets: YieldSet) -> bool:
+    """Whether undecided faces of these sets have rows; compressive strengths of dry faces in space have none."""
+    return isinstance(sets, PlanarYield) or (isinstance(sets, SpatialYield) and not np.isfinite(sets.crush_dry).any())
+
+
+def _hull_rows(sets: PlanarYield | SpatialYield) -> RowPattern:
+    """The pattern with the numbers of undecided faces in the place of those of dry ones.
+
+    A row g·(N, V, …) ≤ h of a dry face becomes g·(N + σtA, V, …) ≤ h + |g_V| τA.
+    """
+    pattern, planar = sets.pattern, isinstance(sets, PlanarYield)
+    q, shear = (3, 1) if planar else (6, 5)
+    data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
+    inside = pattern.column < q * len(sets.friction)
+    linear = pattern.row < pattern.linear
+    normal = inside & (pattern.column % q == 0)
+    across = inside & linear & (pattern.column % q == shear) & (data != 0.0)
+    # where only the inner set has shear resistance, V is back in equilibrium and its rows must bound it
+    held = (sets.friction == 0.0) & (sets.shear > 0.0)
+    rhs[pattern.row[across & held[pattern.face]]] = 0.0
+    if planar:
+        _widen_crushing(sets, data, rhs)
+    else:
+        rhs[pattern.linear :][held[pattern.row_face[pattern.linear :]]] = 0.0
+    np.subtract.at(rhs, pattern.row[normal], data[normal] * sets.tension[pattern.face[normal]])
+    np.add.at(rhs, pattern.row[across], abs(data[across]) * sets.shear[pattern.face[across]])
+    return replace(pattern, dry=data, h_dry=rhs)
+
+
+def _widen_crushing(sets: PlanarYield | SpatialYield, data: Floats, rhs: Floats) -> None:
+    """The parabola |m| ≤ N (1 − N/C) about N = −σtA with C as large as holds both sets; none where inner has no σc.
+
+    With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, and
+    N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.
+    """
+    pattern = sets.pattern
+    old = np.where(np.isfinite(sets.crush_dry), sets.crush_dry, 1.0)
+    new = np.maximum(sets.crush_dry, sets.crush_inner) + sets.tension
+    ratio = np.where(
+        np.isfinite(new), np.maximum(1.0, old) / np.maximum(1.0, np.where(np.isfinite(new), new, 1.0)), 0.0
+    )
+    cones = pattern.row >= pattern.linear
+    data[cones] *= ratio[pattern.face[cones]]
+    rows = np.arange(pattern.linear, len(rhs))
+    face, offset = pattern.row_face[rows], (rows - pattern.linear) % 3
+    size = np.maximum(1.0, np.where(np.isfinite(new), new, 1.0))[face]
+    limit = np.where(np.isfinite(new), new, 1.0)[face] / size
+    rhs[rows] = np.where(np.isfinite(new[face]), np.where(offset == 1, 0.0, limit), np.where(offset == 0, 1.0, 0.0))

@@ -1,0 +1,1 @@
+"""Equilibrium, scaling, and what a yield set is."""

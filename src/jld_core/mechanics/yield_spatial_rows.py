@@ -1,0 +1,211 @@
+"""The solver's rows of spatial yield sets: linear rows, then second-order cones, one pattern for both labels.
+
+A row that a label does not use keeps its place; where it holds variables that nothing else would hold under
+that label it keeps their coefficients with right-hand side one, so that no direction is left free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jld_core.assembly import Bools, Floats, Ints
+from jld_core.mechanics.bending import Bending
+from jld_core.mechanics.yield_planar import RowPattern
+
+Coefficient = tuple[Ints, Floats, Floats]
+"""Columns of a family of rows, and their coefficients under dry and under inner."""
+
+
+@dataclass
+class _Sheet:
+    """Collects families of rows, each one row per entry of an array of faces."""
+
+    faces: int
+    rows: int = 0
+    extra: int = 0
+    entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = field(default_factory=list)
+    sides: list[tuple[Floats, Ints, Ints]] = field(default_factory=list)
+
+    def column(self, face: Ints, resultant: int) -> Ints:
+        return 6 * face + resultant
+
+    def fresh(self, count: int) -> Ints:
+        """Columns of `count` new variables beyond the resultants."""
+        columns = 6 * self.faces + self.extra + np.arange(count)
+        self.extra += count
+        return columns
+
+    def add(
+        self,
+        face: Ints,
+        coefficients: list[Coefficient],
+        h_dry: Floats,
+        h_inner: Floats,
+        place: Ints | None = None,
+    ) -> None:
+        """Rows of one family; place: where they stand, else one after another at the end."""
+        if place is None:
+            place = self.rows + np.arange(len(face))
+            self.rows += len(face)
+        for column, dry, inner in coefficients:
+            used = (dry != 0.0) | (inner != 0.0)
+            self.entries.append((place[used], column[used], face[used], dry[used], inner[used]))
+        self.sides.append((np.column_stack([h_dry, h_inner]), place, face))
+
+    def cones(self, face: Ints, rows: list[tuple[list[Coefficient], Floats, Floats]]) -> int:
+        """A cone per face with one row per entry of `rows`. Returns how many."""
+        size = len(rows)
+        for offset, (coefficients, h_dry, h_inner) in enumerate(rows):
+            self.add(face, coefficients, h_dry, h_inner, self.rows + size * np.arange(len(face)) + offset)
+        self.rows += size * len(face)
+        return len(face)
+
+    def pattern(self, linear: int, cones: tuple[int, ...]) -> RowPattern:
+        row, column, face, dry, inner = (np.concatenate(part) for part in zip(*self.entries, strict=True))
+        sides = np.concatenate([side for side, _, _ in self.sides])
+        order = np.argsort(np.concatenate([place for _, place, _ in self.sides]))
+        row_face = np.concatenate([faces for _, _, faces in self.sides])
+        return RowPattern(
+            row=row,
+            column=column,
+            face=face,
+            dry=dry,
+            inner=inner,
+            h_dry=sides[order, 0],
+            h_inner=sides[order, 1],
+            row_face=row_face[order],
+            linear=linear,
+            cones=cones,
+            extra=self.extra,
+        )
+
+
+def spatial_rows(
+    friction: Floats,
+    tension: Floats,
+    shear: Floats,
+    crush_dry: Floats,
+    crush_inner: Floats,
+    point: Bools,
+    bending: Bending,
+) -> RowPattern:
+    """Rows of m spatial faces, columns as in A_eq, then the extra variables.
+
+    Arguments: as in SpatialYield. Extra columns: t per face with moments, a bound on shear; then p, q, a, b
+    per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against μN or τA;
+    inner σc per hull edge; p, q ≤ N ∓ m. Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b,
+    which say N³ ≤ N_c p q. Source: METHOD §2.
+    """
+    sheet = _Sheet(len(friction))
+    crushed = np.flatnonzero(np.isfinite(crush_dry))
+    _bending_rows(sheet, tension, crush_dry, point, bending)
+    plane, points = np.flatnonzero(~point), np.flatnonzero(point)
+    bound = sheet.fresh(len(plane))
+    _torsion_rows(sheet, plane, bound, friction, shear)
+    _inner_crush_rows(sheet, crush_inner, bending)
+    some = _Crush(crushed, *(sheet.fresh(crushed.size) for _ in range(4)))
+    _effective_rows(sheet, some)
+    linear = sheet.rows
+    cones = _shear_cones(sheet, plane, bound, points, friction, shear) + _crush_cones(sheet, some, crush_dry)
+    return sheet.pattern(linear, (3,) * cones)
+
+
+@dataclass(frozen=True)
+class _Crush:
+    """Columns of the extra variables of faces with a dry compressive strength."""
+
+    face: Ints
+    p: Ints
+    q: Ints
+    a: Ints
+    b: Ints
+
+
+def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
+    face = bending.face
+    size = np.maximum(1.0, tension / 3.0)[face]
+    # the effective rectangle of a crushed face implies them, and a point is dry under either label
+    used = np.where(np.isfinite(crush_dry), 0.0, 1.0)[face]
+    third = np.where(point[face], 1.0, 1.0 / (3.0 * size))
+    coefficients = [(sheet.column(face, 0), -used, -third)]
+    coefficients += [(sheet.column(face, 3 + j), used * bending.dry[:, j], third * bending.inner[:, j]) for j in (0, 1)]
+    sheet.add(face, coefficients, 1.0 - used, np.where(point[face], 0.0, tension[face] * third))
+
+
+def _torsion_rows(sheet: _Sheet, face: Ints, bound: Ints, friction: Floats, shear: Floats) -> None:
+    mu, cap = friction[face], shear[face]
+    size_v, size_s = np.maximum(1.0, mu), np.maximum(1.0, cap)
+    # where a label has no shear resistance V and MT are dropped from equilibrium, and these rows only hold
+    # them
+    h_dry, h_inner = np.where(mu > 0.0, 0.0, 1.0), np.where(cap > 0.0, cap / size_s, 1.0)
+    for sign in (1.0, -1.0):
+        coefficients = [
+            (sheet.column(face, 0), -mu / size_v, np.zeros(len(face))),
+            (sheet.column(face, 5), sign / size_v, sign / size_s),
+            (bound, 1.0 / size_v, 1.0 / size_s),
+        ]
+        sheet.add(face, coefficients, h_dry, h_inner)
+
+
+def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
+    rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
+    face = bending.face[rows]
+    nothing = np.zeros(len(rows))
+    third = 1.0 / (3.0 * np.maximum(1.0, crush[face] / 3.0))
+    coefficients = [(sheet.column(face, 0), nothing, third)]
+    coefficients += [(sheet.column(face, 3 + j), nothing, -third * bending.inner[rows, j]) for j in (0, 1)]
+    sheet.add(face, coefficients, np.ones(len(rows)), crush[face] * third)
+
+
+def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
+    one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
+    for variable, moment in ((crush.p, 3), (crush.q, 4)):
+        for sign in (1.0, -1.0):
+            coefficients = [
+                (sheet.column(crush.face, 0), -one, nothing),
+                (sheet.column(crush.face, moment), sign * one, nothing),
+                (variable, one, one),
+            ]
+            sheet.add(crush.face, coefficients, nothing, one)
+
+
+def _shear_cones(sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, shear: Floats) -> int:
+    one, nothing = np.ones(len(plane)), np.zeros(len(plane))
+    idle = np.where(friction[plane] > 0.0, 0.0, 1.0), np.where(shear[plane] > 0.0, 0.0, 1.0)
+    rows: list[tuple[list[Coefficient], Floats, Floats]] = [([(bound, -one, -one)], *idle)]
+    rows += [([(sheet.column(plane, j), -one, -one)], nothing, nothing) for j in (1, 2)]
+    count = sheet.cones(plane, rows)
+    mu = friction[points]
+    size, nothing = np.maximum(1.0, mu), np.zeros(len(points))
+    smooth = np.where(mu > 0.0, 0.0, 1.0)
+    rows = [([(sheet.column(points, 0), -mu / size, -mu / size)], smooth, smooth)]
+    rows += [([(sheet.column(points, j), -1.0 / size, -1.0 / size)], nothing, nothing) for j in (1, 2)]
+    return count + sheet.cones(points, rows)
+
+
+def _crush_cones(sheet: _Sheet, crush: _Crush, crush_dry: Floats) -> int:
+    """x² ≤ y z as ‖(2x, y − z)‖ ≤ y + z. Under inner, N is out of them and p, q, b are bounded by one."""
+    face = crush.face
+    one, nothing = np.ones(len(face)), np.zeros(len(face))
+    normal = sheet.column(face, 0)
+    minus = (-one, -one)
+    first: list[tuple[list[Coefficient], Floats, Floats]] = [
+        ([(crush.p, *minus), (crush.q, *minus)], nothing, nothing),
+        ([(crush.a, -2.0 * one, -2.0 * one)], nothing, nothing),
+        ([(crush.p, *minus), (crush.q, one, one)], nothing, nothing),
+    ]
+    second: list[tuple[list[Coefficient], Floats, Floats]] = [
+        ([(normal, -one, nothing)], one, 2.0 * one),
+        ([(crush.b, -2.0 * one, -2.0 * one)], nothing, nothing),
+        ([(normal, -one, nothing)], -one, nothing),
+    ]
+    weight = crush_dry[face] ** -0.25
+    size = np.maximum(1.0, weight)
+    third: list[tuple[list[Coefficient], Floats, Floats]] = [
+        ([(crush.a, -one / size, -one / size), (crush.b, -one / size, -one / size)], nothing, nothing),
+        ([(normal, -2.0 * weight / size, nothing)], nothing, nothing),
+        ([(crush.a, -one / size, -one / size), (crush.b, one / size, one / size)], nothing, nothing),
+    ]
+    return sum(sheet.cones(face, rows) for rows in (first, second, third))

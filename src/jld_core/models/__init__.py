@@ -1,0 +1,1 @@
+"""What is modelled, and the one policy how."""

@@ -1,0 +1,73 @@
+"""Concave contact: dry faces that touch at the corners of their hull alone, each with a Coulomb cone of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from jld_core.assembly import DRY, INNER, Assembly, Bits, Floats, Interfaces, Ints, Strengths
+from jld_core.errors import InputError
+from jld_core.mechanics.bending import local_hulls
+
+
+def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
+    """The assembly of concave contact: every dry face becomes one point face per corner of its hull.
+
+    labels: (m,) True dry. Returns the assembly, whose own labels say dry for the points and inner for the
+    rest, and the face each of its faces comes from, sorted. Point faces have no area and no moments, a
+    polygon of one point, and the sizes of their parent (scales of moments that are never used).
+    Corners within the hull add nothing: their cones are sums of those of the hull's corners.
+    Raises InputError: a compressive strength on a dry face, since a point has no area to be crushed.
+    Source: Livesley 1992; METHOD §2.
+    """
+    faces = assembly.interfaces
+    hard = np.flatnonzero(labels & np.isfinite(assembly.strengths.crush_dry))
+    if hard.size:
+        pair = f"{assembly.elements.ids[faces.a[hard[0]]]}–{assembly.elements.ids[faces.b[hard[0]]]}"
+        raise InputError("--contact concave", f"dry face {pair} has a compressive strength", "convex contact there")
+    points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
+    dry = np.flatnonzero(labels)
+    for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):
+        points[face] = faces.origin[face] + outline @ np.array([faces.e1[face], faces.e2[face]])
+    parent = np.repeat(np.arange(len(faces)), [len(p) for p in points])
+    place = np.concatenate(points) if points else np.zeros((0, 3))
+    is_point = labels[parent]
+    polygon = tuple(place[[k]] if is_point[k] else faces.polygon[parent[k]] for k in range(len(parent)))
+    spread = Interfaces(
+        a=faces.a[parent],
+        b=faces.b[parent],
+        origin=np.where(is_point[:, None], place, faces.origin[parent]),
+        normal=faces.normal[parent],
+        e1=faces.e1[parent],
+        e2=faces.e2[parent],
+        l1=faces.l1[parent],
+        l2=faces.l2[parent],
+        area=np.where(is_point, 0.0, faces.area[parent]),
+        c_t=faces.c_t[parent],
+        rectangle=faces.rectangle[parent] & ~is_point,
+        polygon=polygon,
+    )
+    s = assembly.strengths
+    strengths = Strengths(*(v[parent] for v in (s.friction, s.tension, s.shear, s.crush_dry, s.crush_inner)))
+    expanded = replace(
+        assembly, interfaces=spread, strengths=strengths, labels=np.where(is_point, DRY, INNER).astype(bool)
+    )
+    return expanded, parent
+
+
+def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
+    """Resultants (m, 6) about the centroids of the faces, from those of the faces of the point assembly."""
+    faces = assembly.interfaces
+    arm = points.interfaces.origin - faces.origin[parent]
+    x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])
+    x2 = np.einsum("ij,ij->i", arm, faces.e2[parent])
+    n, v1, v2 = forces[:, 0], forces[:, 1], forces[:, 2]
+    # moment of n·N + e1·V1 + e2·V2 at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n
+    moved = forces.copy()
+    moved[:, 3] += x2 * n
+    moved[:, 4] -= x1 * n
+    moved[:, 5] += x1 * v2 - x2 * v1
+    total = np.zeros((len(faces), 6))
+    np.add.at(total, parent, moved)
+    return total

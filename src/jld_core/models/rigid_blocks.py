@@ -1,0 +1,326 @@
+"""Crack on demand: blocks whose inner faces need not yield are solved as rigid bodies (METHOD §7).
+
+A block glued by inner faces that stay below yield moves as one body: its elements' equilibrium is summed and
+its inner faces, and slits within it, drop out. The rigid λ is an upper bound, and its mechanism is one of the full
+model, inner jumps being zero by construction. Where admissible inner forces exist in every block under the
+boundary forces found, the rigid λ is exact: the full model has a state with the same λ. Where they do not, that
+proves nothing, since boundary forces are not unique: those blocks are taken apart, and everything is solved and
+checked again.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.assembly import Assembly, Bits, Elements, Floats, Interfaces, Ints, Strengths
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import State, load_floor, relative_width
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.mechanics.scaling import Scaling, scaling_of
+from jld_core.program.template import Template, pack
+from jld_core.solvers import is_large
+from jld_core.solvers.base import Status
+from jld_core.solvers.clarabel import ClarabelRoute
+
+_STRONG = 300.0  # strength over force scale above which blocks count as rigid until shown otherwise
+_STRONG_LARGE = 4.0  # the same for assemblies that are large for their solver (measured on 2 025 faces)
+_ROUNDS = 4  # rounds of taking blocks apart before the full model is the shorter way
+
+
+@dataclass(frozen=True)
+class RigidBlocks:
+    """An assembly whose elements are blocks.
+
+    assembly: the condensed one; element k holds the elements with group == k. group: (n,). face: (m',) the
+    full assembly's interface of each of its interfaces.
+    """
+
+    assembly: Assembly
+    group: Ints
+    face: Ints
+
+
+def worth_condensing(template: Template, labels: Bits) -> bool:
+    """Are the inner faces so strong that they are better left out? Measured in benchmarks/condensation.py.
+
+    With strengths of the order of the loads most blocks fail some check and are taken apart, which costs more
+    than it saves; far above them the full program is slow and badly scaled, and rigid blocks are exact at once.
+    """
+    strengths, area = template.assembly.strengths, template.assembly.interfaces.area
+    inner = ~labels
+    if not inner.any():
+        return False
+    weakest = np.minimum(strengths.tension, strengths.shear)[inner] * area[inner] / template.scaling.force
+    return bool(np.nanmin(weakest) > (_STRONG_LARGE if is_large(template.structure) else _STRONG))
+
+
+def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
+    """Join elements through inner faces, except within blocks that are taken apart.
+
+    labels: (m,) True dry. apart: elements that stand for themselves. A block glued to a support is support.
+    """
+    elements, faces = assembly.elements, assembly.interfaces
+    count = len(elements)
+    alone = np.zeros(count, dtype=bool)
+    alone[apart] = True
+    glued = ~labels & ~(alone[faces.a] | alone[faces.b])
+    links = sp.coo_array((np.ones(int(glued.sum())), (faces.a[glued], faces.b[glued])), shape=(count, count))
+    group: Ints = connected_components(links, directed=False)[1].astype(np.int64)
+    number = int(group.max()) + 1
+    support = np.zeros(number, dtype=bool)
+    np.logical_or.at(support, group, elements.support)
+    kept = np.flatnonzero((group[faces.a] != group[faces.b]) & ~(support[group[faces.a]] & support[group[faces.b]]))
+    return RigidBlocks(_joined(assembly, labels, group, support, kept), group, kept)
+
+
+def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
+    elements, faces, s, d = assembly.elements, assembly.interfaces, assembly.strengths, assembly.dimension
+    number = len(support)
+    size = np.bincount(group, minlength=number)
+    centroid = np.zeros((number, d))
+    np.add.at(centroid, group, elements.centroid)
+    centroid /= size[:, None]
+    moved = []
+    for load in (assembly.dead, assembly.live):
+        arm = elements.centroid - centroid[group]
+        own = load.copy()
+        if d == 2:
+            own[:, 2] += arm[:, 0] * load[:, 1] - arm[:, 1] * load[:, 0]
+        else:
+            own[:, 3:] += np.cross(arm, load[:, :3])
+        own[elements.support] = 0.0
+        total = np.zeros((number, load.shape[1]))
+        np.add.at(total, group, own)
+        total[support] = 0.0
+        moved.append(total)
+    weight = np.zeros((number, d))
+    np.add.at(weight, group, elements.weight)
+    volume = np.bincount(group, weights=elements.volume, minlength=number).astype(float)
+    order = np.argsort(group, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(size)])
+    # corners are kept for the radius of the block only
+    shape = tuple(np.concatenate([elements.shape[k] for k in order[starts[g] : starts[g + 1]]]) for g in range(number))
+    blocks = Elements(
+        ids=tuple(f"block {g}" for g in range(number)),
+        blocks=(None,) * number,
+        support=support,
+        centroid=centroid,
+        volume=volume,
+        weight=weight,
+        shape=shape,
+    )
+    joints = Interfaces(
+        a=group[faces.a[kept]],
+        b=group[faces.b[kept]],
+        origin=faces.origin[kept],
+        normal=faces.normal[kept],
+        e1=faces.e1[kept],
+        e2=faces.e2[kept],
+        l1=faces.l1[kept],
+        l2=faces.l2[kept],
+        area=faces.area[kept],
+        c_t=faces.c_t[kept],
+        rectangle=faces.rectangle[kept],
+        polygon=tuple(faces.polygon[k] for k in kept),
+    )
+    strengths = Strengths(s.friction[kept], s.tension[kept], s.shear[kept], s.crush_dry[kept], s.crush_inner[kept])
+    return replace(
+        assembly,
+        elements=blocks,
+        interfaces=joints,
+        strengths=strengths,
+        dead=moved[0],
+        live=moved[1],
+        labels=labels[kept],
+        live_points=(),
+    )
+
+
+def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -> LimitAnalysisResult | None:
+    """Limit analysis by rigid blocks, cracked on demand; None where the full model is the way to go.
+
+    full: of the full model. labels: (m,) True dry. stands: also decide whether it stands at λ = 0. The bracket is
+    that of the full model: the lower end is a state of it, checked as such.
+    Source: METHOD §7.
+    """
+    start = time.perf_counter()
+    assembly, gap, solver = full.assembly, full.gap, full.solver
+    scale = full.template.scaling
+    apart = np.zeros(0, dtype=np.int64)
+    route: list[str] = []
+    solves = 0
+    for _ in range(_ROUNDS):
+        rigid = rigid_blocks(assembly, labels, apart)
+        if not rigid.assembly.live.any() or not len(rigid.face):
+            return None
+        scaling = scaling_of(rigid.assembly)
+        inner = LimitAnalysis(rigid.assembly, solver=solver, gap=gap, reference=rigid.assembly.labels)
+        status, proof = inner.prove(rigid.assembly.labels)
+        solves += proof.solves
+        route += [f"rigid: {step}" for step in proof.route]
+        if status is Status.UNSTABLE:
+            return _unstable(full, labels, solves, route, time.perf_counter() - start)
+        if status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
+            return None
+        boundary = proof.state.forces * scaling.face
+        load = proof.state.load * scaling.load
+        found = _inner_forces(full.template, labels, rigid, boundary, load)
+        solves += 1
+        if found is None:
+            return None
+        state, failing = found
+        if failing.size == 0:
+            checked = full.prover.state(np.append(state.ravel(), load / scale.load), labels)
+            if not checked.admissible:
+                checked = full.unloaded(labels) or checked
+            low = checked.load * scale.load if checked.admissible else -math.inf
+            high = proof.motion.bound * scaling.load
+            if relative_width(low, high, load_floor(full.template)) > gap:
+                return None
+            at_zero = full.stands(labels) if stands else None
+            seconds = time.perf_counter() - start
+            found_ = _collapse(full, labels, rigid, proof.motion.velocity, scaling, checked, high)
+            return replace(
+                found_,
+                iterations=solves,
+                route=tuple(route),
+                stands_at_zero=at_zero,
+                seconds=_seconds(full, seconds),
+            )
+        route.append(f"{failing.size} blocks taken apart")
+        apart = np.union1d(apart, np.flatnonzero(np.isin(rigid.group, failing)))
+    return None
+
+
+def _inner_forces(
+    template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
+) -> tuple[Floats, Ints] | None:
+    """Scaled forces on all faces, and the blocks for which no admissible inner forces were found.
+
+    boundary: (m', q) forces on the faces between blocks, scene units; load: λ, scene units. Each block looks
+    for the state of largest slack of its own; blocks decouple once boundary forces and λ are given.
+    """
+    scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
+    count = len(labels)
+    forces = np.zeros((count, q))
+    forces[rigid.face] = boundary / scale.face[rigid.face]
+    faces = template.assembly.interfaces
+    within = np.ones(count, dtype=bool)
+    within[rigid.face] = False
+    support = rigid.assembly.elements.support[rigid.group]
+    within &= ~(support[faces.a] & support[faces.b])  # between glued supports nothing is asked for
+    inside = np.flatnonzero(within)
+    if inside.size == 0:
+        return forces, inside
+    program = template.program(labels)
+    s = program.structure
+    free = template.assembly.elements.free
+    rows = np.flatnonzero(~np.repeat(support[free], q))
+    columns = (q * inside[:, None] + np.arange(q)).ravel()
+    pattern = sets.pattern
+    extra = np.arange(pattern.extra)
+    if pattern.extra:  # one bound on shear per face
+        columns = np.concatenate([columns, q * count + extra[np.isin(extra, inside)]])
+    matrix = program.matrix.tocsr()
+    target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
+    yields = s.equalities + 1 + np.flatnonzero(within[pattern.row_face])
+    linear = yields[yields < s.equalities + s.linear]
+    conic = yields[yields >= s.equalities + s.linear]
+    sizes = tuple(
+        np.array(s.cones, dtype=np.int64)[within[_cone_faces(pattern.row_face, pattern.linear, s.cones)]].tolist()
+    )
+    block = rigid.group[faces.a]
+    names, position = np.unique(block[inside], return_inverse=True)
+    of_block = np.full(int(rigid.group.max()) + 1, -1)
+    of_block[names] = np.arange(len(names))
+    tips = np.concatenate([linear, conic[np.concatenate([[0], np.cumsum(sizes)])[: len(sizes)].astype(int)]])
+    owner = of_block[block[pattern.row_face[tips - s.equalities - 1]]]
+    slack = sp.csr_array((np.ones(len(tips)), (tips, owner)), shape=(s.shape[0], len(names)))
+    wide = sp.hstack([matrix[:, columns], slack]).tocsr()
+    cap = sp.hstack([sp.csr_array((len(names), len(columns))), sp.eye_array(len(names))])
+    stacked = sp.vstack([wide[rows], wide[linear], cap, wide[conic]])
+    rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(names)), program.rhs[conic]])
+    objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(names))])
+    raw = ClarabelRoute().solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
+    own = raw.point[: q * inside.size].reshape(-1, q)
+    if not np.all(np.isfinite(own)):
+        return None
+    forces[inside] = np.where(sets.active(labels)[inside], own, 0.0)
+    room = sets.slack(forces, labels)[inside]
+    return forces, names[np.unique(position[room < 1e-9])]
+
+
+def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
+    heads = linear + np.concatenate([[0], np.cumsum(cones)])[: len(cones)].astype(int)
+    return np.asarray(row_face[heads])
+
+
+def _collapse(
+    full: LimitAnalysis,
+    labels: Bits,
+    rigid: RigidBlocks,
+    velocity: Floats,
+    scaling: Scaling,
+    state: State,
+    high: float,
+) -> LimitAnalysisResult:
+    """The result in terms of the full assembly: each element moves with its block.
+
+    velocity, scaling: of the condensed template. high: upper bound on λ, scene units.
+    """
+    assembly, scale = full.assembly, full.template.scaling
+    q, d = assembly.freedoms, assembly.dimension
+    blocks = np.zeros((len(rigid.assembly.elements), q))
+    blocks[rigid.assembly.elements.free] = (scaling.load * velocity / scaling.row.ravel()).reshape(-1, q)
+    mechanism = blocks[rigid.group]
+    arm = assembly.elements.centroid - rigid.assembly.elements.centroid[rigid.group]
+    if d == 2:
+        mechanism[:, 0] -= mechanism[:, 2] * arm[:, 1]
+        mechanism[:, 1] += mechanism[:, 2] * arm[:, 0]
+    else:
+        mechanism[:, :3] += np.cross(mechanism[:, 3:], arm)
+    low = state.load * scale.load
+    return LimitAnalysisResult(
+        assembly=assembly,
+        labels=labels,
+        status=Status.COLLAPSE,
+        load_factor=0.5 * (low + high),
+        bracket=(low, high),
+        gap=relative_width(low, high, load_floor(full.template)),
+        stands_at_zero=None,
+        forces=state.forces * scale.face,
+        mechanism=mechanism,
+        iterations=0,
+        route=(),
+        seconds={},
+        extra={"rigid_blocks": len(rigid.assembly.elements.free)},
+    )
+
+
+def _unstable(full: LimitAnalysis, labels: Bits, solves: int, route: list[str], seconds: float) -> LimitAnalysisResult:
+    """Rigid blocks that cannot stand cannot stand if they may crack besides."""
+    nan = math.nan
+    return LimitAnalysisResult(
+        assembly=full.assembly,
+        labels=labels,
+        status=Status.UNSTABLE,
+        load_factor=nan,
+        bracket=(nan, nan),
+        gap=nan,
+        stands_at_zero=False,
+        forces=None,
+        mechanism=None,
+        iterations=solves,
+        route=tuple(route),
+        seconds=_seconds(full, seconds),
+    )
+
+
+def _seconds(full: LimitAnalysis, seconds: float) -> dict[str, float]:
+    return {"assemble": full.seconds, "solve": seconds, "total": full.seconds + seconds}

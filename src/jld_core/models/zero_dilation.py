@@ -1,0 +1,136 @@
+"""Non-associative friction without dilation, by a sequence of frozen associative problems (METHOD §4).
+
+A solution is a pair: forces F in equilibrium with the loads at λ and inside the true cone |V| ≤ μN, and
+velocities u whose jumps do not dilate, with the complementarity gap
+
+    Γ(F, u) = Σ_dry [N δ + M·θ + μN slip + V·s + MT ω] + Σ_inner [D + F·J] = Σ D_N(J) − b·u − λ ≥ 0
+
+at zero. D_N is the dissipation of the problem whose friction is frozen at μN: for given F the least Γ is found
+by that problem (its λ, without any dilation, less the λ of F), and for given u by an associative problem in
+which every N costs μ·slip. Γ is convex in either argument alone and never negative, so a pair that brings it to
+zero is proven, whatever led there, and [λ of F, bound of u] is a bracket of the frozen problem of width Γ.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits
+from jld_core.errors import InputError
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import relative_width
+from jld_core.limit.mechanism import element_velocities
+from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.models.effective_area import require_rectangles
+from jld_core.models.zero_dilation_search import Pair, Run, Scheme
+from jld_core.solvers.base import Status
+
+
+def zero_dilation(
+    analysis: LimitAnalysis,
+    labels: Bits | None = None,
+    scheme: Scheme | None = None,
+    *,
+    associative: LimitAnalysisResult | None = None,
+    stands: bool = True,
+) -> LimitAnalysisResult:
+    """Collapse without dilation of one labelling, by an analysis that exists already.
+
+    analysis: of associative friction, planar or spatial, points included. labels: (m,) True dry. associative:
+    its result for these labels where known. stands: also decide λ = 0.
+
+    The result: `load_factor` and `forces` are those of an exactly admissible state, `mechanism` does not
+    dilate, and `bracket` is [λ of the state, bound of the mechanism] for the problem with friction frozen at
+    μN of that state, whose width is Γ; it says nothing of other zero-dilation solutions, which exist. The one
+    upper bound on all of them is `extra["associative_load_factor"]`. `extra` also holds `friction_violation`
+    (max(|V| − μN)⁺ / max N), `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces
+    / largest slip), `bracket_of` and `zero_dilation_iterations`. A run not converged, or a bracket wider than
+    the analysis' gap, is `uncertified`. Where associative friction locks, the run starts from the state of
+    least forces.
+    Raises InputError: missing material; "vertex" on a spatial scene; effective areas on other than rectangles.
+    Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; METHOD §4.
+    """
+    start = time.perf_counter()
+    scheme = scheme or Scheme()
+    labels = analysis.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    if scheme.effective_area:
+        require_rectangles(analysis.assembly, labels)
+    if scheme.start == "vertex" and analysis.template.structure.cones:
+        raise InputError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
+    associative = associative or analysis.solve(labels, stands=stands)
+    if associative.status is Status.UNSTABLE or associative.forces is None:
+        return _closed(associative, analysis, None, 0, start)
+    if associative.status is Status.LOCKED:
+        # whatever friction follows the present N would build up self-stress without end
+        scheme = replace(scheme, alpha=0.0)
+    run = Run(analysis, labels, scheme)
+    forces = run.first_forces(associative)
+    pair = run.robust(forces) if scheme.variant == "robust" else run.plain(forces)
+    return _closed(associative, analysis, pair, run.solves, start)
+
+
+def solve_zero_dilation(
+    assembly: Assembly, labels: Bits | None = None, *, gap: float = tolerances.GAP, **options: Any
+) -> LimitAnalysisResult:
+    """Zero-dilation limit analysis of one labelling in one call; options: fields of `Scheme`. See `zero_dilation`."""
+    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    return zero_dilation(LimitAnalysis(assembly, gap=gap, reference=own), own, Scheme(**options))
+
+
+def _closed(
+    associative: LimitAnalysisResult,
+    analysis: LimitAnalysis,
+    pair: Pair | None,
+    solves: int,
+    start: float,
+) -> LimitAnalysisResult:
+    """The result in scene units; where there is no pair, associative friction has decided."""
+    scaling, nan = analysis.template.scaling, math.nan
+    status, load, bracket, gap = associative.status, nan, (nan, nan), nan
+    forces = mechanism = None
+    converged = pair is not None and bool(pair.converged)
+    if pair is not None:
+        low = pair.state.load * scaling.load if pair.state.admissible else nan
+        high = pair.motion.bound * scaling.load if pair.motion is not None else nan
+        bracket, load, status = (low, high), pair.state.load * scaling.load, Status.UNCERTIFIED
+        floor = tolerances.GAP_FLOOR * analysis.assembly.total_dead / analysis.assembly.total_live
+        gap = relative_width(low, high, floor)
+        forces = pair.state.forces * scaling.face
+        if pair.motion is not None:
+            mechanism = element_velocities(analysis.template, pair.motion.velocity)
+        if pair.locked:
+            status, load, bracket, gap = Status.LOCKED, nan, (low, nan), nan
+        elif converged and pair.state.admissible and gap <= analysis.gap:
+            status = Status.COLLAPSE
+    elapsed = time.perf_counter() - start
+    return LimitAnalysisResult(
+        assembly=analysis.assembly,
+        labels=associative.labels,
+        status=status,
+        load_factor=load,
+        bracket=bracket,
+        gap=gap,
+        stands_at_zero=associative.stands_at_zero,
+        forces=forces,
+        mechanism=mechanism,
+        iterations=solves + associative.iterations,
+        route=(*associative.route, f"zero dilation ({solves})"),
+        seconds={"assemble": analysis.seconds, "solve": elapsed, "total": analysis.seconds + elapsed},
+        friction="zero-dilation",
+        contact=associative.contact,
+        extra={
+            "associative_load_factor": number(associative.load_factor),
+            "friction_violation": None if pair is None else number(pair.violation),
+            "complementarity_gap": None if pair is None else number(pair.relative_gap),
+            "dilation": None if pair is None else number(pair.dilation),
+            "converged": converged or status in (Status.LOCKED, Status.UNSTABLE),
+            "bracket_of": "problem with friction frozen at μN of these forces",
+            "zero_dilation_iterations": solves,
+        },
+    )

@@ -1,0 +1,397 @@
+"""The search for forces and velocities that satisfy friction without dilation; see `zero_dilation`."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.assembly import Bits, Floats
+from jld_core.errors import InputError
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import Motion, Prover, State, load_floor
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
+from jld_core.models.effective_area import FIXED, base_yield, change, contact_of
+from jld_core.program.template import ConicProgram, Template
+from jld_core.solvers import HighsRoute, RawStatus
+from jld_core.solvers.base import RawSolution, Status
+from jld_core.solvers.clarabel import ClarabelRoute
+from jld_core.solvers.proximal import ProximalRoute
+
+VIOLATION: Final = 1e-4
+"""Largest (|V| − μN)⁺ over the largest N of a converged run."""
+
+DILATION: Final = 1e-6
+"""Largest dilation of a pressed face over the largest slip of a converged run."""
+
+COMPLEMENTARITY: Final = 1e-3
+"""Largest Γ over the dissipation of a converged run."""
+
+SETTLED: Final = 1e-6
+"""Difference of λ between the last two programs, relative, of a converged run: of the least Γ and of the problem
+frozen at it (robust), of the last two without any dilation (plain)."""
+
+_WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
+_BACK = 6  # times that a proximal step goes back half way before it is given up
+_LEAST = 0.1  # least share of a proximal step that is taken
+_HOLD = 30.0  # weight of the proximal term while effective areas settle
+_SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its own forces, five times it at most
+_PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How the fixed point is sought.
+
+    variant: "plain" is the procedure of Gilbert et al. 2006, N_prev smoothed, "robust" alternates proximal
+    steps and minimisation of Γ. alpha: share of the present N in friction at first; later steps have none.
+    beta: share of the new N in the smoothed one (plain). damping: weight ε of the proximal term about the last
+    forces (robust), for scaled forces of order one. anchor: the same where Γ is minimised. block: proximal
+    steps between two minimisations of Γ. start: forces of the associative solution, the "gravity" state of
+    least forces at λ = 0, or an associative "vertex" (planar). most: programs after which no further
+    attempt begins. effective_area: update effective areas in the same loop (spatial, dry rectangles).
+    """
+
+    variant: Literal["robust", "plain"] = "robust"
+    alpha: float = 0.01
+    beta: float = 0.6
+    damping: float = 1e-2
+    anchor: float = 1e-3
+    block: int = 5
+    start: Literal["associative", "gravity", "vertex"] = "associative"
+    most: int = 60
+    effective_area: bool = False
+
+    def __post_init__(self) -> None:
+        for key, allowed in (
+            ("variant", ("robust", "plain")),
+            ("start", ("associative", "gravity", "vertex")),
+        ):
+            if getattr(self, key) not in allowed:
+                raise InputError(key, f"there is no {getattr(self, key)!r}", " or ".join(allowed))
+        if not (0.0 <= self.alpha <= 1.0 and 0.0 < self.beta <= 1.0):
+            raise InputError("alpha, beta", f"{self.alpha}, {self.beta}", "0 ≤ alpha ≤ 1 and 0 < beta ≤ 1")
+        if not (self.damping > 0.0 and self.anchor > 0.0 and self.block >= 1 and self.most >= 1):
+            raise InputError("damping, anchor, block, most", "not positive", "positive numbers")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Forces and velocities held against one another, scaled.
+
+    state: in equilibrium, and admissible under true friction as far as that could be had. motion: of the
+    problem frozen at the state's N, None where none has finite dissipation. locked: that problem has no finite
+    λ. violation, dilation: as in the result. gap: Γ. dissipation: Σ D_N(J). moved: change of the effective areas
+    that the forces ask for. floor: scaled λ below which λ counts as zero. settled: see `SETTLED`.
+    """
+
+    state: State
+    motion: Motion | None
+    locked: bool
+    violation: float
+    dilation: float
+    gap: float
+    dissipation: float
+    moved: float
+    floor: float
+    settled: bool
+
+    @property
+    def relative_gap(self) -> float:
+        """Γ over the dissipation; over the work of the loads where nothing dissipates (pure rocking)."""
+        if self.motion is None:
+            return math.inf
+        work = max(abs(self.state.load), abs(self.motion.bound), self.floor)
+        size = self.dissipation if self.dissipation > 1e-6 * work else work
+        return abs(self.gap) / size if size > 0.0 else math.inf
+
+    def closes(self, width: float) -> bool:
+        """Do λ of the forces and bound of the velocities meet within a relative width?"""
+        if self.motion is None:
+            return False
+        size = max(abs(self.state.load), abs(self.motion.bound), self.floor)
+        return abs(self.motion.bound - self.state.load) <= width * size
+
+    @property
+    def converged(self) -> bool:
+        """All that METHOD §4 asks of a solution."""
+        if self.motion is None:
+            return False
+        return (
+            self.violation <= VIOLATION
+            and self.dilation <= DILATION
+            and self.relative_gap <= COMPLEMENTARITY
+            and self.settled
+            and self.moved <= FIXED
+        )
+
+
+class Run:
+    """One search: the programs it solves share routes and count against one limit."""
+
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme) -> None:
+        self.analysis, self.labels, self.scheme = analysis, labels, scheme
+        template = analysis.template
+        self.count = template.matrix.shape[1]
+        self.margin = analysis.margin
+        self.base = base_yield(template)
+        residual = template.precision.residual
+        # the quadratic programs do not reach what linear ones do, and only the last of them must be exact
+        self.walk = ProximalRoute(self.count, scheme.damping, max(_WALK, residual))
+        self.match = ProximalRoute(self.count, scheme.anchor, max(_MATCH, residual))
+        self.hold = ProximalRoute(self.count, _HOLD, max(_MATCH, residual))
+        self.route = ClarabelRoute(residual)
+        self.shared: Template = template
+        self.floor = load_floor(template) / template.scaling.load
+        self.reached = np.zeros(self.count)
+        self.solves = 0
+
+    # --- frozen problems ----------------------------------------------------------------------------------
+
+    def contact(self, forces: Floats) -> Contact | None:
+        """Effective areas under scaled forces, if they are asked for."""
+        if not self.scheme.effective_area:
+            return None
+        return contact_of(self.analysis.assembly, self.table(forces), self.labels)
+
+    def contact_under(self, state: State) -> Contact:
+        """Effective areas under a state's own forces."""
+        return contact_of(self.analysis.assembly, state.forces, self.labels)
+
+    def prover(self, template: Template) -> Prover:
+        """The analysis' prover for another template of the same matrix: projectors are shared."""
+        prover = copy.copy(self.analysis.prover)
+        prover.template = template
+        return prover
+
+    def frozen(self, alpha: float, previous: Floats, contact: Contact | None) -> tuple[Template, FrozenYield]:
+        """The template with friction μ(αN + (1 − α)N_prev); previous: (m,)."""
+        sets = FrozenYield(self.base, alpha, np.maximum(previous, 0.0), contact)
+        self.shared = self.shared.renumbered(sets)
+        return self.shared, sets
+
+    def table(self, forces: Floats) -> Floats:
+        return forces[: self.count].reshape(len(self.labels), -1)
+
+    def normals(self, forces: Floats) -> Floats:
+        return self.table(forces)[:, 0]
+
+    # --- the two steps ------------------------------------------------------------------------------------
+
+    def walk_on(self, forces: Floats, alpha: float) -> RawSolution:
+        """A proximal step on the problem frozen at the forces' own N."""
+        centre = forces[: self.count]
+        for _ in range(_BACK):
+            template, _ = self.frozen(alpha, self.normals(centre), self.contact(centre))
+            raw = self.walk.solve(template.program(self.labels, self.margin), centre)
+            self.solves += 1
+            if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST):
+                self.reached = centre
+                break
+            # less pressure where the loads need friction can leave no equilibrium at all: go back half way
+            centre = 0.5 * (centre + self.reached)
+        return raw
+
+    def matching(self, forces: Floats, dual: Floats, contact: Contact | None, held: float | None = None) -> State:
+        """The state of least Γ against velocities among those of true friction, near given forces.
+
+        dual: multipliers whose first entries are the velocities. held: stay close to the forces, with this slack.
+        """
+        template, sets = self.frozen(1.0, self.normals(forces), contact)
+        velocity = dual[: template.matrix.shape[0]]
+        jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
+        work = float(template.live @ velocity)
+        # multipliers of the program have b_λ·u = 1 up to the multiplier of λ ≥ −floor
+        rate = sets.base.friction * sets.slip(jumps, self.labels) / (work if work > 0.0 else 1.0)
+        program = template.program(self.labels, self.margin if held is None else held)
+        objective = program.objective.copy()
+        objective[np.arange(0, self.count, template.assembly.freedoms)] += np.where(sets.dry(self.labels), rate, 0.0)
+        self.solves += 1
+        priced = ConicProgram(program.structure, program.data, program.rhs, objective)
+        route = self.match if held is None else self.hold
+        point = route.solve(priced, forces[: self.count]).point
+        return self.admissible(point, template, contact)
+
+    def admissible(self, point: Floats, template: Template, contact: Contact | None) -> State:
+        """A raw point moved into equilibrium and the true cone, as far as that can be had."""
+        labels, prover = self.labels, self.prover(template)
+        state = prover.state(point, labels, passes=3)
+        if state.admissible:
+            return state
+        analysis = self.analysis
+        if contact is not None:
+            analysis = LimitAnalysis(analysis.assembly, template=template, gap=analysis.gap, reference=labels)
+        inside = analysis.interior.state(labels)
+        self.solves += 1
+        if inside is not None:
+            state = prover.blend(state, inside, labels)
+        if not state.admissible:
+            self.solves += 1
+            state = analysis.interior.edge_state(point, labels) or state
+        return state
+
+    def judge(
+        self,
+        state: State,
+        contact: Contact | None,
+        violation: float | None = None,
+        settled: bool | None = None,
+    ) -> Pair:
+        """Velocities without any dilation for the N of a state: the last of the programs, and Γ.
+
+        violation, settled: as the search found them; None takes them from the state and its Γ.
+        """
+        labels = self.labels
+        template, sets = self.frozen(0.0, state.forces[:, 0], contact)
+        prover = self.prover(template)
+        raw = self.route.solve(template.program(labels, self.margin))
+        self.solves += 1
+        motion = prover.motion(raw.dual, labels)
+        opening = None if motion.margin >= 0.0 else self.analysis.interior.opening()
+        if opening is not None:
+            motion = prover.open_up(motion, opening, labels)
+        locked = False
+        finite = motion.margin >= 0.0 and motion.work > 0.0
+        size = max(abs(motion.bound), abs(state.load), self.floor)
+        if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
+            status, proof = LimitAnalysis(
+                self.analysis.assembly, template=template, gap=self.analysis.gap, reference=labels
+            ).prove(labels)
+            self.solves += proof.solves
+            locked = status is Status.LOCKED
+            if proof.motion is not None and (motion.margin < 0.0 or proof.motion.bound < motion.bound):
+                motion = proof.motion
+        largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0
+        if violation is None:
+            violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
+        if locked or motion.margin < 0.0 or not motion.work > 0.0:
+            return Pair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
+        jumps = motion.jumps
+        slip = sets.slip(jumps, labels)[sets.dry(labels)].max(initial=0.0)
+        widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
+        pressed = state.forces[:, 0] > _PRESSED * largest
+        dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
+        dissipation = float(sets.dissipation(jumps, labels).sum())
+        gap = motion.bound - state.load
+        moved = 0.0 if contact is None else change(contact, self.contact_under(state))
+        size = max(abs(motion.bound), abs(state.load), self.floor)
+        settled = abs(gap) <= SETTLED * size if settled is None else settled
+        return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled)
+
+    # --- the two variants ---------------------------------------------------------------------------------
+
+    def robust(self, forces: Floats) -> Pair:
+        """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict.
+
+        With effective areas later rounds hold the forces and take no proximal steps: the areas follow the forces,
+        which such steps let drift along the many solutions.
+        """
+        scheme, best, held = self.scheme, None, None
+        self.reached = forces[: self.count]
+        alpha, dual, share, last = scheme.alpha, np.zeros(0), 1.0, np.zeros(self.count)
+        while True:
+            if held is None:
+                for step in range(scheme.block + 1):
+                    raw = self.walk_on(forces, alpha if step < scheme.block else 0.0)
+                    way = raw.point[: self.count] - forces[: self.count]
+                    # a step that turns back shows that the last one went too far: less of it is taken
+                    back = float(way @ last) < 0.0
+                    share = max(0.5 * share, _LEAST) if back else min(2.0 * share, 1.0)
+                    forces, dual, last = forces[: self.count] + share * way, raw.dual, way
+                    alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
+            contact = self.contact(forces)
+            state = self.matching(forces, dual, contact, held)
+            if contact is not None:
+                state, contact = self.settle_contact(state, dual, contact)
+            pair = self.judge(state, contact)
+            if best is None or _better(pair, best):
+                best = pair
+            width = (0.1 if contact is None else 1.0) * tolerances.GAP
+            if pair.locked or (pair.converged and pair.closes(width)):
+                return pair
+            if self.solves + scheme.block + 3 > scheme.most:
+                return best
+            forces = self.reached = state.forces.ravel()
+            if contact is not None and pair.motion is not None:
+                held, dual = self.margin, pair.motion.velocity
+
+    def settle_contact(self, state: State, dual: Floats, contact: Contact) -> tuple[State, Contact]:
+        """Match the same velocities until the state is admissible under the effective areas of its own forces.
+
+        What one set of areas lets through the next may not; the slack asked for follows what was lacking, and may
+        grow where that does not end.
+        """
+        tries = 0
+        while self.solves < self.scheme.most - 2:
+            tries += 1
+            contact = self.contact_under(state)
+            template, _ = self.frozen(1.0, state.forces[:, 0], contact)
+            own = self.prover(template).state(np.append(state.forces.ravel(), state.load), self.labels, passes=1)
+            if own.admissible:
+                return own, contact
+            held = min(max(self.margin, -2.0 * own.slack), _SHY * min(1 + tries // 5, 5))
+            state = self.matching(state.forces.ravel(), dual, contact, held)
+        return state, contact
+
+    def plain(self, forces: Floats) -> Pair:
+        """Gilbert's loop: N_prev smoothed, until λ and N have settled, first with α and then without."""
+        scheme, labels, alpha = self.scheme, self.labels, self.scheme.alpha
+        normals, contact, last = self.normals(forces), self.contact(forces), math.inf
+        violation, point, settled = math.inf, forces, False
+        for _ in range(scheme.most - 1):
+            template, sets = self.frozen(alpha, normals, contact)
+            point = self.route.solve(template.program(labels, self.margin)).point
+            self.solves += 1
+            table = self.table(point)
+            violation = float(max(0.0, sets.excess(table, labels).max(initial=0.0))) / float(
+                table[:, 0].max(initial=1e-300)
+            )
+            settled = abs(point[-1] - last) <= SETTLED * abs(point[-1]) and violation <= VIOLATION
+            if settled and alpha == 0.0:
+                break
+            alpha = 0.0 if settled else alpha
+            last = float(point[-1])
+            normals = scheme.beta * table[:, 0] + (1.0 - scheme.beta) * normals
+            contact = self.contact(point)
+        # moving these forces into the true cone would cost far more λ than they violate it by
+        state = self.analysis.prover.state(point, labels, passes=3)
+        return self.judge(state, contact, violation, settled and alpha == 0.0)
+
+    def first_forces(self, associative: LimitAnalysisResult) -> Floats:
+        """Forces to start from, scaled (q·m,)."""
+        labels, template = self.labels, self.analysis.template
+        if self.scheme.start == "vertex":
+            self.solves += 1
+            raw = HighsRoute().solve(template.program(labels))
+            if raw.status is RawStatus.OPTIMAL:
+                return raw.point[: self.count]
+        # associative forces of a locked assembly may be anything
+        if self.scheme.start == "gravity" or associative.status is Status.LOCKED:
+            self.solves += 1
+            raw = ProximalRoute(self.count, 1.0, template.precision.residual).solve(
+                _unloaded(template.program(labels, self.margin)), np.zeros(self.count)
+            )
+            if raw.status is RawStatus.OPTIMAL:
+                return raw.point[: self.count]
+        if associative.forces is None:
+            return np.zeros(self.count)
+        return (associative.forces / template.scaling.face).ravel()
+
+
+def _unloaded(program: ConicProgram) -> ConicProgram:
+    """The program at λ = 0, without objective: λ is left in its bound alone and pushed against it."""
+    s = program.structure
+    data, objective = program.data.copy(), np.zeros(s.shape[1])
+    column = slice(s.indptr[-2], s.indptr[-1])
+    data[column] = np.where(s.indices[column] < s.equalities, 0.0, data[column])
+    objective[-1] = 1.0
+    return ConicProgram(s, data, program.rhs, objective)
+
+
+def _better(one: Pair, other: Pair) -> bool:
+    return (one.state.admissible, -one.gap) > (other.state.admissible, -other.gap)

@@ -1,0 +1,195 @@
+"""The conic program of one labelling, and what a relabelling changes in it.
+
+minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones,   y = (F, extra, λ)
+
+The rows are equilibrium, then λ ≥ −c (which keeps the program feasible near zero and gives proofs of
+instability the right sign), then the yield rows. Structure is built once per assembly; a labelling only
+chooses, entry by entry, between two arrays of numbers.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+from jld_core.mechanics.scaling import Scaling, scaling_of
+from jld_core.mechanics.yield_planar import Rows, YieldSet, planar_yield
+from jld_core.mechanics.yield_spatial import spatial_yield
+from jld_core.tolerances import Precision
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What all programs of one template share: sparsity of M (csc) and the cones.
+
+    shape: (rows, columns) of M. equalities: rows with s = 0. linear: rows with s ≥ 0 that follow. cones:
+    sizes of the second-order cones that follow. places: (equalities, d) where the element of each equation is,
+    a hint for orders of elimination; None where the equations are not those of elements.
+    """
+
+    indices: Ints
+    indptr: Ints
+    shape: tuple[int, int]
+    equalities: int
+    linear: int
+    cones: tuple[int, ...]
+    places: Floats | None = None
+
+
+def pack(
+    rows: Any,
+    rhs: Floats,
+    objective: Floats,
+    equalities: int,
+    linear: int,
+    cones: tuple[int, ...],
+    places: Floats | None = None,
+) -> ConicProgram:
+    """A program of its own structure from sparse rows: equations, then inequalities, then cones."""
+    matrix = sp.csc_array(rows)
+    matrix.sort_indices()
+    shape = (int(matrix.shape[0]), int(matrix.shape[1]))
+    indices, indptr = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
+    structure = Structure(indices, indptr, shape, equalities, linear, cones, places)
+    return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective)
+
+
+@dataclass(frozen=True)
+class ConicProgram:
+    """Numbers of one program: M's data in the structure's order, right-hand side r, objective q."""
+
+    structure: Structure
+    data: Floats
+    rhs: Floats
+    objective: Floats
+
+    @cached_property
+    def matrix(self) -> sp.csc_array:
+        """M as a sparse array."""
+        s = self.structure
+        return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)
+
+
+class Template:
+    """Everything about an assembly that does not depend on the labelling, scaled.
+
+    Attributes: assembly, scaling, yield_set; matrix A_eq (scaled, all resultants active), dead and live (the
+    scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
+    """
+
+    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None) -> None:
+        self.assembly = assembly
+        self.scaling = scaling or scaling_of(assembly)
+        make = planar_yield if assembly.dimension == 2 else spatial_yield
+        self.yield_set: YieldSet = yield_set or make(assembly, self.scaling)
+        row, face = self.scaling.row.ravel(), self.scaling.face.ravel()
+        matrix = equilibrium_matrix(assembly)
+        self.matrix = sp.csc_array(sp.diags_array(1.0 / row) @ matrix @ sp.diags_array(face))
+        self.matrix.sort_indices()
+        dead, live = load_vectors(assembly)
+        self.dead = dead / row
+        self.live = self.scaling.load * live / row
+        # a fraction of the weight, and not a round one: live loads that mirror the dead ones would otherwise
+        # make λ = −floor the edge of admissibility itself
+        self.floor = 0.3 * (assembly.total_dead / self.scaling.force or 1.0)
+        self._lay_out(self.yield_set)
+
+    @property
+    def precision(self) -> Precision:
+        """What to ask of an interior-point route on these programs."""
+        if not self.structure.cones:
+            return tolerances.LINEAR
+        strengths = self.assembly.strengths
+        crushing = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
+        return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
+
+    def renumbered(self, yield_set: YieldSet) -> Template:
+        """This template with another yield set, sharing all else; the structure too if its sparsity is the same."""
+        other = self.with_rows(yield_set)
+        other.yield_set = yield_set
+        return other
+
+    def with_rows(self, rows: Rows) -> Template:
+        """This template with the rows of other sets in its programs; the structure too if their sparsity differs."""
+        other = copy.copy(self)
+        other._lay_out(rows)
+        old, new = self.structure, other.structure
+        same = (old.shape, old.linear, old.cones) == (new.shape, new.linear, new.cones)
+        if same and np.array_equal(old.indptr, new.indptr) and np.array_equal(old.indices, new.indices):
+            other.structure = old
+        return other
+
+    @property
+    def columns(self) -> int:
+        """Columns of the program: resultants, extra ones, λ."""
+        return self.structure.shape[1]
+
+    def _lay_out(self, sets: Rows) -> None:
+        pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
+        elements = self.assembly.elements
+        equalities, resultants = matrix.shape
+        every = np.ones(len(self.assembly.interfaces), dtype=bool)
+        on_dry, on_inner = sets.active(every), sets.active(~every)
+        coo = matrix.tocoo()
+        row, column = coo.coords
+        keep_dry, keep_inner = on_dry.ravel()[column], on_inner.ravel()[column]
+        live = np.flatnonzero(self.live)
+        last = resultants + pattern.extra
+        rows = np.concatenate([row, live, [equalities], pattern.row + equalities + 1])
+        columns = np.concatenate([column, np.full(live.size, last), [last], pattern.column])
+        dry = np.concatenate([coo.data * keep_dry, self.live[live], [-1.0], pattern.dry])
+        inner = np.concatenate([coo.data * keep_inner, self.live[live], [-1.0], pattern.inner])
+        face = np.concatenate([column // q, np.zeros(live.size + 1, dtype=np.int64), pattern.face])
+        order = np.lexsort((rows, columns))
+        self._dry, self._inner, self._face = dry[order], inner[order], face[order]
+        count = equalities + 1 + len(pattern.h_dry)
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=last + 1))])
+        self.structure = Structure(
+            indices=rows[order],
+            indptr=indptr,
+            shape=(count, last + 1),
+            equalities=equalities,
+            linear=1 + pattern.linear,
+            cones=pattern.cones,
+            places=np.repeat(elements.centroid[elements.free], q, axis=0),
+        )
+        head = np.concatenate([-self.dead, [self.floor]])
+        self._rhs_dry = np.concatenate([head, pattern.h_dry])
+        self._rhs_inner = np.concatenate([head, pattern.h_inner])
+        self._row_face = np.concatenate([np.zeros(len(head), dtype=np.int64), pattern.row_face])
+        self._tips = np.zeros(count)
+        self._tips[len(head) : len(head) + pattern.linear] = 1.0
+        tips = len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]]) if pattern.cones else np.array([])
+        self._tips[tips.astype(np.int64)] = 1.0
+        self._objective = np.zeros(last + 1)
+        self._objective[-1] = -1.0
+        self._pressure = np.zeros(last + 1)
+        self._pressure[np.arange(0, resultants, q)] = -1.0
+
+    def program(
+        self, labels: Bits, margin: float = 0.0, *, other: Template | None = None, taken: Bools | None = None
+    ) -> ConicProgram:
+        """The program of one labelling: max λ over admissible forces.
+
+        labels: (m,) True dry. margin: every yield row keeps this slack and every normal force earns this
+        much, so that forces come out inside the yield sets and jumps come out opening (both scaled).
+        other: a template of the same structure, whose dry rows the faces `taken` (m,) have.
+        """
+        data = np.where(labels[self._face], self._dry, self._inner)
+        rhs = np.where(labels[self._row_face], self._rhs_dry, self._rhs_inner)
+        if other is not None and taken is not None:
+            data = np.where(taken[self._face], other._dry, data)
+            rhs = np.where(taken[self._row_face], other._rhs_dry, rhs)
+        objective = self._objective
+        if margin:
+            rhs = rhs - margin * self._tips
+            objective = objective + margin * self._pressure
+        return ConicProgram(self.structure, data, rhs, objective)

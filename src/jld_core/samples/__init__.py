@@ -1,0 +1,1 @@
+"""Parametric structures of use to anyone."""

@@ -1,0 +1,56 @@
+"""Status names, theirs and ours, and the one shape in which every route answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from jld_core.assembly import Floats
+from jld_core.program.template import ConicProgram
+
+
+class RawStatus(StrEnum):
+    """What a solver says of its own answer; a hint for the order of proofs, never a result."""
+
+    OPTIMAL = "optimal"
+    ALMOST = "almost"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    LIMIT = "limit"
+    FAILED = "failed"
+
+
+class Status(StrEnum):
+    """What we say, with proof."""
+
+    COLLAPSE = "collapse"
+    LOCKED = "locked"
+    UNSTABLE = "unstable"
+    UNCERTIFIED = "uncertified"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class RawSolution:
+    """A route's answer to min q·y, M y + s = r.
+
+    point: (columns,) y, or a ray of it where the program is unbounded. dual: (rows,) multipliers w with
+    q + Mᵀw = 0, w in the dual cones, or an improving ray where it is infeasible. Both may be anything.
+    """
+
+    status: RawStatus
+    point: Floats
+    dual: Floats
+    iterations: int
+    seconds: float
+    note: str = ""
+
+
+class Route(Protocol):
+    """One way to a raw solution. It may keep state between calls, but its answer depends on its argument alone."""
+
+    name: str
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        """Solve; RouteError where this route does not take such a program."""

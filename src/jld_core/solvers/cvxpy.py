@@ -1,0 +1,65 @@
+"""CVXPY: the slow reference route, kept for comparison."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from jld_core.program.template import ConicProgram
+from jld_core.solvers.base import RawSolution, RawStatus
+
+_STATUS = {
+    "optimal": RawStatus.OPTIMAL,
+    "optimal_inaccurate": RawStatus.ALMOST,
+    "infeasible": RawStatus.INFEASIBLE,
+    "infeasible_inaccurate": RawStatus.INFEASIBLE,
+    "unbounded": RawStatus.UNBOUNDED,
+    "unbounded_inaccurate": RawStatus.UNBOUNDED,
+    "user_limit": RawStatus.LIMIT,
+}
+
+
+class CvxpyRoute:
+    """The program stated in CVXPY and given to the solver it is asked for, built anew each time."""
+
+    name = "cvxpy"
+
+    def __init__(self, solver: str = "CLARABEL", **options: float) -> None:
+        self._solver = solver
+        tight = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}
+        self._options = options or (tight if solver == "CLARABEL" else {})
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        start = time.perf_counter()
+        s = program.structure
+        matrix: Any = program.matrix.tocsr()  # CVXPY's own operators are not typed
+        y = cp.Variable(s.shape[1])
+        edge = s.equalities + s.linear
+        constraints = [
+            matrix[: s.equalities] @ y == program.rhs[: s.equalities],
+            matrix[s.equalities : edge] @ y <= program.rhs[s.equalities : edge],
+        ]
+        starts = edge + np.concatenate([[0], np.cumsum(s.cones)]).astype(int)
+        for low, size in zip(starts, s.cones, strict=False):
+            inside = program.rhs[low : low + size] - matrix[low : low + size] @ y
+            constraints.append(cp.SOC(inside[0], inside[1:]))
+        problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
+        problem.solve(solver=self._solver, **self._options)
+        status = _STATUS.get(problem.status, RawStatus.FAILED)
+        nothing = np.zeros(s.shape[1]), np.zeros(s.shape[0])
+        point = nothing[0] if y.value is None else np.array(y.value)
+        duals = []
+        for constraint in constraints:
+            value = constraint.dual_value
+            duals.append(
+                np.zeros(constraint.size)
+                if value is None
+                else np.concatenate(
+                    [np.ravel(part) for part in value] if isinstance(value, list) else [np.ravel(value)]
+                )
+            )
+        iterations = int(problem.solver_stats.num_iters or 0) if problem.solver_stats else 0
+        return RawSolution(status, point, np.concatenate(duals), iterations, time.perf_counter() - start)

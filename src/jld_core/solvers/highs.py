@@ -1,0 +1,79 @@
+"""HiGHS: the independent route for planar programs, by dual simplex or interior point with crossover."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import highspy
+import numpy as np
+
+from jld_core.errors import RouteError
+from jld_core.program.template import ConicProgram
+from jld_core.solvers.base import RawSolution, RawStatus
+
+_STATUS = {
+    highspy.HighsModelStatus.kOptimal: RawStatus.OPTIMAL,
+    highspy.HighsModelStatus.kInfeasible: RawStatus.INFEASIBLE,
+    highspy.HighsModelStatus.kUnbounded: RawStatus.UNBOUNDED,
+    highspy.HighsModelStatus.kUnboundedOrInfeasible: RawStatus.UNBOUNDED,
+    highspy.HighsModelStatus.kIterationLimit: RawStatus.LIMIT,
+    highspy.HighsModelStatus.kTimeLimit: RawStatus.LIMIT,
+}
+
+
+class HighsRoute:
+    """Linear programs only; a fresh model per program, so that answers do not depend on what went before."""
+
+    def __init__(self, name: str = "highs", threads: int = 1, tolerance: float = 1e-10) -> None:
+        self.name = name
+        self._options = {
+            "output_flag": False,
+            "threads": threads,
+            "solver": "ipm" if name == "highs-ipm" else "simplex",
+            "primal_feasibility_tolerance": tolerance,
+            "dual_feasibility_tolerance": tolerance,
+            "ipm_optimality_tolerance": tolerance,
+            # presolve hides the rays that prove `locked` and `unstable`
+            "presolve": "off",
+        }
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        s = program.structure
+        if s.cones:
+            raise RouteError(f"{self.name} takes linear programs only; this scene needs second-order cones")
+        start = time.perf_counter()
+        model = highspy.HighsLp()
+        model.num_col_, model.num_row_ = s.shape[1], s.shape[0]
+        model.col_cost_ = program.objective
+        model.col_lower_ = np.full(s.shape[1], -highspy.kHighsInf)
+        model.col_upper_ = np.full(s.shape[1], highspy.kHighsInf)
+        model.row_upper_ = program.rhs
+        lower = np.full(s.shape[0], -highspy.kHighsInf)
+        lower[: s.equalities] = program.rhs[: s.equalities]
+        model.row_lower_ = lower
+        model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+        model.a_matrix_.start_ = s.indptr.astype(np.int32)
+        model.a_matrix_.index_ = s.indices.astype(np.int32)
+        model.a_matrix_.value_ = program.data
+        highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
+        for key, value in self._options.items():
+            highs.setOptionValue(key, value)
+        highs.passModel(model)
+        highs.run()
+        status = _STATUS.get(highs.getModelStatus(), RawStatus.FAILED)
+        solution = highs.getSolution()
+        point = np.array(solution.col_value)
+        dual = -np.array(solution.row_dual)
+        if status is RawStatus.UNBOUNDED:
+            _, has, ray = highs.getPrimalRay()
+            point = np.array(ray) if has else point
+        elif status is RawStatus.INFEASIBLE:
+            _, has, ray = highs.getDualRay()
+            # HiGHS' dual ray improves Σ ray·rhs over the rows; ours must lie in the dual cones
+            dual = np.array(ray) if has else dual
+            if program.rhs @ dual > 0.0:
+                dual = -dual
+        info = highs.getInfo()
+        iterations = int(info.simplex_iteration_count if self.name == "highs" else info.ipm_iteration_count)
+        return RawSolution(status, point, dual, max(iterations, 0), time.perf_counter() - start)

@@ -1,0 +1,1 @@
+"""An interior point on the Schur complement, for large assemblies."""

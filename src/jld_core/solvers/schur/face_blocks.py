@@ -1,0 +1,187 @@
+"""The block structure of a conic program: which columns, rows and equations belong to one face.
+
+Columns that share yield rows make a block; a block touches the equations of two elements. A few columns stand
+apart (λ, a common slack): they border the system. Faces of equal sizes form a family, and a family is worked
+on as arrays with one row per face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.assembly import Bools, Floats, Ints
+from jld_core.errors import RouteError
+from jld_core.program.template import Structure
+from jld_core.solvers.schur.nesterov_todd import Cones
+
+_WIDE = 100  # entries from which a column borders the system instead of belonging to a face
+_MOST = 60  # columns of a block, beyond which blocks are no faces
+
+
+@dataclass(frozen=True)
+class Family:
+    """m faces with k columns, `linear` half-lines, `cones` cones and r equations each.
+
+    columns: (m, k). rows: (m, rows) yield rows, numbered after the equations, half-lines first. equations:
+    (m, r). g, a, edge: which entries of the program's data fill, flat, the arrays (m, rows, k) of yield rows,
+    (m, r, k) of equations, (m, rows, border) of yield rows in border columns.
+    """
+
+    columns: Ints
+    rows: Ints
+    equations: Ints
+    linear: int
+    cones: int
+    g: tuple[Ints, Ints]
+    a: tuple[Ints, Ints]
+    edge: tuple[Ints, Ints]
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A program's structure seen face by face.
+
+    cones: the product of cones. families; border: columns that stand apart; idle: columns without yield rows,
+    which no force may use. loose: which entries of the data, their yield row and border column, are in rows of
+    border columns alone. edge: the same for the equations in border columns.
+    """
+
+    cones: Cones
+    families: tuple[Family, ...]
+    border: Ints
+    idle: Ints
+    loose: tuple[Ints, Ints, Ints]
+    edge: tuple[Ints, Ints, Ints]
+
+
+def blocks_of(structure: Structure) -> Blocks:
+    """Blocks of a structure.
+
+    Raises RouteError where it has cones of several sizes, or columns do not fall apart into small blocks.
+    """
+    sizes = set(structure.cones)
+    if len(sizes) > 1:
+        raise RouteError("the Schur route takes cones of one size only")
+    size = sizes.pop() if sizes else 1
+    cones = Cones(structure.linear, len(structure.cones), size)
+    equalities, (rows, columns) = structure.equalities, structure.shape
+    column = np.repeat(np.arange(columns), np.diff(structure.indptr))
+    row, data = structure.indices, np.arange(len(structure.indices))
+    yields = row >= equalities
+    # all rows of a cone count as its first one
+    head = np.arange(rows)
+    first = equalities + structure.linear
+    head[first:] = first + (np.arange(rows - first) // size) * size
+    apart = np.zeros(columns, dtype=bool)
+    apart[np.bincount(column, minlength=columns) > _WIDE] = True
+    apart[-1] = True
+    chosen = yields & ~apart[column]
+    links = sp.coo_array(
+        (np.ones(int(chosen.sum())), (column[chosen], columns + head[row[chosen]])), shape=(columns + rows,) * 2
+    )
+    _, part = connected_components(links, directed=False)
+    # a column alone in its rows is a load factor, not a face
+    own = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
+    touched = np.zeros(columns, dtype=bool)
+    touched[column[yields]] = True
+    apart |= touched & (own[part[:columns]] == 1)
+    idle = np.flatnonzero(~touched & ~apart)
+    face_column = np.flatnonzero(touched & ~apart)
+    border = np.flatnonzero(apart)
+    if len(border) > 8 or own.max(initial=0) > _MOST:
+        raise RouteError("the columns of this program do not fall apart into faces")
+    faces, column_face = np.unique(part[face_column], return_inverse=True)
+    row_part = part[columns + head]
+    place = np.minimum(np.searchsorted(faces, row_part), max(len(faces) - 1, 0))
+    row_face = np.where(faces[place] == row_part, place, -1) if len(faces) else np.full(rows, -1)
+    row_face[:equalities] = -1
+    loose = row_face[row] < 0
+    border_index = np.full(columns, -1)
+    border_index[border] = np.arange(len(border))
+    if np.any(row_face[first:] < 0):
+        raise RouteError("a cone of this program belongs to no face")
+    in_edge, in_loose = apart[column] & ~yields, apart[column] & yields & loose
+    laid = _Layout(face_column, column_face, row_face, equalities, first, columns)
+    return Blocks(
+        cones=cones,
+        families=laid.families(row, column, data, yields, apart, border_index, size),
+        border=border,
+        idle=idle,
+        loose=(data[in_loose], row[in_loose] - equalities, border_index[column[in_loose]]),
+        edge=(data[in_edge], row[in_edge], border_index[column[in_edge]]),
+    )
+
+
+class _Layout:
+    """Local numbers of columns, yield rows and equations within their faces."""
+
+    def __init__(
+        self, face_column: Ints, column_face: Ints, row_face: Ints, equalities: int, first: int, columns: int
+    ) -> None:
+        self.equalities = equalities
+        self.count = int(column_face.max(initial=-1)) + 1
+        self.face_of_column = np.full(columns, -1)
+        self.face_of_column[face_column] = column_face
+        self.face_of_row = row_face
+        self.columns, self.local_column = _numbered(self.face_of_column, self.count)
+        self.rows, self.local_row = _numbered(row_face, self.count)
+        self.half_lines = np.bincount(row_face[equalities:first][row_face[equalities:first] >= 0], minlength=self.count)
+
+    def families(
+        self, row: Ints, column: Ints, data: Ints, yields: Bools, apart: Bools, border_index: Ints, size: int
+    ) -> tuple[Family, ...]:
+        in_a = ~yields & (self.face_of_column[column] >= 0)
+        in_g = yields & (self.face_of_column[column] >= 0)
+        in_edge = yields & apart[column] & (self.face_of_row[row] >= 0)
+        face_a = self.face_of_column[column[in_a]]
+        pairs, equation = np.unique(face_a * self.equalities + row[in_a], return_inverse=True)
+        pair_face = pairs // max(self.equalities, 1)
+        equations = np.searchsorted(pair_face, np.arange(self.count + 1))
+        local_equation = equation - equations[face_a]
+        k, g, r = np.diff(self.columns[1]), np.diff(self.rows[1]), np.diff(equations)
+        kinds, family = np.unique(np.column_stack([k, g, r, self.half_lines]), axis=0, return_inverse=True)
+        found = []
+        for number, (wide, high, deep, half) in enumerate(kinds.tolist()):
+            faces = np.flatnonzero(family == number)
+            at = np.full(self.count + 1, -1)
+            at[faces] = np.arange(len(faces))
+            of_a, of_g, of_edge = at[face_a], at[self.face_of_column[column[in_g]]], at[self.face_of_row[row[in_edge]]]
+            mine_a, mine_g, mine_edge = of_a >= 0, of_g >= 0, of_edge >= 0
+            where_a = (of_a * deep + local_equation) * wide + self.local_column[column[in_a]]
+            where_g = (of_g * high + self.local_row[row[in_g]]) * wide + self.local_column[column[in_g]]
+            edge = int((border_index >= 0).sum())
+            where_edge = (of_edge * high + self.local_row[row[in_edge]]) * edge + border_index[column[in_edge]]
+            found.append(
+                Family(
+                    columns=self.columns[0][self.columns[1][faces][:, None] + np.arange(wide)],
+                    rows=self.rows[0][self.rows[1][faces][:, None] + np.arange(high)] - self.equalities,
+                    equations=(pairs % max(self.equalities, 1))[equations[faces][:, None] + np.arange(deep)],
+                    linear=half,
+                    cones=(high - half) // size,
+                    g=(data[in_g][mine_g], where_g[mine_g]),
+                    a=(data[in_a][mine_a], where_a[mine_a]),
+                    edge=(data[in_edge][mine_edge], where_edge[mine_edge]),
+                )
+            )
+        return tuple(found)
+
+
+def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
+    """Members grouped by owner, ascending (members, start), and the number of each member in its group."""
+    members = np.argsort(owner, kind="stable")
+    members = members[np.searchsorted(owner[members], 0) :]
+    start = np.searchsorted(owner[members], np.arange(count + 1))
+    local = np.full(len(owner), -1)
+    local[members] = np.arange(len(members)) - start[owner[members]]
+    return (members, start), local
+
+
+def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
+    """An array of this shape with these entries of the data at these flat places, zero elsewhere."""
+    array = np.zeros(shape)
+    array.ravel()[entries[1]] = data[entries[0]]
+    return array

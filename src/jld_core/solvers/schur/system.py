@@ -1,0 +1,246 @@
+"""The linear systems of an interior-point method on a conic program, by a Schur complement on the equations.
+
+With W the scaling of the cones, E the equations and G the yield rows of a program, each step solves
+
+    [ 0  Eᵀ  Gᵀ ] [x]   [p]
+    [ E  0   0  ] [u] = [q]
+    [ G  0  −W² ] [v]   [r]
+
+H = GᵀW⁻²G has one small block per face, so that A H⁻¹ Aᵀ couples elements that touch: it is factored by sparse
+Cholesky, its pattern analysed once. Columns that border the blocks are eliminated last. Source: METHOD §8;
+Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.assembly import Floats, Ints
+from jld_core.errors import RouteError
+from jld_core.linalg.cholesky import Factor, Fronts
+from jld_core.program.template import ConicProgram, Structure
+from jld_core.solvers.schur.face_blocks import Blocks, Family, blocks_of, filled
+from jld_core.solvers.schur.nesterov_todd import NesterovTodd
+
+_SHIFT = 1e-14  # added to the diagonal of the Schur complement scaled to ones
+_RETRIES = 5
+_PASSES = 3  # of iterative refinement, at most
+
+
+class SchurSystem:
+    """Systems of all programs of one structure. Raises RouteError where it does not fall apart into faces."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self.blocks: Blocks = blocks_of(structure)
+        self._lay_out(structure.equalities, structure.places)
+        self._inverse: list[Floats] = []
+        self._half: list[Floats] = []
+        self._side: list[Floats] = []
+
+    def _lay_out(self, size: int, places: Floats | None) -> None:
+        """Pattern of the Schur complement, its order of elimination, and which block entries add up to which."""
+        keys, cover = [np.arange(size) * (size + 1)], np.zeros(size)
+        rng = np.random.default_rng(0)
+        for family in self.blocks.families:
+            equations = family.equations
+            lower = np.tril_indices(equations.shape[1])
+            keys.append((equations[:, lower[0]] * size + equations[:, lower[1]]).ravel())
+            np.add.at(cover, equations, rng.random(len(equations))[:, None])
+        unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
+        count = len(inverse)
+        self._sum = sp.csr_array(
+            (np.ones(count - size), (inverse[size:], np.arange(count - size))), shape=(len(unique), count - size)
+        )
+        self._rows, self._columns = unique // size, unique % size
+        self._diagonal = np.flatnonzero(self._rows == self._columns)
+        # equations of one element meet the same faces, which a sum of random numbers tells
+        _, first, node = np.unique(np.round(cover, 9), return_index=True, return_inverse=True)
+        self._fronts = Fronts(self._rows, self._columns, node, None if places is None else places[first])
+
+    def load(self, program: ConicProgram) -> None:
+        """Take the numbers of a program."""
+        data, blocks = program.data, self.blocks
+        matrix = program.matrix
+        edge = self.structure.equalities
+        if blocks.idle.size and abs(matrix[:, blocks.idle]).sum() > 0.0:
+            raise RouteError("a column of this program has no yield row to hold it")
+        self._equations, self._yields = sp.csr_array(matrix[:edge]), sp.csr_array(matrix[edge:])
+        self._equations_t, self._yields_t = sp.csr_array(matrix[:edge].T), sp.csr_array(matrix[edge:].T)
+        count = len(blocks.border)
+        self._edge_equations = np.zeros((edge, count))
+        self._edge_equations[blocks.edge[1], blocks.edge[2]] = data[blocks.edge[0]]
+        self._loose = np.zeros((self._yields.shape[0], count))
+        self._loose[blocks.loose[1], blocks.loose[2]] = data[blocks.loose[0]]
+        self._loose_rows = np.unique(blocks.loose[1])
+        self._g: list[Floats] = []
+        self._a: list[Floats] = []
+        self._edge: list[Floats] = []
+        for family in blocks.families:
+            m, wide = family.columns.shape
+            high, deep = family.rows.shape[1], family.equations.shape[1]
+            self._g.append(filled((m, high, wide), family.g, data))
+            self._a.append(np.ascontiguousarray(filled((m, deep, wide), family.a, data).transpose(0, 2, 1)))
+            self._edge.append(filled((m, high, count), family.edge, data))
+
+    def equations(self, x: Floats) -> Floats:
+        """E x."""
+        return np.asarray(self._equations @ x)
+
+    def yields(self, x: Floats) -> Floats:
+        """G x."""
+        return np.asarray(self._yields @ x)
+
+    def transposed(self, u: Floats, v: Floats) -> Floats:
+        """Eᵀu + Gᵀv."""
+        return np.asarray(self._equations_t @ u + self._yields_t @ v)
+
+    def factor(self, scaling: NesterovTodd) -> None:
+        """Factor the system at a scaling. Raises np.linalg.LinAlgError where shifts do not help."""
+        self._scaling = scaling
+        count = len(self.blocks.border)
+        self._inverse, self._half, self._side = [], [], []
+        summands = []
+        edges = self._edge_equations.copy()
+        loose = self._scaled_loose(scaling)
+        corner = loose.T @ loose
+        for number, family in enumerate(self.blocks.families):
+            scaled = _divided(scaling, family, self._g[number])
+            inverse = _right_inverse_of_r(scaled)
+            half = inverse.transpose(0, 2, 1) @ self._a[number]
+            self._inverse.append(inverse)
+            self._half.append(half)
+            side = np.zeros((len(scaled), scaled.shape[2], 0))
+            if count:
+                border = _divided(scaling, family, self._edge[number])
+                side = inverse.transpose(0, 2, 1) @ (scaled.transpose(0, 2, 1) @ border)
+                rest = border - scaled @ (inverse @ side)
+                corner = corner + np.einsum("nij,nik->jk", rest, rest)
+                np.subtract.at(edges, family.equations, half.transpose(0, 2, 1) @ side)
+            self._side.append(side)
+            lower = np.tril_indices(half.shape[2])
+            square = half.transpose(0, 2, 1) @ half
+            summands.append(square[:, lower[0], lower[1]].ravel())
+        data = self._sum @ np.concatenate(summands)
+        diagonal = data[self._diagonal]
+        self._size = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        data = data * self._size[self._rows] * self._size[self._columns]
+        self._factor = self._shifted(data)
+        self._edges = edges
+        if count:
+            self._reach = self._solve(edges)
+            self._corner = corner + edges.T @ self._reach
+
+    def _shifted(self, data: Floats) -> Factor:
+        shift = _SHIFT
+        for _ in range(_RETRIES):
+            data[self._diagonal] = 1.0 + shift
+            try:
+                return self._fronts.factor(data)
+            except np.linalg.LinAlgError:
+                shift *= 100.0
+        raise np.linalg.LinAlgError("the Schur complement is not positive definite")
+
+    def _scaled_loose(self, scaling: NesterovTodd) -> Floats:
+        return self._loose[self._loose_rows] / scaling.linear[self._loose_rows, None]
+
+    def _solve(self, rhs: Floats) -> Floats:
+        size = self._size if rhs.ndim == 1 else self._size[:, None]
+        return size * self._factor.solve(size * rhs)
+
+    def solve(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
+        """x, u and W v of the system, refined for as long as that helps.
+
+        p: (columns,), q: (equations,), r: (yield rows,).
+        """
+        scaling = self._scaling
+        x, u, wv = self._once(p, q, r)
+        aim = 1e-13 * max(1e-3, *(float(abs(part).max(initial=0.0)) for part in (p, q, r)))
+        least, best = np.inf, (x, u, wv)
+        for _ in range(_PASSES):
+            left_p = p - self.transposed(u, scaling.divide(wv))
+            left_q = q - self.equations(x)
+            left_r = r - self.yields(x) + scaling.times(wv)
+            left = max(float(abs(part).max(initial=0.0)) for part in (left_p, left_q, left_r))
+            if not left < 0.5 * least:
+                break
+            least, best = left, (x, u, wv)
+            if left <= aim:
+                return best
+            dx, du, dwv = self._once(left_p, left_q, left_r)
+            x, u, wv = x + dx, u + du, wv + dwv
+        else:
+            return x, u, wv
+        return best
+
+    def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
+        blocks, scaling = self.blocks, self._scaling
+        rho = scaling.divide(r)
+        c = p + np.asarray(self._yields_t @ scaling.divide(rho))
+        right = -q
+        halves = []
+        for number, family in enumerate(blocks.families):
+            e = _apply(self._inverse[number].transpose(0, 2, 1), c[family.columns])
+            halves.append(e)
+            contribution = _apply(self._half[number].transpose(0, 2, 1), e)
+            right += np.bincount(family.equations.ravel(), contribution.ravel(), len(right))
+        u = self._solve(right)
+        x = np.zeros(len(p))
+        apart = np.zeros(len(blocks.border))
+        if len(blocks.border):
+            rest = c[blocks.border] - self._edges.T @ u
+            for number in range(len(blocks.families)):
+                rest = rest - np.einsum("nkb,nk->b", self._side[number], halves[number])
+            apart = np.linalg.solve(self._corner, rest)
+            u = u + self._reach @ apart
+            x[blocks.border] = apart
+        for number, family in enumerate(blocks.families):
+            e = halves[number] - _apply(self._half[number], u[family.equations]) - self._side[number] @ apart
+            x[family.columns] = _apply(self._inverse[number], e)
+        return x, u, scaling.divide(self.yields(x)) - rho
+
+
+def _apply(matrices: Floats, vectors: Floats) -> Floats:
+    """(n, i) products of matrices (n, i, j) and vectors (n, j)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
+    """W⁻¹ applied to the yield rows (m, rows, ·) of a family."""
+    half, cones = family.linear, scaling.cones
+    out = np.empty_like(rows)
+    out[:, :half] = rows[:, :half] / scaling.linear[family.rows[:, :half], None]
+    size = cones.size
+    for k in range(family.cones):
+        part = slice(half + size * k, half + size * (k + 1))
+        which: Ints = (family.rows[:, half + size * k] - cones.linear) // size
+        out[:, part] = scaling.inverse[which] @ rows[:, part]
+    return out
+
+
+def _right_inverse_of_r(stack: Floats) -> Floats:
+    """R⁻¹ (m, k, k) of the QR factorisation of matrices (m, rows, k) of full column rank.
+
+    Householder's reflections run over all faces at once, faces last; a QR keeps the digits that the product
+    WᵀW would lose where weights range over more than half of them.
+    """
+    table = np.array(stack.transpose(1, 2, 0), order="C")
+    wide, count = table.shape[1:]
+    inverse = np.zeros((wide, wide, count))
+    for j in range(wide):
+        column = table[j:, j]
+        norm = np.sqrt(np.einsum("in,in->n", column, column))
+        sign = np.where(column[0] < 0.0, -1.0, 1.0)
+        v = column.copy()
+        v[0] += sign * norm
+        scale = np.einsum("in,in->n", v, v)
+        scale = np.where(scale > 0.0, 2.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
+        if j + 1 < wide:
+            table[j:, j + 1 :] -= v[:, None] * (scale * np.einsum("in,ijn->jn", v, table[j:, j + 1 :]))
+        table[j, j] = np.where(norm > 0.0, -sign * norm, 1e-150)
+    for j in range(wide):
+        inverse[j, j] = 1.0 / table[j, j]
+        if j:
+            inverse[:j, j] = -np.einsum("ikn,kn->in", inverse[:j, :j], table[:j, j]) * inverse[j, j]
+    return np.ascontiguousarray(inverse.transpose(2, 0, 1))

@@ -1,0 +1,258 @@
+"""What surrounds the structure in a picture: loads, arrows, frame, triad, legends, and their styles."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.quiver import Quiver
+from matplotlib.transforms import ScaledTranslation
+
+from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.views import quantities as marks
+from jld_core.views.quantities import Movement
+from jld_core.views.structure import (
+    DOTTED,
+    INK,
+    SOFT,
+    SUPPORT,
+    TINTS,
+    Drawn,
+    Ink,
+    element_points,
+    extent,
+    projection_of,
+    typical,
+)
+
+LOAD: Final = "#B8321A"
+PRESS: Final = "#1F4E9E"
+USED: Final = LinearSegmentedColormap.from_list("used", ["#B4B4B4", "#D89A2B", "#8C2300"])
+"""Utilisation 0 … 1: it also gets darker, and the lines wider, so that it reads without colour."""
+
+TURN: Final[dict[str, Any]] = {"marker": r"$\circlearrowleft$", "linestyle": "none", "markeredgewidth": 0.2}
+BACK: Final[dict[str, Any]] = {**TURN, "marker": r"$\circlearrowright$"}
+THRUST: Final[dict[str, Any]] = {"color": "#8A2F8F", "linewidth": 1.2, "linestyle": (0, (4.0, 1.5))}
+YIELD: Final[dict[str, dict[str, Any]]] = {
+    "yield dry": {"marker": "d", "color": "#F0E442", "markeredgecolor": INK, "markeredgewidth": 0.6},
+    "yield inner": {"marker": "X", "color": LOAD, "markeredgecolor": "white", "markeredgewidth": 0.4},
+}
+MOVES: Final[dict[Movement, dict[str, Any]]] = {
+    Movement.HINGE: {"marker": "o", "color": "white", "markeredgecolor": INK},
+    Movement.SLIDE: {"marker": "D", "color": "#E69F00", "markeredgecolor": INK},
+    Movement.OPEN: {"marker": "^", "color": "#56B4E9", "markeredgecolor": INK},
+    Movement.CRACK: {"marker": "X", "color": LOAD, "markeredgecolor": "white"},
+}
+MEANING: Final = {
+    Movement.HINGE: "hinge",
+    Movement.SLIDE: "slide",
+    Movement.OPEN: "joint opens",
+    Movement.CRACK: "crack in a block",
+}
+FONT: Final = 7.5
+"""Size of the legends' letters, points."""
+
+
+def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
+    """Live loads, added to `drawn` as "live", "body", "couples"; those on points with their tips there, those
+    on all bodies as one arrow beside the structure.
+
+    Returns the points (k, 2) on paper that they and the structure cover.
+    """
+    projection = projection_of(assembly)
+    lower, upper = extent(assembly, projection)
+    covered = [lower, upper]
+    length = 0.13 * assembly.size
+    if assembly.live_points:
+        at = projection(np.array([point for point, _ in assembly.live_points]))
+        vectors = projection(np.array([force for _, force in assembly.live_points]))
+        vectors *= length / max(float(np.linalg.norm(vectors, axis=1).max()), 1e-300)
+        drawn["live"] = [arrows(ax, at, vectors, "live", LOAD, "tip", 1.5)]
+        covered += [at, at - vectors]
+    total = marks.body_load(assembly)
+    if total is not None:
+        along = projection(total) / max(float(np.linalg.norm(projection(total))), 1e-300)
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        with np.errstate(divide="ignore"):
+            leave = float(np.min(half / abs(along)))
+        tip = middle - along * (leave + 0.04 * assembly.size)
+        # on small axes the head must leave some of the shaft
+        width = min(3.2, 0.125 * element_points(ax, assembly) * length / typical(assembly))
+        drawn["body"] = [arrows(ax, tip[None], length * along[None], "body", LOAD, "tip", width)]
+        covered += [tip, tip - length * along]
+    couples = marks.live_couples(assembly)
+    if len(couples):
+        at = projection(assembly.elements.centroid[couples])
+        clockwise = assembly.live[couples, -1] < 0.0 if assembly.dimension == 2 else np.zeros(len(at), dtype=bool)
+        look: dict[str, Any] = {"color": LOAD, "markersize": 14.0, "zorder": 5.0, "label": "live couples"}
+        drawn["couples"] = [
+            line
+            for mask, turn in ((~clockwise, TURN), (clockwise, BACK))
+            if mask.any()
+            for line in ax.plot(*at[mask].T, **turn, **look)
+        ]
+    return covered
+
+
+def arrows(
+    ax: Axes,
+    feet: Floats,
+    vectors: Floats,
+    name: str,
+    colour: str,
+    pivot: Any,
+    width: float,
+    hollow: bool = False,
+) -> Quiver:
+    """Arrows of vectors (k, 2), in data units, whose `pivot` ("tail", "mid", "tip") is at feet (k, 2).
+
+    width: of the shaft, points. hollow: white inside.
+    """
+    look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}
+    look |= {"linewidth": 0.8 if hollow else 0.0, "zorder": 4.0, "label": name}
+    head: dict[str, Any] = {"headwidth": 3.8, "headlength": 4.4, "headaxislength": 4.0, "minlength": 0.5}
+    units: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
+    return ax.quiver(*feet.T, *vectors.T, width=width / 72.0, pivot=pivot, **units, **head, **look)
+
+
+def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = False) -> None:
+    """Limits around the points (k, 2) that are covered, equal aspect, axes with units; bare: no axes at all.
+    Spatial views get the directions x, y, z instead of axes."""
+    points = np.vstack([np.atleast_2d(p) for p in covered])
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    margin = 0.04 * float(np.max(upper - lower))
+    if assembly.dimension == 3 and not bare:
+        lower = _draw_triad(ax, assembly, lower)
+    ax.set_xlim(lower[0] - margin, upper[0] + margin)
+    ax.set_ylim(lower[1] - margin, upper[1] + margin)
+    ax.set_aspect("equal")
+    if bare or assembly.dimension == 3:
+        ax.set_axis_off()
+        return
+    ax.set_xlabel(f"x [{assembly.units[0]}]", fontsize=9, labelpad=2.0)
+    ax.set_ylabel(f"y [{assembly.units[0]}]", fontsize=9, labelpad=4.0)
+    ax.tick_params(labelsize=8)
+    ax.locator_params(nbins=6, min_n_ticks=2)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
+    """Directions x, y, z with a round length, left of the view; returns the lower corner that it needs."""
+    size = assembly.size
+    power = 10.0 ** math.floor(math.log10(0.18 * size))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 0.18 * size)
+    tips = projection_of(assembly)(length * np.eye(3))
+    foot = np.array([lower[0] - 0.22 * size, lower[1] + 0.06 * size])
+    arrows(ax, np.repeat(foot[None], 3, axis=0), tips, "triad", SOFT, "tail", 0.9)
+    text: dict[str, Any] = {"ha": "center", "color": SOFT}
+    for name, tip in zip("xyz", tips, strict=True):
+        reach = float(np.linalg.norm(tip))
+        x, y = foot + tip * (1.0 + 0.035 * size / reach)
+        ax.text(x, y, name, fontsize=8, va="center", **text)
+    note = f"each {length:g} {assembly.units[0]}"
+    ax.text(foot[0], foot[1] - 0.05 * size, note, fontsize=7, va="top", **text)
+    return np.array([foot[0] - 0.08 * size, min(lower[1], foot[1] - 0.08 * size)])
+
+
+def legend(ax: Axes, handles: list[Artist]) -> None:
+    """A legend below the axes, at a distance in points: it covers nothing, whatever the shape of the axes."""
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        return
+    shift = ScaledTranslation(0.0, -_below(ax) / 72.0, figure.dpi_scale_trans)
+    columns = int(np.clip(ax.bbox.width / figure.dpi / 2.0, 2, 5))
+    size: dict[str, Any] = {"fontsize": FONT, "handlelength": 2.2, "columnspacing": 1.2, "labelspacing": 0.5}
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.0}
+    ax.legend(handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **place, **size)
+
+
+def _below(ax: Axes) -> float:
+    """Points below the axes that ticks and their label take."""
+    return 34.0 if ax.axison else 8.0
+
+
+def legend_inches(ax: Axes) -> float:
+    """Height below the axes that ticks and the legend need, inches."""
+    found = ax.get_legend()
+    figure = ax.get_figure(root=True)
+    if found is None or figure is None:
+        return 0.6
+    columns = int(np.clip(ax.bbox.width / figure.dpi / 2.0, 2, 5))
+    rows = math.ceil(len(found.get_texts()) / columns)
+    return (_below(ax) + rows * 1.62 * FONT + 10.0) / 72.0
+
+
+def _line(label: str, **style: Any) -> Line2D:
+    return Line2D([], [], label=label, **style)
+
+
+def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
+    return Line2D([], [], label=label, marker=marker, markersize=size, linestyle="none", **style)
+
+
+def label_handles(assembly: Assembly, labels: Bits, ink: Ink) -> list[Artist]:
+    """Legend of dry and inner faces, as present, and of supports."""
+    handles: list[Artist] = []
+    for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
+        if mask.any():
+            first = int(np.flatnonzero(mask)[0])
+            width = max(float(ink.widths[first]), 0.8)
+            handles.append(_line(name, color=ink.colours[first], linewidth=width, linestyle=dash))
+    handles.append(Patch(facecolor=SUPPORT, edgecolor="#9A9A9A", hatch="////", linewidth=0.4, label="support"))
+    return handles
+
+
+def block_handle(assembly: Assembly, labels: Bits) -> Artist:
+    """Legend of the tints, with the number of blocks that hold a free element."""
+    count = len(np.unique(marks.blocks_of(assembly, labels)[assembly.elements.free]))
+    name = "1 block" if count == 1 else f"{count} blocks, by tint"
+    return Patch(facecolor=TINTS[0], edgecolor=SOFT, linewidth=0.6, label=name)
+
+
+def load_handles(drawn: Drawn) -> list[Artist]:
+    """Legend of the live loads that were drawn."""
+    known = {
+        "live": _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
+        "body": _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
+        "couples": _line("live couple, × λ", **TURN, markersize=10.0, color=LOAD),
+    }
+    return [handle for name, handle in known.items() if name in drawn]
+
+
+def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> list[Artist]:
+    """Legend of a picture of forces; thick: width of the widest face at rest, points."""
+    assert result.forces is not None
+    size = np.linalg.norm(marks.face_vectors(result.assembly, result.forces), axis=1)
+    largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
+    handles: list[Artist] = []
+    for used in (0.0, 0.5, 1.0):
+        width = max(thick, 1.0) * (0.45 + 1.15 * used)
+        handles.append(_line(f"utilisation {used:g}", color=USED(used), linewidth=width))
+    known = {
+        "press": _mark(f"pressing, {largest}", r"$\longrightarrow$", 15.0, color=PRESS, markeredgewidth=0.3),
+        "tension": _mark("pulling (hollow)", r"$\Rightarrow$", 13.0, color=PRESS, markeredgewidth=0.3),
+        "couples on faces": _line("bending without thrust on face", **TURN, markersize=8.0, color=PRESS),
+        "thrust": _line("thrust line", **THRUST),
+        "yield dry": _line("dry face at yield", linestyle="none", markersize=6.0, **YIELD["yield dry"]),
+        "yield inner": _line("inner face at yield", linestyle="none", markersize=6.0, **YIELD["yield inner"]),
+    }
+    handles += [handle for name, handle in known.items() if name in drawn]
+    return handles + load_handles(drawn)
+
+
+def mechanism_handles(assembly: Assembly, labels: Bits, ink: Ink, drawn: Drawn) -> list[Artist]:
+    """Legend of a picture of a mechanism."""
+    handles = label_handles(assembly, labels, ink)
+    handles.append(_line("at rest", color="#8A8A8A", linewidth=0.6))
+    for kind, style in MOVES.items():
+        if str(kind) in drawn:
+            handles.append(_line(MEANING[kind], linestyle="none", markersize=6.0, markeredgewidth=0.8, **style))
+    return handles

@@ -1,0 +1,332 @@
+"""Pictures of an assembly, its forces and its mechanism, on any matplotlib axes, without a display.
+
+Nothing here holds pyplot state. Planar scenes are drawn as they are, spatial ones in an axonometric view,
+by the same functions. Each returns what it drew as a dict of artist lists, keyed by what they show.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import textwrap
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.errors import InputError
+from jld_core.limit.mechanism import displacement
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.solvers.base import Status
+from jld_core.views import annotations as furniture
+from jld_core.views import quantities as marks
+from jld_core.views.structure import (
+    PLAIN,
+    SUPPORT,
+    TINTS,
+    Drawn,
+    Ink,
+    default_ink,
+    element_points,
+    extent,
+    paint,
+    projection_of,
+    typical,
+)
+
+FADED: Final = "#9A9A9A"
+NO_MECHANISM: Final = {
+    Status.LOCKED: "none: no live load, however large, brings it down",
+    Status.UNSTABLE: "none: it does not stand under any λ ≥ 0",
+    Status.UNCERTIFIED: "none was proven",
+    Status.FAILED: "none: the solve failed",
+    Status.COLLAPSE: "not computed",
+}
+
+
+def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
+    """Blocks in tints, dry faces thick and ticked, inner faces thin and dotted, supports hatched, live loads.
+
+    labels: (m,) True dry, default the assembly's own. plain: no loads, axes or legend, for thumbnails.
+    Returns "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as present
+    (spatial: faces and elements are in "elements" and "supports", in the order in which they hide another).
+    Raises ValueError for labels of another length than the interfaces.
+    """
+    labels = _labels(assembly, labels)
+    drawn = paint(ax, assembly, labels, _tints(assembly, labels))
+    if plain:
+        furniture.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
+        return drawn
+    covered = furniture.draw_loads(ax, assembly, drawn)
+    furniture.frame(ax, assembly, covered)
+    handles = furniture.label_handles(assembly, labels, default_ink(ax, assembly, labels))
+    furniture.legend(ax, [*handles, furniture.block_handle(assembly, labels), *furniture.load_handles(drawn)])
+    ax.set_title("Labels", fontsize=10)
+    return drawn
+
+
+def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
+    """The force on each face as an arrow at its centre of pressure, utilisation, yielding faces, thrust line.
+
+    Arrows show the force with the sign that runs down the load path; hollow ones are tension (N < 0). A face
+    whose resultant has no centre of pressure on it carries a turning arrow at its middle. Forces below 1 % of
+    the largest are left out.
+    Returns what `paint` returns, the loads, and "press", "tension", "couples on faces", "yield dry",
+    "yield inner", "thrust", as present.
+    """
+    assembly, labels = result.assembly, result.labels
+    base = default_ink(ax, assembly, labels)
+    fills = [PLAIN] * len(assembly.elements)
+    if result.forces is None:
+        faded = Ink([FADED] * len(labels), base.widths)
+        drawn = paint(ax, assembly, labels, fills, faded)
+        furniture.frame(ax, assembly, furniture.draw_loads(ax, assembly, drawn))
+        handles = furniture.label_handles(assembly, labels, faded)
+        furniture.legend(ax, [*handles, *furniture.load_handles(drawn)])
+        ax.set_title("Forces\nnone: no admissible forces are known", fontsize=10)
+        return drawn
+    used = marks.utilisation(result)
+    thick = float(base.widths.max(initial=0.5))
+    ink = Ink([tuple(furniture.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
+    drawn = paint(ax, assembly, labels, fills, ink)
+    covered = furniture.draw_loads(ax, assembly, drawn)
+    covered += _draw_face_forces(ax, result, drawn)
+    _draw_thrust(ax, result, drawn)
+    _draw_yielding(ax, result, used, drawn)
+    furniture.frame(ax, assembly, covered)
+    furniture.legend(ax, furniture.force_handles(result, drawn, thick))
+    where = "at the best λ found" if result.status is Status.UNCERTIFIED else "at the proven λ"
+    ax.set_title(f"Forces on the faces, {where}", fontsize=10)
+    return drawn
+
+
+def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> list[Floats]:
+    """Arrows and couples, added to `drawn`; returns the points (k, 2) on paper that they cover."""
+    assembly, forces, projection = result.assembly, result.forces, projection_of(result.assembly)
+    assert forces is not None
+    vectors = marks.down_the_load_path(assembly, marks.face_vectors(assembly, forces))
+    size = np.linalg.norm(vectors, axis=1)
+    largest = float(size.max(initial=0.0))
+    shown = size > marks.SMALL * largest
+    if not shown.any():
+        return []
+    # a few large forces must not leave the ordinary ones without length
+    longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * typical(assembly)
+    shaft = float(np.clip(0.045 * element_points(ax, assembly), 0.3, 1.3))
+    at, on_face = marks.pressure_points(assembly, forces)
+    feet, arrows = projection(at), projection(vectors) * longest / largest
+    for name, mask in (("press", shown & (forces[:, 0] >= 0.0)), ("tension", shown & (forces[:, 0] < 0.0))):
+        if mask.any():
+            hollow = name == "tension"
+            colour = furniture.PRESS
+            drawn[name] = [furniture.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
+    couple = np.linalg.norm(forces[:, assembly.dimension :], axis=1)
+    turning = ~on_face & (couple > marks.SMALL * largest * typical(assembly))
+    if turning.any():
+        size_pt = float(np.clip(0.16 * element_points(ax, assembly), 4.0, 9.0))
+        drawn["couples on faces"] = [
+            *ax.plot(
+                *feet[turning].T,
+                **furniture.TURN,
+                color=furniture.PRESS,
+                markersize=size_pt,
+                zorder=4.2,
+                label="couples",
+            )
+        ]
+    return [feet - 0.5 * arrows, feet + 0.5 * arrows]
+
+
+def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
+    assert result.forces is not None
+    projection = projection_of(result.assembly)
+    pieces = [projection(piece) for piece in marks.thrust_segments(result.assembly, result.forces)]
+    if pieces:
+        drawn["thrust"] = [
+            line for piece in pieces for line in ax.plot(*piece.T, **furniture.THRUST, zorder=3.0, label="thrust")
+        ]
+
+
+def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: Drawn) -> None:
+    """Marks on yielding faces, on the side of the middle away from the arrow."""
+    assert result.forces is not None
+    faces, labels = result.assembly.interfaces, result.labels
+    size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
+    at = marks.pressure_points(result.assembly, result.forces)[0]
+    side = np.where(np.einsum("ij,ij->i", at - faces.origin, faces.e1) > 0.0, -0.3, 0.3)
+    places = projection_of(result.assembly)(faces.origin + (side * faces.l1)[:, None] * faces.e1)
+    for name, mask in (("yield dry", labels), ("yield inner", ~labels)):
+        chosen = mask & (used >= marks.YIELDING)
+        if chosen.any():
+            look = {**furniture.YIELD[name], "markersize": size, "linestyle": "none", "zorder": 4.5}
+            drawn[name] = [*ax.plot(*places[chosen].T, label=name, **look)]
+
+
+def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
+    """Displaced elements over the thin outline at rest, and what each face does.
+
+    The scale is automatic: the largest displacement is drawn as 12 % of the scene's size, or less where
+    rotations would come out above 0.35 rad. Displacements are linear in the velocities.
+    Returns what `paint` returns for the displaced state, "rest", and one entry ("hinge", "slide", "open",
+    "crack") for each kind of movement present. Without a mechanism: the structure at rest, and why.
+    """
+    assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
+    ink = default_ink(ax, assembly, labels)
+    if result.mechanism is None:
+        faded = Ink([FADED] * len(labels), ink.widths)
+        drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)
+        furniture.frame(ax, assembly, list(extent(assembly, projection)))
+        furniture.legend(ax, furniture.label_handles(assembly, labels, faded))
+        ax.set_title(f"Mechanism\n{NO_MECHANISM[result.status]}", fontsize=10)
+        return drawn
+    velocity, scale = result.mechanism, marks.mechanism_scale(assembly, result.mechanism)
+
+    def move(element: int, points: Floats) -> Floats:
+        return np.asarray(points + scale * displacement(assembly, velocity, element, points))
+
+    drawn = paint(ax, assembly, labels, _tints(assembly, labels), Ink(ink.colours, 0.8 * ink.widths), move)
+    drawn["rest"] = _draw_rest(ax, assembly)
+    kinds, places = marks.movements(result)
+    size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
+    for kind, style in furniture.MOVES.items():
+        chosen = [k for k, what in enumerate(kinds) if what is kind]
+        if chosen:
+            faces = assembly.interfaces
+            sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
+            look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
+            drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
+    furniture.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, move)])
+    furniture.legend(ax, furniture.mechanism_handles(assembly, labels, ink, drawn))
+    ax.set_title(f"Mechanism for live power 1, drawn × {scale:.3g}", fontsize=10)
+    return drawn
+
+
+def _draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
+    """Thin outlines of the free elements at rest, as one line with gaps."""
+    projection, rings = projection_of(assembly), []
+    for k in assembly.elements.free:
+        shape = projection(assembly.elements.shape[k])
+        spatial = assembly.dimension == 3
+        for ring in assembly.elements.faces[k] if spatial else [tuple(range(len(shape)))]:
+            rings += [shape[[*ring, ring[0]]], np.full((1, 2), np.nan)]
+    return [*ax.plot(*np.vstack(rings).T, color="#8A8A8A", linewidth=0.5, zorder=0.9, label="rest")]
+
+
+def figure_of_assembly(assembly: Assembly, labels: Bits | None = None) -> Figure:
+    """`draw_assembly` on a figure of its own, under the name of the scene. labels: (m,) True dry."""
+    figure, axes = _figure(assembly, 1)
+    draw_assembly(axes[0], assembly, labels)
+    axes[0].set_title("")
+    _finish(figure, axes, textwrap.shorten(assembly.name, 60, placeholder=" …"))
+    return figure
+
+
+def figure_of_result(result: LimitAnalysisResult) -> Figure:
+    """Labels, forces and mechanism of one result, side by side (very wide scenes: one above the other), under
+    a title with name, λ, its bracket and the status."""
+    figure, axes = _figure(result.assembly, 3)
+    draw_assembly(axes[0], result.assembly, result.labels)
+    draw_forces(axes[1], result)
+    draw_mechanism(axes[2], result)
+    _finish(figure, axes, title_of(result))
+    return figure
+
+
+def _figure(assembly: Assembly, count: int) -> tuple[Figure, list[Axes]]:
+    """A figure with axes of about the size that they will have, since line widths depend on it."""
+    lower, upper = extent(assembly, projection_of(assembly))
+    figure = Figure(dpi=120)
+    FigureCanvasAgg(figure)
+    axes = [figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(k)) for k in range(count)]
+    _place(figure, axes, upper - lower + 0.2 * float(np.max(upper - lower)))
+    return figure, axes
+
+
+def _finish(figure: Figure, axes: list[Axes], title: str) -> None:
+    """One scale for all axes, final sizes, and the title."""
+    limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
+    low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
+    for ax in axes:
+        ax.set_xlim(low[0], high[0])
+        ax.set_ylim(low[1], high[1])
+    _place(figure, axes, high - low)
+    figure.suptitle(title, fontsize=11, y=1.0 - 0.1 / figure.get_figheight(), va="top")
+
+
+def _place(figure: Figure, axes: list[Axes], span: Floats) -> None:
+    """Sizes in inches from what has to fit: span (2,) of the data, ticks, titles, and the longest legend."""
+    stacked = len(axes) > 1 and span[1] < 0.4 * span[0]
+    width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
+    height = width * float(span[1] / span[0])
+    if height > 6.0:
+        width, height = width * 6.0 / height, 6.0
+    depth = max(furniture.legend_inches(ax) for ax in axes)
+    slot = max(width + 0.75, 3.7)
+    row = 0.45 + height + depth
+    columns, rows = (1, len(axes)) if stacked else (len(axes), 1)
+    total = (columns * slot + 0.1, rows * row + 0.55)
+    figure.set_size_inches(*total)
+    for k, ax in enumerate(axes):
+        column, line = (0, k) if stacked else (k, 0)
+        left = column * slot + 0.5 * (slot - width) + 0.25
+        bottom = total[1] - 0.55 - line * row - 0.45 - height
+        ax.set_position((left / total[0], bottom / total[1], width / total[0], height / total[1]))
+
+
+def title_of(result: LimitAnalysisResult) -> str:
+    """Name, λ with its bracket, status and kind of friction, on two lines."""
+    digits = 4
+    if math.isfinite(result.gap) and result.gap > 0.0:
+        digits = int(np.clip(math.ceil(-math.log10(result.gap)) + 2, 4, 14))
+    low, high = (f"{end:.{digits}g}" if math.isfinite(end) else "unproven" for end in result.bracket)
+    if result.status is Status.LOCKED:
+        value = f"no finite collapse load (admissible from λ = {low} upwards)"
+    elif result.status is Status.UNSTABLE:
+        value = "no λ ≥ 0 is admissible"
+    elif math.isfinite(result.load_factor):
+        value = f"λ = {result.load_factor:.{max(digits - 2, 4)}g}  in  [{low}, {high}]"
+    else:
+        value = f"λ in [{low}, {high}]"
+    name = textwrap.shorten(result.assembly.name, 90, placeholder=" …")
+    return f"{name}\n{value}  ·  {result.status}  ·  {result.friction} friction"
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure as .png, .svg or .pdf, by the ending; equal figures give equal bytes.
+
+    Raises InputError for another ending.
+    """
+    ending = Path(path).suffix.lower()
+    undated: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    if ending not in undated:
+        raise InputError(str(path), f"{ending!r} is no ending of a picture", "a name ending in .png, .svg or .pdf")
+    with mpl.rc_context({"svg.hashsalt": "jld"}):
+        figure.savefig(path, format=ending[1:], metadata=undated[ending])
+
+
+def svg_of(figure: Figure) -> str:
+    """A figure as SVG text from its opening tag on, fit for `_repr_html_`; equal figures give equal text."""
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "jld"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
+    labels = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    if labels.shape != (len(assembly.interfaces),):
+        raise ValueError(f"labels have shape {labels.shape}, expected ({len(assembly.interfaces)},)")
+    return labels
+
+
+def _tints(assembly: Assembly, labels: Bits) -> list[str]:
+    """Fill of each element, by block."""
+    colours = marks.block_colours(assembly, labels, len(TINTS))
+    return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

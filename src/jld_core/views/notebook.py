@@ -1,0 +1,105 @@
+"""What a notebook shows of a result: a table of facts, and its drawing.
+
+The facts are those of the command line. matplotlib is imported by whoever asks for a drawing, not before.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping
+from html import escape
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from jld_core.program.template import Template
+
+if TYPE_CHECKING:
+    from jld_core.assembly import Assembly
+    from jld_core.limit.result import LimitAnalysisResult
+
+LARGEST: Final = 1500
+"""Elements up to which a notebook draws by itself: beyond, drawings take megabytes and many seconds."""
+
+
+def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
+    """What is modelled, by name: dimension, counts, loads with their unit, size of the program, size in space."""
+    elements, faces = assembly.elements, assembly.interfaces
+    length, force = assembly.units
+    structure = Template(assembly).structure
+    dry = int(np.count_nonzero(assembly.labels))
+    kind = "second-order cone program" if structure.cones else "linear program"
+    return {
+        "dimension": "planar" if assembly.dimension == 2 else "spatial",
+        "elements": f"{len(elements)}: {len(elements.free)} free, {int(elements.support.sum())} supports",
+        "interfaces": f"{len(faces)}: {dry} dry, {len(faces) - dry} inner in the scene's own labelling",
+        "dead load": f"{assembly.total_dead:.6g} {force} in total",
+        "live load": f"{assembly.total_live:.6g} {force} in total, times λ",
+        "program": f"{kind}, {structure.shape[1]} unknowns, {structure.equalities} equations, "
+        f"{structure.linear - 1} inequalities, {len(structure.cones)} cones",
+        "size": f"{assembly.size:.6g} {length}",
+    }
+
+
+def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
+    """What came out, by name: status, λ with its bracket, evidence of zero dilation, route, seconds."""
+    low, high = result.bracket
+    bracket = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in (low, high))
+    facts = {
+        "status": str(result.status),
+        "λ": "none" if math.isnan(result.load_factor) else f"{result.load_factor:.12g}",
+        "bracket": bracket + ("" if math.isnan(result.gap) else f"   (relative width {result.gap:.1e})"),
+    }
+    if result.friction == "zero-dilation":
+        extra = result.extra
+        facts["associative"] = (
+            f"{_shown(extra['associative_load_factor'])} (the only upper bound on every zero-dilation λ)"
+        )
+        facts["evidence"] = (
+            f"violation {_shown(extra['friction_violation'])}, dilation {_shown(extra['dilation'])}, "
+            f"complementarity gap {_shown(extra['complementarity_gap'])}, "
+            + ("converged" if extra["converged"] else "not converged")
+        )
+    stands = result.stands_at_zero
+    facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
+    facts["route"] = ", ".join(result.route)
+    facts["seconds"] = f"{result.seconds['total']:.3g} ({result.seconds['solve']:.3g} solving)"
+    return facts
+
+
+def svg_of_assembly(assembly: Assembly) -> str | None:
+    """The structure with its own labels and its loads, as SVG; None above `LARGEST` elements."""
+    if len(assembly.elements) > LARGEST:
+        return None
+    from jld_core.views import figures
+
+    return figures.svg_of(figures.figure_of_assembly(assembly))
+
+
+def svg_of_result(result: LimitAnalysisResult) -> str | None:
+    """Labels, forces and mechanism, as SVG; None above `LARGEST` elements."""
+    if len(result.assembly.elements) > LARGEST:
+        return None
+    from jld_core.views import figures
+
+    return figures.svg_of(figures.figure_of_result(result))
+
+
+def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:
+    """HTML of one object: its title, a table of its facts, its drawing, and further tables.
+
+    drawing: SVG text, or None where it is too large to be drawn. tables: HTML, put last as they are.
+    """
+    cell = 'style="text-align: left; vertical-align: top"'
+    rows = "".join(f"<tr><th {cell}>{escape(k)}</th><td {cell}>{escape(v)}</td></tr>" for k, v in facts.items())
+    picture = f"<p>more than {LARGEST} elements: drawn only by <code>jld_core.views.figures</code></p>"
+    if drawing is not None:
+        # an image of its own: names inside the drawing must not meet those of other drawings on the page
+        data = base64.b64encode(drawing.encode()).decode("ascii")
+        picture = f'<img alt="{escape(title)}" style="max-width: 100%" src="data:image/svg+xml;base64,{data}">'
+    return f"<div><p><strong>{escape(title)}</strong></p><table>{rows}</table>{picture}{''.join(tables)}</div>"
+
+
+def _shown(value: float | None) -> str:
+    return "none" if value is None else f"{value:.6g}"

@@ -1,0 +1,243 @@
+"""What a picture has to show, as numbers: blocks, centres of pressure, utilisation, kinds of movement.
+
+Nothing here knows of matplotlib. All functions are pure; m interfaces, n elements, d = 2 or 3.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.limit import mechanism
+from jld_core.limit.mechanism import displacement, face_motions
+from jld_core.limit.result import LimitAnalysisResult
+
+REACH: Final = 0.12
+"""Largest displacement drawn, relative to the size of the scene."""
+
+TURN: Final = 0.35
+"""Largest rotation drawn, radians: displacements are drawn linear in the velocities, so that hinges stay
+closed, and beyond this a turning element would visibly grow."""
+
+SMALL: Final = 0.01
+"""Share of the largest movement or force of a picture below which a mark would be noise."""
+
+YIELDING: Final = 0.995
+"""Utilisation from which a face is marked as yielding: the forces belong to the proven lower end of λ."""
+
+
+class Movement(StrEnum):
+    """What a face does in a mechanism."""
+
+    STILL = "still"
+    HINGE = "hinge"
+    SLIDE = "slide"
+    OPEN = "open"
+    CRACK = "crack"
+
+
+def blocks_of(assembly: Assembly, labels: Bits) -> Ints:
+    """(n,) block number of each element: components joined through inner faces.
+
+    labels: (m,) True dry. An element glued to a support belongs to the support's block.
+    """
+    faces, count = assembly.interfaces, len(assembly.elements)
+    inner = ~np.asarray(labels, dtype=bool)
+    pairs = (faces.a[inner], faces.b[inner])
+    graph = sp.coo_array((np.ones(int(inner.sum())), pairs), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
+    """(n,) colour number of each element, 0 … available − 1, −1 for supports.
+
+    Greedy, largest number of neighbours first, so that blocks in contact differ as long as the colours last;
+    among the free colours the least used one is taken.
+    """
+    block, support = blocks_of(assembly, labels), assembly.elements.support
+    a, b = block[assembly.interfaces.a], block[assembly.interfaces.b]
+    neighbours: dict[int, set[int]] = {int(k): set() for k in block}
+    for left, right in zip(a.tolist(), b.tolist(), strict=True):
+        if left != right:
+            neighbours[left].add(right)
+            neighbours[right].add(left)
+    grounded = set(block[support].tolist()) - set(block[~support].tolist())
+    colour: dict[int, int] = {}
+    used = [0] * available
+    for k in sorted(neighbours.keys() - grounded, key=lambda k: (-len(neighbours[k]), k)):
+        taken = {colour[j] for j in neighbours[k] if j in colour}
+        choice = min(range(available), key=lambda c: (c in taken, used[c], c))
+        colour[k] = choice
+        used[choice] += 1
+    return np.array([-1 if s else colour[int(k)] for k, s in zip(block, support, strict=True)], dtype=np.int64)
+
+
+def body_load(assembly: Assembly) -> Floats | None:
+    """Total (d,) of the live load that `live_points` does not account for, scene units, or None."""
+    d = assembly.dimension
+    total = assembly.live[assembly.elements.free, :d].sum(axis=0)
+    for _, force in assembly.live_points:
+        total = total - np.asarray(force)
+    if np.linalg.norm(total) <= 1e-9 * assembly.total_live:
+        return None
+    return np.asarray(total)
+
+
+def live_couples(assembly: Assembly) -> Ints:
+    """Indices of elements whose live load is a moment without a force."""
+    d = assembly.dimension
+    force = np.linalg.norm(assembly.live[:, :d], axis=1)
+    moment = np.linalg.norm(assembly.live[:, d:], axis=1)
+    return np.flatnonzero((moment > 1e-12 * assembly.total_live * assembly.size) & (force == 0.0))
+
+
+def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
+    """Centres of pressure (m, d), scene units, and (m,) whether they lie on the face.
+
+    forces: (m, q). x1 = −M2/N along e1, x2 = M1/N along e2 (planar M = M2). A face without a centre of
+    pressure on it (a couple, as inner faces may carry) gets its centroid.
+    """
+    faces, normal = assembly.interfaces, forces[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if assembly.dimension == 2:
+            x1, x2 = -forces[:, 2] / normal, np.zeros(len(normal))
+        else:
+            x1, x2 = -forces[:, 4] / normal, forces[:, 3] / normal
+    shift = x1[:, None] * faces.e1
+    if assembly.dimension == 3:
+        shift = shift + x2[:, None] * faces.e2
+    used = np.array([_gauge(assembly, k, np.array([x1[k], x2[k]])) for k in range(len(faces))])
+    on_face = np.isfinite(x1) & np.isfinite(x2) & (used <= 1.0 + 1e-6)
+    return faces.origin + np.where(on_face[:, None], np.nan_to_num(shift, posinf=0.0, neginf=0.0), 0.0), on_face
+
+
+def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
+    """How far out a point (x1, x2) of a face lies: 0 at the centroid, 1 on the boundary of its hull."""
+    faces = assembly.interfaces
+    if not np.all(np.isfinite(point)):
+        return np.inf
+    if assembly.dimension == 2 or faces.rectangle[face]:
+        second = 0.0 if assembly.dimension == 2 else abs(point[1]) / (0.5 * faces.l2[face])
+        return float(max(abs(point[0]) / (0.5 * faces.l1[face]), second))
+    from scipy.spatial import ConvexHull
+
+    arm = faces.polygon[face] - faces.origin[face]
+    hull = ConvexHull(np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])).equations
+    return float(np.max(hull[:, :2] @ point / -hull[:, 2]))
+
+
+def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
+    """(m, d) force that each interface exerts on its element b, scene units. forces: (m, q)."""
+    faces = assembly.interfaces
+    vectors = forces[:, [0]] * faces.normal + forces[:, [1]] * faces.e1
+    return vectors + forces[:, [2]] * faces.e2 if assembly.dimension == 3 else vectors
+
+
+def utilisation(result: LimitAnalysisResult) -> Floats:
+    """(m,) share of its strength that each face uses, 0 … 1: largest of bending, shear, tension, crushing.
+
+    Inner faces by the uncoupled rectangle form of METHOD §2. Faces without force count as 0.
+    Raises ValueError where the result holds no forces.
+    """
+    if result.forces is None:
+        raise ValueError("the result holds no forces")
+    assembly, f, dry = result.assembly, result.forces, result.labels
+    faces, strength, planar = assembly.interfaces, assembly.strengths, result.assembly.dimension == 2
+    n = f[:, 0]
+    shear = abs(f[:, 1]) if planar else np.hypot(f[:, 1], f[:, 2])
+    if not planar:
+        shear = shear + abs(f[:, 5]) / np.where(faces.c_t > 0.0, faces.c_t, 1.0)
+    lever = np.column_stack([-f[:, 2], np.zeros(len(n))] if planar else [-f[:, 4], f[:, 3]])
+    edge = np.array([_gauge(assembly, k, lever[k]) for k in range(len(faces))])
+    bent = abs(lever[:, 0]) / faces.l1
+    if not planar:
+        bent = np.maximum(bent, abs(lever[:, 1]) / faces.l2)
+    tiny = 1e-6 * max(float(np.max(abs(n), initial=0.0)), float(np.max(shear, initial=0.0)), 1e-300)
+    crush = np.where(dry, strength.crush_dry, strength.crush_inner) * faces.area
+    hold = np.nan_to_num(strength.tension) * faces.area
+    ratios = np.where(
+        dry,
+        [
+            _ratio(edge, n * (1.0 - n / crush), tiny),
+            _ratio(shear, np.nan_to_num(strength.friction) * n, tiny),
+            _ratio(n, crush, tiny),
+        ],
+        [
+            _ratio(6.0 * bent, np.minimum(n + hold, crush - n), tiny),
+            _ratio(shear, np.nan_to_num(strength.shear) * faces.area, tiny),
+            _ratio(-n, hold, tiny),
+        ],
+    )
+    return np.asarray(np.clip(ratios.max(axis=0), 0.0, 1.0))
+
+
+def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
+    """Face forces (m, d), each with the sign with which it runs along the dead load, or the live where there
+    is no dead load: as acting on the element that carries the other."""
+    d, free = assembly.dimension, assembly.elements.free
+    down = assembly.dead[free, :d].sum(axis=0)
+    if not down.any():
+        down = assembly.live[free, :d].sum(axis=0)
+    return np.where((vectors @ down < 0.0)[:, None], -vectors, vectors)
+
+
+def _ratio(used: Floats, capacity: Floats, tiny: float) -> Floats:
+    """used / capacity, 0 where hardly anything is used, 1 where there is no capacity for it."""
+    safe = np.where(capacity > 0.0, capacity, 1.0)
+    return np.where(used <= tiny, 0.0, np.where(capacity > 0.0, used / safe, 1.0))
+
+
+def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
+    """Pieces (2, d) of the thrust line: through each free element that exactly two faces press, from one
+    centre of pressure to the other. With more faces a single line has no meaning; where that is so for
+    most of the pressed elements none is given at all."""
+    points, on_face = pressure_points(assembly, forces)
+    size = np.linalg.norm(face_vectors(assembly, forces), axis=1)
+    pressed = (forces[:, 0] > 0.0) & on_face & (size > SMALL * size.max(initial=0.0))
+    pulled = ~pressed & (size > SMALL * size.max(initial=0.0))
+    touching: dict[int, list[int]] = {int(k): [] for k in assembly.elements.free}
+    for face in np.flatnonzero(pressed | pulled):
+        for element in (int(assembly.interfaces.a[face]), int(assembly.interfaces.b[face])):
+            if element in touching:
+                touching[element].append(int(face))
+    pieces = [points[pair] for pair in touching.values() if len(pair) == 2 and pressed[pair].all()]
+    return pieces if 2 * len(pieces) >= sum(bool(pair) for pair in touching.values()) else []
+
+
+def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
+    """Factor on velocities (n, q) for a picture: the largest displacement becomes `REACH` of the scene's
+    size, the largest rotation at most `TURN`. 0 for no motion."""
+    reach = max(
+        float(np.linalg.norm(displacement(assembly, mechanism, k, shape), axis=1).max())
+        for k, shape in enumerate(assembly.elements.shape)
+    )
+    turn = float(np.linalg.norm(mechanism[:, assembly.dimension :], axis=1).max())
+    if reach == 0.0:
+        return 0.0
+    return min(REACH * assembly.size / reach, TURN / turn if turn > 0.0 else np.inf)
+
+
+def movements(result: LimitAnalysisResult) -> tuple[tuple[Movement, ...], Floats]:
+    """What each of the m faces does in the mechanism, and where, (m, d), scene units, on the undeformed face.
+
+    Raises ValueError where the result holds no mechanism.
+    """
+    motions = face_motions(result)
+    kinds = tuple(_MARKS[motion.kind] for motion in motions)
+    return kinds, np.array([motion.place for motion in motions]).reshape(len(kinds), -1)
+
+
+_MARKS: Final = {
+    mechanism.Movement.CLOSED: Movement.STILL,
+    mechanism.Movement.HINGE: Movement.HINGE,
+    mechanism.Movement.SLIDE: Movement.SLIDE,
+    mechanism.Movement.TWIST: Movement.SLIDE,
+    mechanism.Movement.OPEN: Movement.OPEN,
+    mechanism.Movement.CRACK_TENSION: Movement.CRACK,
+    mechanism.Movement.CRACK_SHEAR: Movement.CRACK,
+}

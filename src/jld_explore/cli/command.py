@@ -1,0 +1,318 @@
+"""The command line: jld check, solve, explore, plot."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import re
+import signal
+import sys
+import warnings
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from jld_core._version import __version__
+from jld_core.assembly import Assembly
+from jld_core.build.assemble import build_assembly
+from jld_core.errors import InputError, RouteError
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.models.solve import solve as solve_assembly
+from jld_core.scene.reading import Scene, load_scene
+from jld_core.solvers import ROUTES
+from jld_core.solvers.base import Status
+from jld_explore.cli.progress import ProgressBar
+from jld_explore.explore import (
+    ExploreSettings,
+    Interrupted,
+    check_folder,
+    check_writable,
+    explore,
+    read_folder,
+    write_pictures,
+    write_text,
+)
+from jld_explore.report import words
+from jld_explore.space.search_space import search_space
+
+INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
+_JOBS = 16  # worker processes per core at the most
+
+# typer brings a click of its own in some versions; its own exceptions say which one is in force
+_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+
+app = typer.Typer(
+    name="jld",
+    help="Joint Layout Design: find the strongest way to cut a structure into dry-jointed blocks, with proof.",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
+
+
+class Friction(StrEnum):
+    ASSOCIATIVE = "associative"
+    ZERO_DILATION = "zero-dilation"
+
+
+class Contact(StrEnum):
+    CONVEX = "convex"
+    CONCAVE = "concave"
+
+
+class InnerBending(StrEnum):
+    PAPER = "paper"
+    KERN = "kern"
+
+
+class Picture(StrEnum):
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+class Condense(StrEnum):
+    AUTO = "auto"
+    ON = "on"
+    OFF = "off"
+
+
+def _load(path: Path) -> tuple[Scene, Assembly]:
+    scene = load_scene(path)
+    try:
+        return scene, build_assembly(scene)
+    except InputError as error:
+        raise error.within(str(path)) from None
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+@app.command()
+def check(scene: SceneFile) -> None:
+    """Parse a scene, find its interfaces, and print what will be modelled."""
+    parsed, assembly = _load(scene)
+    try:
+        _say(words.assembly(parsed, assembly, search_space(parsed, assembly, allow_empty=True, need_materials=False)))
+    except InputError as error:
+        raise error.within(str(scene)) from None
+
+
+@app.command()
+def solve(
+    scene: SceneFile,
+    friction: Annotated[
+        Friction, typer.Option(help="Associative, or sliding without dilation.")
+    ] = Friction.ASSOCIATIVE,
+    effective_area: Annotated[
+        bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
+    ] = False,
+    contact: Annotated[
+        Contact,
+        typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces."),
+    ] = Contact.CONVEX,
+    inner_bending: Annotated[
+        InnerBending,
+        typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress."),
+    ] = InnerBending.PAPER,
+    condense: Annotated[
+        Condense,
+        typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong."),
+    ] = Condense.AUTO,
+    solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "auto",
+    gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
+    out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
+    if out is not None:
+        check_writable(out)
+    _, assembly = _load(scene)
+    if not gap > 0.0:
+        raise InputError("--gap", f"{gap:g} is no width", "a number above 0")
+    try:
+        result = solve_assembly(
+            assembly,
+            friction=str(friction),
+            effective_area=effective_area,
+            contact=str(contact),
+            inner_bending=str(inner_bending),
+            condense=str(condense),
+            solver=solver,
+            gap=gap,
+        )
+    except InputError as error:
+        raise (error if error.where.startswith("--") else error.within(str(scene))) from None
+    except RouteError as error:
+        raise InputError("--solver", str(error), "a solver that takes this scene") from None
+    if out is not None:
+        _write_result(result, out)
+    _say(json.dumps(result.to_json(), indent=1) if as_json else words.result(result))
+    if result.status is Status.UNCERTIFIED:
+        raise typer.Exit(UNCERTIFIED)
+
+
+def _write_result(result: LimitAnalysisResult, out: Path) -> None:
+    check_writable(out)
+    from jld_core.views import figures  # matplotlib takes longer to import than most scenes to solve
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
+    figure = figures.figure_of_result(result)
+    for ending in ("png", "svg"):
+        figures.save_figure(figure, out / f"result.{ending}")
+
+
+@app.command(name="explore")
+def explore_command(
+    scene: SceneFile,
+    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
+    driver: Annotated[
+        str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")
+    ] = None,
+    objective: Annotated[Friction, typer.Option(help="λ that is maximised.")] = Friction.ASSOCIATIVE,
+    budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
+    population: Annotated[int | None, typer.Option(min=4, help="Genetic driver: labellings alive.")] = None,
+    sampler: Annotated[str | None, typer.Option(help="Optuna driver: its sampler, by name.")] = None,
+    storage: Annotated[
+        str | None, typer.Option(help="Optuna driver: URL of its database; default: a file in the folder.")
+    ] = None,
+    aim: Annotated[
+        str | None, typer.Option(help="Exact and genetic drivers: best, or front (the best for every count).")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
+    certificates: Annotated[
+        bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
+    parsed = load_scene(scene)
+    most = _JOBS * (os.cpu_count() or 1)
+    check_folder(out, resume)
+    if jobs is not None and jobs > most:
+        raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
+    _raise_on_signals()
+    settings = ExploreSettings(
+        driver=driver,
+        objective=str(objective),
+        budget=budget,
+        seconds=seconds,
+        jobs=jobs or os.cpu_count() or 1,
+        seed=seed,
+        resume=resume,
+        certificates=certificates,
+        options={"population": population, "sampler": sampler, "storage": storage, "aim": aim},
+    )
+    announce = None if as_json else _say
+    with ProgressBar(parsed.name) as bar:
+        try:
+            done = explore(parsed, out, settings, report=bar, announce=announce)
+        except InputError as error:
+            outside = error.where.startswith("--") or error.where.startswith(str(out))
+            raise (error if outside else error.within(str(scene))) from None
+    _say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
+
+
+@app.command()
+def plot(
+    source: Annotated[
+        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
+    ],
+    out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
+    kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
+) -> None:
+    """Draw a scene with its own labels, or draw a study's pictures again."""
+    if source.is_dir():
+        done = read_folder(source)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+        for path in write_pictures(done, str(kind), out):
+            _say(str(path))
+        return
+    _, assembly = _load(source)
+    target = out or source.with_suffix(f".{kind}")
+    if target.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
+    from jld_core.views import figures
+
+    figures.save_figure(figures.figure_of_assembly(assembly), target)
+    _say(str(target))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        _say(f"jld {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _raise_on_signals() -> None:
+    def stop(number: int, frame: object) -> NoReturn:
+        raise Interrupted
+
+    # tasks given up at the end of a run are no news
+    warnings.filterwarnings("ignore", message=r"\d+ tasks which were still", module="joblib")
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+
+
+def main() -> None:
+    """Entry point: one clear line and an exit code for whatever goes wrong."""
+    try:
+        code = app(standalone_mode=False)
+    except InputError as error:
+        _complain(str(error))
+    except _UsageError as error:
+        _complain(_usage(error.format_message()))
+    except OSError as error:
+        # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
+        path = error.filename or "a file"
+        _complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
+    except (Interrupted, KeyboardInterrupt, typer.Abort):
+        sys.stderr.write("stopped; everything finished is on disk, go on with --resume\n")
+        sys.exit(STOPPED)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _usage(message: str) -> str:
+    """One line for a command line that cannot be parsed: option, what was given, what is expected."""
+    text = " ".join(message.split()).rstrip(".")
+    found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
+    if found is None:
+        return f"{text}; expected what jld --help lists"
+    option, wish = found.groups()
+    wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
+    wish = re.sub("^.* is not one of ", "one of ", wish)
+    wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace("a valid integer", "a whole number")
+    given = [b for a, b in itertools.pairwise(sys.argv) if a == option]
+    given += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
+    return f"{option}: {given[0] if given else 'the value'!r} is wrong; expected {wish}"
+
+
+def _complain(line: str) -> NoReturn:
+    sys.stderr.write(f"jld: {line}\n")
+    sys.exit(INPUT)
+
+
+if __name__ == "__main__":
+    main()

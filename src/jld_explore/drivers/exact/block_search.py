@@ -1,0 +1,113 @@
+"""When conflicts come from a tree of block choices, and what such a tree suggests on its way.
+
+A tree is planted where the relaxation by blocks closes a good part of the gap that relaxing face by face leaves at the
+root, which it does for blocks of a few cells, and felled where strengths are too large for its bounds to be accurate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.assembly import Bits
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
+from jld_core.limit.relaxation import Relaxation
+from jld_explore.drivers.exact.block_tree import Node, Tree
+from jld_explore.drivers.exact.conflicts import Conflict
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.possible_blocks import Polyominoes
+from jld_explore.space.search_space import SearchSpace
+
+_CLOSER: Final = 0.25
+"""Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
+
+_LISTED: Final = 4
+"""Possible blocks for each element above which it is not tried: blocks of one and two cells come to three. With those
+of two to six on the beam on bearings a tree takes 20 s, where conflicts of faces take one."""
+
+_BLUNT: Final = 20
+"""Whole labellings left over by a tree and refuted by their own mechanism after which it is felled: its bounds are then
+less accurate than strengths a million times the forces ask for."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a step found: conflicts; a labelling (m,) with nothing undecided; one that may be better than known."""
+
+    conflicts: tuple[Conflict, ...]
+    whole: Bits | None = None
+    promising: Bits | None = None
+
+
+class BlockSearch:
+    """The tree of one space, if it has one. relaxation: face by face, to look at single labellings."""
+
+    def __init__(
+        self, analysis: LimitAnalysis, space: SearchSpace, blocks: Polyominoes | None, relaxation: Relaxation
+    ) -> None:
+        self._analysis, self._space, self._relaxation = analysis, space, relaxation
+        self._blocks = blocks
+        self._choices: BlockRelaxation | None = None
+        self._tree: Tree | None = None
+        self._seen: set[bytes] = set()
+        self._blunt = 0
+
+    def plant(self, least: float, root: float) -> None:
+        """Begin a tree where it promises more than conflicts of faces. least, root: scaled λ to reach, and bound."""
+        blocks = self._blocks
+        if blocks is None or not math.isfinite(root) or not speaks_of(self._analysis):
+            return
+        if len(blocks) > _LISTED * len(self._space.assembly.elements.free):
+            return
+        self._choices = BlockRelaxation(self._analysis, blocks.members, blocks.inside)
+        tree = Tree(self._choices, self._space, blocks, least, root)
+        if root - tree.root.bound >= _CLOSER * (root - least):
+            self._tree = tree
+
+    def fell(self) -> None:
+        """Give the tree up."""
+        self._tree = None
+
+    @property
+    def going(self) -> bool:
+        """There is a tree, and some of it is open."""
+        return self._tree is not None and not self._tree.finished
+
+    @property
+    def bound(self) -> float:
+        """Scaled λ that no labelling exceeds that is still open in the tree."""
+        return -math.inf if self._tree is None else self._tree.bound
+
+    @property
+    def solves(self) -> int:
+        """Programs solved."""
+        return 0 if self._choices is None else self._choices.solves
+
+    def step(self, formula: Formula, threshold: float, late: Callable[[], bool]) -> Found:
+        """Decide one more face. threshold: scaled λ to be reached. late: asked between programs."""
+        assert self._tree is not None
+        step = self._tree.step(threshold, formula.possible, late)
+        if step.labelling is not None:
+            return Found(step.conflicts, whole=step.labelling)
+        promising = None if late() else self._rounded(self._tree, step.node, formula, threshold)
+        return Found(step.conflicts, promising=promising)
+
+    def left_over(self) -> None:
+        """Note that a labelling in which nothing was undecided fell by its own mechanism, not by the tree's."""
+        self._blunt += 1
+        if self._blunt >= _BLUNT:
+            self.fell()
+
+    def _rounded(self, tree: Tree, node: Node, formula: Formula, threshold: float) -> Bits | None:
+        """A labelling that the shares of a node's blocks suggest, if no mechanism of its own rules it out."""
+        labels = formula.next(*tree.rounded(node))
+        if labels is None or labels.tobytes() in self._seen:
+            return None
+        self._seen.add(labels.tobytes())
+        nothing = np.zeros(len(labels), dtype=bool)
+        return labels if self._relaxation.refute(labels, nothing, threshold) is None else None

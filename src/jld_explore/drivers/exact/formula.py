@@ -1,0 +1,193 @@
+"""The labellings of a search space as the models of a formula, less those that conflicts rule out.
+
+One variable y_f per candidate face, true where it is inner. Where blocks are few enough to be listed, one more x_p
+per possible block: each element is in a chosen block, and a chosen block says the labels of all faces inside and
+around it, so that two blocks that overlap contradict each other. Else slits and sizes are ruled out as they occur:
+a slit by the inner faces that join its sides, a block too large by a tree of faces in it, one too small by the faces
+around it. Counts are cardinality constraints.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final
+
+import numpy as np
+from pysat.card import CardEnc, EncType
+from pysat.solvers import Solver
+
+from jld_core.assembly import Bits, Ints
+from jld_explore.drivers.exact.possible_blocks import BlockLimits, Polyominoes
+from jld_explore.space.labelling import blocks_of
+from jld_explore.space.search_space import SearchSpace
+
+_SOLVER: Final = "cadical195"
+
+
+class Formula:
+    """Labellings one after the other, each a model of all clauses so far.
+
+    space: what is searched. blocks: its possible blocks, None where they are not listed. count: what the count of
+    the front is to be, None for any.
+    """
+
+    def __init__(self, space: SearchSpace, blocks: Polyominoes | None, count: int | None = None) -> None:
+        self.space, self.blocks = space, blocks
+        self._solver = Solver(_SOLVER)
+        candidates = np.flatnonzero(space.candidates)
+        self._inner = np.zeros(len(space.fixed), dtype=np.int64)
+        self._inner[candidates] = 1 + np.arange(candidates.size)
+        self._candidates = candidates
+        self._top = candidates.size
+        self._images = np.unique(np.argsort(space.group, axis=1), axis=0)
+        self._limits = BlockLimits(space)
+        self._links = _links(space)
+        self._chosen: list[int] = []
+        if blocks is not None:
+            self._list(blocks)
+        self._count(count)
+
+    def close(self) -> None:
+        """Free the solver."""
+        self._solver.delete()
+
+    def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
+        """Whether any labelling is left with these labels (k,) on these faces (k,), slits and sizes not looked at."""
+        return bool(self._solver.solve(assumptions=self._literals(faces, labels)))
+
+    def next(self, faces: Iterable[int] = (), labels: Iterable[bool] = ()) -> Bits | None:
+        """A labelling (m,) in the space that nothing rules out; None where there is none left.
+
+        faces, labels: (k,) what it is to have.
+        """
+        wanted = self._literals(faces, labels)
+        while self._solver.solve(assumptions=wanted):
+            # variables that no clause names yet may be left out, and are free
+            inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
+            labels = self.space.fixed.copy()
+            labels[self._candidates] = [v not in inner for v in range(1, self._candidates.size + 1)]
+            broken = [] if self.blocks is not None else self._broken(labels)
+            if not broken:
+                return labels
+            for place, found in broken:
+                self.forbid(place, found)
+        return None
+
+    def _literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
+        pairs = zip(faces, labels, strict=True)
+        return [int(self._inner[f]) * (-1 if dry else 1) for f, dry in pairs if self._inner[f] > 0]
+
+    def forbid(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
+        """Rule out all labellings with these labels (k,) on these faces (k,), and their images."""
+        pairs = [(int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0]
+        for image in self._images:
+            self._solver.add_clause([int(self._inner[image[f]]) * (1 if dry else -1) for f, dry in pairs])
+
+    # --- what a segmentation is -------------------------------------------------------------------------
+
+    def _list(self, blocks: Polyominoes) -> None:
+        graph = self.space.graph
+        around: dict[int, set[int]] = {}
+        for face, (a, b) in enumerate(zip(graph.a.tolist(), graph.b.tolist(), strict=True)):
+            around.setdefault(a, set()).add(face)
+            around.setdefault(b, set()).add(face)
+        of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
+        for p, (members, inside) in enumerate(zip(blocks.members, blocks.inside, strict=True)):
+            self._top += 1
+            self._chosen.append(self._top)
+            within = set(inside)
+            for e in members:
+                of[e].append(self._top)
+            for face in set().union(*(around.get(e, set()) for e in members)):
+                if self._inner[face] > 0:
+                    sign = 1 if face in within else -1
+                    self._solver.add_clause([-self._chosen[p], sign * int(self._inner[face])])
+        for variables in of.values():
+            self._solver.add_clause(variables)
+
+    def _count(self, count: int | None) -> None:
+        """Cardinality constraints of "dry_faces" and "blocks", and of the count that is asked for."""
+        search, free = self.space.search, self.space.assembly.free_faces
+        mine = free[self._candidates]
+        dry = [-int(v) for v in self._inner[self._candidates[mine]]]
+        always = int((free & self.space.fixed & ~self.space.candidates).sum())
+        by_blocks = search.front.count == "blocks"
+        self._between(dry, always, search.dry_faces, None if by_blocks else count)
+        if search.blocks != [None, None] or (by_blocks and count is not None):
+            if self.blocks is None:
+                raise ValueError("blocks can be counted where they are listed only")
+            self._between(self._chosen, 0, search.blocks, count if by_blocks else None)
+
+    def _between(self, literals: list[int], more: int, limits: Sequence[int | None], exactly: int | None) -> None:
+        low, high = limits if exactly is None else (exactly, exactly)
+        low, high = 0 if low is None else low - more, len(literals) if high is None else high - more
+        if low > len(literals) or high < 0:
+            self._solver.add_clause([])
+            return
+        for make, bound, idle in ((CardEnc.atleast, low, low <= 0), (CardEnc.atmost, high, high >= len(literals))):
+            if not idle:
+                found = make(lits=literals, bound=bound, top_id=self._top, encoding=EncType.totalizer)
+                self._top = max(self._top, found.nv)
+                self._solver.append_formula(found.clauses)
+
+    # --- what is ruled out as it occurs -----------------------------------------------------------------
+
+    def _broken(self, labels: Bits) -> list[tuple[Ints, Bits]]:
+        """Labels (k,) on faces (k,) of this labelling that no labelling in the space has together."""
+        blocks = blocks_of(self.space.graph, labels)
+        graph, found = self.space.graph, []
+        if self.space.search.segmentation:
+            for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
+                path = self._path(labels, int(graph.a[face]), int(graph.b[face]))
+                found.append((np.array([face, *path]), np.array([True] + [False] * len(path))))
+        free = self.space.assembly.elements.free
+        for name in np.unique(blocks[free]).tolist():
+            members = frozenset(free[blocks[free] == name].tolist())
+            if self._limits.too_large(members):
+                tree = self._tree(labels, min(members))
+                found.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
+            elif self._limits.too_small(members):
+                border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
+                found.append((border, np.ones(len(border), dtype=bool)))
+        return found
+
+    def _path(self, labels: Bits, start: int, end: int) -> list[int]:
+        """Inner faces of a shortest way between two elements of one block."""
+        came = self._reach(labels, start, lambda seen: end in seen)
+        path, at = [], end
+        while at != start:
+            at, face = came[at]
+            if face >= 0:
+                path.append(face)
+        return path
+
+    def _tree(self, labels: Bits, start: int) -> list[int]:
+        """Inner faces that join elements too many, too heavy or too far apart for one block."""
+        free = set(self.space.assembly.elements.free.tolist())
+        came = self._reach(labels, start, lambda seen: self._limits.too_large(frozenset(seen) & free))
+        return [face for _, face in came.values() if face >= 0]
+
+    def _reach(self, labels: Bits, start: int, enough: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
+        """Elements reached through inner faces until there are enough: where each was reached from, and across what."""
+        came = {start: (start, -1)}
+        waiting = deque([start])
+        while waiting:
+            at = waiting.popleft()
+            for face, other in self._links[at]:
+                if other not in came and (face < 0 or not labels[face]):
+                    came[other] = (at, face)
+                    waiting.append(other)
+                    if enough(set(came)):
+                        return came
+        return came
+
+
+def _links(space: SearchSpace) -> list[list[tuple[int, int]]]:
+    """Per element the faces across which others lie, with those; −1 for supports that touch without a face."""
+    links: list[list[tuple[int, int]]] = [[] for _ in range(len(space.graph.start))]
+    pairs = [(face, a, b) for face, (a, b) in enumerate(zip(space.graph.a, space.graph.b, strict=True))]
+    for face, a, b in pairs + [(-1, a, b) for a, b in space.graph.touching]:
+        links[int(a)].append((face, int(b)))
+        links[int(b)].append((face, int(a)))
+    return links

@@ -1,0 +1,115 @@
+"""All blocks there can be: connected sets of free elements within the limits on one block.
+
+One binary per such set, and every element in exactly one of those chosen, says at once what a segmentation is:
+no slits, every limit on a block kept (METHOD §6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.assembly import Bits, Ints
+from jld_explore.space.labelling import above, below
+from jld_explore.space.limits import feasible
+from jld_explore.space.search_space import SearchSpace
+
+MOST: Final = 20_000
+"""Blocks above which they are not listed."""
+
+
+@dataclass(frozen=True)
+class Polyominoes:
+    """p possible blocks. members: elements of each, ascending. inside: faces with both sides in it."""
+
+    members: tuple[tuple[int, ...], ...]
+    inside: tuple[tuple[int, ...], ...]
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def labelling(self, space: SearchSpace, chosen: Ints) -> Bits:
+        """The labelling (m,) of the segmentation into the chosen blocks (indices)."""
+        labels = np.ones(len(space.fixed), dtype=bool)
+        for p in chosen.tolist():
+            labels[list(self.inside[p])] = False
+        return labels
+
+
+def polyominoes(space: SearchSpace) -> Polyominoes | None:
+    """The possible blocks of a space; None where there are too many, or blocks that hold a support.
+
+    Raises nothing; a space without any gives an empty tuple.
+    """
+    assembly = space.assembly
+    faces, support = assembly.interfaces, assembly.elements.support
+    a, b = faces.a, faces.b
+    may_join = space.candidates | ~space.fixed
+    to_support = support[a] | support[b]
+    if not space.search.segmentation or np.any(may_join & to_support):
+        return None
+    must_join = ~space.candidates & ~space.fixed
+    around: dict[int, list[tuple[int, int]]] = {int(e): [] for e in assembly.elements.free}
+    for face in np.flatnonzero(~to_support).tolist():
+        around[int(a[face])].append((face, int(b[face])))
+        around[int(b[face])].append((face, int(a[face])))
+    size = BlockLimits(space)
+    found: list[frozenset[int]] = []
+    level: set[frozenset[int]] = {frozenset([e]) for e in around}
+    while level:
+        found += sorted(level, key=sorted)
+        if len(found) > MOST:
+            return None
+        grown: set[frozenset[int]] = set()
+        for block in level:
+            for e in block:
+                for face, other in around[e]:
+                    if other not in block and may_join[face]:
+                        bigger = block | {other}
+                        if not size.too_large(bigger):
+                            grown.add(bigger)
+            if len(grown) > MOST:
+                return None
+        level = grown
+    members, inside = [], []
+    for block in found:
+        links = {face for e in block for face, other in around[e] if other in block}
+        cut = any(must_join[face] for e in block for face, other in around[e] if other not in block)
+        if cut or any(not may_join[face] for face in links) or size.too_small(block):
+            continue
+        members.append(tuple(sorted(block)))
+        inside.append(tuple(sorted(links)))
+    return Polyominoes(tuple(members), tuple(inside))
+
+
+def is_member(space: SearchSpace, labels: Bits) -> bool:
+    """Whether a labelling (m,) is in the space: a check on what a solver returned."""
+    return bool(feasible(space, labels[None])[0])
+
+
+class BlockLimits:
+    """Sizes of sets of elements against the limits on a block."""
+
+    def __init__(self, space: SearchSpace) -> None:
+        elements, search = space.assembly.elements, space.search
+        self.weight = np.linalg.norm(elements.weight, axis=1)
+        self.lower, self.upper = elements.lower, elements.upper
+        limits = (search.block_cells, search.block_weight, search.block_extent)
+        self.limits: list[tuple[float | None, float | None]] = [(low, high) for low, high in limits]
+
+    def _sizes(self, block: frozenset[int]) -> tuple[float, float, float]:
+        rows = sorted(block)
+        extent = float((self.upper[rows].max(axis=0) - self.lower[rows].min(axis=0)).max())
+        return float(len(rows)), float(self.weight[rows].sum()), extent
+
+    def too_large(self, block: frozenset[int]) -> bool:
+        """Too many elements, too heavy or too long; no larger set can mend it."""
+        pairs = zip(self._sizes(block), self.limits, strict=True)
+        return any(bool(above(np.array([size]), high)[0]) for size, (_, high) in pairs)
+
+    def too_small(self, block: frozenset[int]) -> bool:
+        """Too few elements, too light or too short."""
+        pairs = zip(self._sizes(block), self.limits, strict=True)
+        return any(bool(below(np.array([size]), low)[0]) for size, (low, _) in pairs)

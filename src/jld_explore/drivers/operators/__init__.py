@@ -1,0 +1,1 @@
+"""How a labelling is changed."""

@@ -1,0 +1,185 @@
+"""Segmentations made many at a time: every operator is a choice of keys, and one pass over them makes blocks.
+
+A **key** is a number for each pair of neighbouring atoms, low where they should be in one part. All rows of a
+batch join atoms in the order of their own keys, as long as parts stay within the most cells, up to the key that
+asks for a joint; parts that are still too small are then joined to what they touch. Rows in which a part stays
+too small are left out. One row costs a tenth of what it costs alone, which lets a driver look at many children
+for each one it evaluates.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_explore.drivers.operators.atom_graph import AtomGraph, Limits
+from jld_explore.space.labelling import blocks_of
+from jld_explore.space.search_space import SearchSpace
+
+NEAR: Final = 0.5
+"""Threshold between keys that ask for a joint and keys that ask for none."""
+
+_ROUNDS: Final = 2
+"""Passes over all pairs in which parts that are too small are joined to others."""
+
+Names = NDArray[Any]
+
+
+class Batches:
+    """Operators on the segmentations of a space where limits on cells are all there is.
+
+    space, graph, limits: as `Segmentations` has them. Labellings are rows (k, m), of which an answer holds at most
+    one for each that was wanted, in the search space, but neither canonical nor new; keys are rows (k, pairs).
+    """
+
+    def __init__(self, space: SearchSpace, graph: AtomGraph, limits: Limits) -> None:
+        self.space, self.graph = space, graph
+        self.least, self.most = limits.cells
+        pairs = np.array(graph.pairs, dtype=np.int64).reshape(-1, 2)
+        self._p, self._q = pairs[:, 0], pairs[:, 1]
+        count = len(graph)
+        self._cells = np.array(graph.cells, dtype=np.int64)
+        low, high = np.minimum(graph.face_a, graph.face_b), np.maximum(graph.face_a, graph.face_b)
+        place = {(int(low[f]), int(high[f])): int(f) for f in np.flatnonzero(space.candidates)}
+        self._face = np.array([place[pair] for pair in graph.pairs], dtype=np.int64)
+        self._line = np.array([lines[0] for lines in graph.lines], dtype=np.int64)
+        centre = space.assembly.elements.centroid[graph.first]
+        self._middle = 0.5 * (centre[self._p] + centre[self._q])
+        self._span = float(np.ptp(centre, axis=0).max())
+        # (pairs, atoms): which atom lies at either end, to find the atoms along a line by one product
+        self._ends = [np.eye(count, dtype=np.float32)[end] for end in (self._p, self._q)]
+
+    def draw(self, count: int, dice: np.random.Generator) -> Bits:
+        """Random segmentations; a random threshold spreads the number of blocks."""
+        keys = dice.random((count, len(self._p)))
+        return self.read(keys, dice.random((count, 1)))
+
+    def cross(self, first: Bits, second: Bits, dice: np.random.Generator) -> Floats:
+        """Keys of one child of each couple: what both have stays, and between them one is followed in a patch, the
+        other outside; or either at random."""
+        one, two = first[:, self._face], second[:, self._face]
+        noise, count = dice.random(one.shape), len(one)
+        scattered = dice.random(one.shape) < dice.random((count, 1))
+        patch = np.where(dice.random((count, 1)) < 0.7, self._patch(count, dice), scattered)
+        apart = np.where(np.where(patch, one, two), 0.55, 0.25) + 0.2 * noise
+        return np.asarray(np.where(one == two, np.where(one, 0.95, 0.0) + 0.05 * noise, apart))
+
+    def vary(self, parents: Bits, dice: np.random.Generator) -> Floats:
+        """Keys of one change of each parent at a random joint: the blocks beside it are cut anew, now and then
+        with a third one, or an atom crosses it, or all atoms along the straight line of the joint between them."""
+        cut, count = parents[:, self._face], len(parents)
+        name = blocks_of(self.space.graph, parents)[:, self.graph.first]
+        rows = np.arange(count)
+        joint = np.argmax(np.where(cut, dice.random(cut.shape), -1.0), axis=1)
+        turn = dice.random(count) < 0.5
+        here = np.where(turn, self._q[joint], self._p[joint])
+        there = np.where(turn, self._p[joint], self._q[joint])
+        old, new = name[rows, here][:, None], name[rows, there][:, None]
+        keys = np.where(cut, 0.75, 0.25) + 0.1 * (dice.random(cut.shape) - 0.5)
+        kind = dice.random((count, 1))
+        inside = self._region(name, (name == old) | (name == new), dice)
+        loose = np.clip(dice.random(cut.shape) - dice.random((count, 1)) + NEAR, 0.0, 1.0)
+        moving = self._moving(name, cut, old, new, joint, here, kind[:, 0] < 0.75)
+        mp, mq = moving[:, self._p], moving[:, self._q]
+        joined = (mp & (mq | (name[:, self._q] == new))) | (mq & (name[:, self._p] == new))
+        moved = np.where(joined, 0.01, np.where(mp | mq, 0.9, keys))
+        recut = np.where(inside[:, self._p] & inside[:, self._q], loose, keys)
+        return np.asarray(np.where(kind < 0.5, recut, moved))
+
+    def _region(self, name: Ints, inside: Bools, dice: np.random.Generator) -> Bools:
+        """(k, atoms) two blocks, and in two rows of five a third one that touches them."""
+        rows = np.arange(len(name))
+        touching = inside[:, self._p] != inside[:, self._q]
+        pair = np.argmax(np.where(touching, dice.random(touching.shape), -1.0), axis=1)
+        outer = np.where(inside[rows, self._p[pair]], self._q[pair], self._p[pair])
+        third = name == name[rows, outer][:, None]
+        more = touching.any(axis=1) & (dice.random(len(name)) < 0.4)
+        return np.asarray(inside | (third & more[:, None]))
+
+    def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
+        """(k, atoms) what crosses a joint: one atom, or those along the straight line of the joint."""
+        p, q = name[:, self._p], name[:, self._q]
+        along = cut & (self._line == self._line[joint][:, None])
+        sides = [along & (p == old) & (q == new), along & (q == old) & (p == new)]
+        line = sum(side.astype(np.float32) @ end for side, end in zip(sides, self._ends, strict=True))
+        alone = np.zeros(name.shape, dtype=bool)
+        alone[np.arange(len(name)), here] = True
+        return np.asarray(np.where(single[:, None], alone, line > 0.0))
+
+    def _patch(self, count: int, dice: np.random.Generator) -> Bools:
+        """(k, pairs) the pairs on one side of a random plane, or in a box around a random pair."""
+        centre = self._middle[dice.integers(len(self._middle), size=count)]
+        away = self._middle - centre[:, None]
+        side = np.einsum("kpd,kd->kp", away, dice.normal(size=centre.shape)) > 0.0
+        near = abs(away).max(axis=2) <= 0.6 * self._span * dice.random((count, 1))
+        return np.asarray(np.where(dice.random((count, 1)) < 0.5, side, near))
+
+    def read(self, keys: Floats, threshold: float | Floats = NEAR) -> Bits:
+        """Labellings (≤ k, m) of keys (k, pairs); threshold: one, or (k, 1), for all pairs."""
+        name = self._assemble(keys, threshold)
+        across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
+        return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
+
+    def _assemble(self, keys: Floats, threshold: float | Floats) -> Names:
+        """The part of each atom, (≤ k, atoms)."""
+        order = np.argsort(keys, axis=1)
+        wanted = np.take_along_axis(keys <= threshold, order, axis=1).T.copy()
+        ends = [end[order].T.copy() for end in (self._p, self._q)]
+        forest = _Forest(len(keys), self._cells, self.least, self.most)
+        for a, b, wish in zip(*ends, wanted, strict=True):
+            rows = np.flatnonzero(wish)
+            if not len(rows):
+                break
+            forest.join(rows, a[rows], b[rows], small_only=False)
+        for _ in range(_ROUNDS):
+            lacking = np.flatnonzero(forest.lacking)
+            if not len(lacking):
+                break
+            for a, b in zip(*ends, strict=True):
+                forest.join(lacking, a[lacking], b[lacking], small_only=True)
+        return forest.name[~forest.lacking]
+
+
+class _Forest:
+    """Parts in the making, one set in each of `count` rows. cells: (atoms,). least, most: cells of a part.
+
+    name: (rows, atoms) part of each atom. size: (rows × atoms,) cells of each part, at its name.
+    """
+
+    def __init__(self, count: int, cells: Ints, least: int, most: float) -> None:
+        self.least, self.most, self.atoms = least, most, len(cells)
+        kind = np.int16 if self.atoms < 1 << 15 else np.int32
+        self.name: Names = np.broadcast_to(np.arange(self.atoms, dtype=kind), (count, self.atoms)).copy()
+        self.size = np.tile(cells, count)
+        self._names = self.name.reshape(-1)
+
+    @property
+    def lacking(self) -> Bools:
+        """(rows,) True where some part is too small."""
+        size = self.size.reshape(self.name.shape)
+        return np.asarray(((size > 0) & (size < self.least)).any(axis=1))
+
+    def join(self, rows: Ints, a: Ints, b: Ints, small_only: bool) -> None:
+        """Make one part of those of atoms a and b (r,) in rows (r,), where that is allowed, and where one of them
+        is too small if asked so."""
+        base = rows * self.atoms
+        p: Names = self._names.take(base + a)
+        q: Names = self._names.take(base + b)
+        to: Ints = base + p
+        of: Ints = base + q
+        one, two = self.size.take(to), self.size.take(of)
+        fits = (p != q) & (one + two <= self.most)
+        if small_only:
+            fits &= (one < self.least) | (two < self.least)
+        chosen = np.flatnonzero(fits)
+        if not len(chosen):
+            return
+        rows = rows.take(chosen)
+        some = self.name.take(rows, axis=0)
+        np.copyto(some, p.take(chosen)[:, None], where=some == q.take(chosen)[:, None])
+        self.name[rows] = some
+        self.size[to.take(chosen)] += two.take(chosen)
+        self.size[of.take(chosen)] = 0

@@ -1,0 +1,255 @@
+"""Cutting a region of the element graph into allowed parts: a spanning tree, then the cheapest cuts in it.
+
+One number for each pair of atoms, its **key**, decides everything: a key above the threshold asks for a
+joint, one below for none, and the distance says how much. The tree takes pairs in the order of their keys.
+Where limits on cells are all there is, the cuts of the tree that agree best with the keys and leave only
+allowed parts are found exactly, by dynamic programming over the cells of the part still open at an atom.
+Every segmentation comes out of some keys: low inside its parts and high between them.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from jld_explore.drivers.operators.atom_graph import AtomGraph, Dice, Limits
+
+_State = tuple[float, int, int]
+"""Cost, cells open before a child was added, cells of the child that joined (−1: cut off)."""
+
+
+class Cutter:
+    """Cuts regions into parts within the limits on single parts.
+
+    graph, limits: of the search space. A region is a list of atoms; so is a part. exact: cuts keep all limits
+    on single parts, because those on cells are all there is.
+    """
+
+    def __init__(self, graph: AtomGraph, limits: Limits) -> None:
+        self.graph, self.limits = graph, limits
+        self._walled = any(graph.walls)
+        self.exact = limits.only_cells and not self._walled
+        least, most = limits.cells
+        # beyond the least, without a most, all numbers of cells are the same
+        self._cap = int(most) if most < inf else least
+        self._bounded = self._cap > 0
+
+    def fits(self, members: list[int]) -> bool:
+        """Whether a part is within the upper limits and holds no wall."""
+        limits, cells = self.limits, self.graph.cells
+        if sum([cells[a] for a in members]) > limits.cells[1]:
+            return False
+        if self.exact:
+            return True
+        if self._walled:
+            inside = set(members)
+            if any(other in inside for a in members for other in self.graph.walls[a]):
+                return False
+        weight, extent = self._measure(members)
+        return weight <= limits.weight[1] and extent <= limits.extent[1]
+
+    def enough(self, members: list[int]) -> bool:
+        """Whether a part is within the lower limits; one without a free element has none."""
+        limits, cells = self.limits, self.graph.cells
+        count = sum([cells[a] for a in members])
+        if count == 0:
+            return True
+        if count < limits.cells[0]:
+            return False
+        if limits.only_cells:
+            return True
+        weight, extent = self._measure(members)
+        return weight >= limits.weight[0] and extent >= limits.extent[0]
+
+    def _measure(self, members: list[int]) -> tuple[float, float]:
+        graph = self.graph
+        weight = sum([graph.weight[a] for a in members])
+        corner = [max(values) for values in zip(*[graph.corner[a] for a in members], strict=True)]
+        d = len(corner) // 2
+        return weight, max(corner[i] + corner[d + i] for i in range(d))
+
+    def components(self, members: list[int]) -> list[list[int]]:
+        """The connected pieces of a set of atoms, each from its first atom on."""
+        left, found = dict.fromkeys(members), []
+        for start in members:
+            if start not in left:
+                continue
+            del left[start]
+            piece = [start]
+            for a in piece:
+                for b, _ in self.graph.links[a]:
+                    if b in left:
+                        del left[b]
+                        piece.append(b)
+            found.append(piece)
+        return found
+
+    def cut(self, members: list[int], dice: Dice, threshold: float) -> list[list[int]] | None:
+        """Cut a region at random; a higher threshold leaves larger parts. None where no cut is allowed."""
+        inside = set(members)
+        keyed = [
+            (dice.real(), number, a, b) for a in members for b, number in self.graph.links[a] if a < b and b in inside
+        ]
+        keyed.sort()
+        return self.assemble(members, keyed, threshold)
+
+    def assemble(
+        self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float
+    ) -> list[list[int]] | None:
+        """Parts of a region. keyed: (key, pair, a, b) in ascending order, of all pairs inside the region.
+
+        Returns None where no cuts of this tree leave allowed parts. Where limits other than those on cells
+        hold, parts may be too small; they are never too large.
+        """
+        if not self.exact:
+            return self.grow(members, keyed, threshold)
+        root = {a: a for a in members}
+        tree: dict[int, list[tuple[int, float]]] = {a: [] for a in members}
+        left = len(members) - 1
+        agreed = False
+        for key, _, a, b in keyed:
+            if key > threshold and not agreed:
+                agreed = True
+                parts = self._as_they_are(members, root)
+                if parts is not None:
+                    return parts
+            p, q = a, b
+            while root[p] != p:
+                root[p] = p = root[root[p]]
+            while root[q] != q:
+                root[q] = q = root[root[q]]
+            if p != q:
+                root[p] = q
+                tree[a].append((b, key - threshold))
+                tree[b].append((a, key - threshold))
+                left -= 1
+                if not left:
+                    break
+        return self._cut_tree(members, tree)
+
+    def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
+        """The parts that the keys ask for, if they are allowed: then no other cuts agree better."""
+        least, most = self.limits.cells
+        cells = self.graph.cells
+        parts: dict[int, list[int]] = {}
+        for a in members:
+            p = a
+            while root[p] != p:
+                root[p] = p = root[root[p]]
+            if p in parts:
+                parts[p].append(a)
+            else:
+                parts[p] = [a]
+        for part in parts.values():
+            count = sum([cells[a] for a in part])
+            if count > most or 0 < count < least:
+                return None
+        return list(parts.values())
+
+    def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
+        name = {a: a for a in members}
+        parts = {a: [a] for a in members}
+        for key, _, a, b in keyed:
+            if key > threshold:
+                break
+            p, q = name[a], name[b]
+            if p != q and self.fits(parts[p] + parts[q]):
+                for c in parts[q]:
+                    name[c] = p
+                parts[p] += parts.pop(q)
+        return list(parts.values())
+
+    def _cut_tree(self, members: list[int], tree: dict[int, list[tuple[int, float]]]) -> list[list[int]] | None:
+        """Cheapest cuts of a forest; to cut an edge costs minus its key above the threshold."""
+        up: dict[int, tuple[int, float]] = {}
+        order: list[int] = []
+        roots: list[int] = []
+        for start in members:
+            if start in up:
+                continue
+            up[start] = (-1, 0.0)
+            roots.append(start)
+            queue = [start]
+            for a in queue:
+                for b, worth in tree[a]:
+                    if b not in up:
+                        up[b] = (a, worth)
+                        queue.append(b)
+            order += queue
+        joined: dict[int, bool] = {}
+        if self._bounded:
+            if not self._choose(order, up, joined):
+                return None
+        else:
+            joined = {a: up[a][1] <= 0.0 for a in order}
+        parts: list[list[int]] = []
+        place: dict[int, list[int]] = {}
+        for a in order:
+            parent = up[a][0]
+            if parent >= 0 and joined[a]:
+                place[a] = place[parent]
+                place[a].append(a)
+            else:
+                place[a] = [a]
+                parts.append(place[a])
+        return parts
+
+    def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
+        """Decide for each atom whether it stays with its parent; False where no decision is allowed."""
+        cap, least = self._cap, self.limits.cells[0]
+        capped = self.limits.cells[1] == inf
+        cells = self.graph.cells
+        table: dict[int, dict[int, float]] = {}
+        steps: dict[int, dict[int, tuple[int, int]]] = {}
+        close: dict[int, int] = {}
+        for a in order:
+            own = cells[a]
+            if own > cap:
+                if not capped:
+                    return False
+                own = cap
+            table[a] = {own: 0.0}
+        for a in reversed(order):
+            mine = table[a]
+            closing, end = inf, -1
+            for cells_open, cost in mine.items():
+                if (cells_open >= least or cells_open == 0) and cost < closing:
+                    closing, end = cost, cells_open
+            close[a] = end
+            parent, worth = up[a]
+            if parent < 0:
+                if end < 0:
+                    return False
+                continue
+            new: dict[int, float] = {}
+            step: dict[int, tuple[int, int]] = {}
+            for before, cost in table[parent].items():
+                if end >= 0:
+                    total = cost + closing - worth
+                    if total < new.get(before, inf):
+                        new[before] = total
+                        step[before] = (before, -1)
+                for child, other in mine.items():
+                    after = before + child
+                    if after > cap:
+                        if not capped:
+                            continue
+                        after = cap
+                    total = cost + other
+                    if total < new.get(after, inf):
+                        new[after] = total
+                        step[after] = (before, child)
+            if not new:
+                return False
+            table[parent], steps[a] = new, step
+        # read back: children were added to their parent in reversed order, so they come off in this one
+        state: dict[int, int] = {}
+        for a in order:
+            parent = up[a][0]
+            if parent < 0:
+                state[a] = close[a]
+                continue
+            before, child = steps[a][state[parent]]
+            state[parent] = before
+            joined[a] = child >= 0
+            state[a] = child if child >= 0 else close[a]
+        return True

@@ -1,0 +1,135 @@
+"""Operators on loose bits, for searches that allow slits: flip, uniform crossover, repair of limits.
+
+Limits refer to blocks, and blocks follow from the inner faces whether slits are there or not. So a row is
+repaired through its blocks: they are made to keep all limits as those of a segmentation are, then bits inside
+blocks keep what they had, as far as that leaves each block in one piece.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from jld_core.assembly import Bits
+from jld_explore.drivers.operators.atom_graph import Dice, Parts, atom_graph, limits_of
+from jld_explore.drivers.operators.cutting import Cutter
+from jld_explore.drivers.operators.repair import Repair
+from jld_explore.space.labelling import blocks_of
+from jld_explore.space.limits import feasible
+from jld_explore.space.search_space import SearchSpace
+
+
+class LooseBits:
+    """Operators on the labellings of a search space that allows slits."""
+
+    brood = 2
+
+    def __init__(self, space: SearchSpace) -> None:
+        self.space = space
+        self.graph = atom_graph(space)
+        self.limits = limits_of(space, self.graph)
+        # slits can make up for dry faces that lack between blocks, up to what keeps each block in one piece
+        least, most = self.limits.dry
+        free = space.assembly.free_faces
+        spare = int((free & (space.candidates | space.fixed)).sum()) - len(self.graph)
+        fewest, greatest = self.limits.parts
+        on_blocks = replace(self.limits, dry=(-inf, most), parts=(max(fewest, least - spare), greatest))
+        self._repair = Repair(self.graph, on_blocks, Cutter(self.graph, on_blocks))
+        self._faces = np.flatnonzero(space.candidates).tolist()
+        self._ends = list(zip(self.graph.face_a.tolist(), self.graph.face_b.tolist(), strict=True))
+        self._counted = space.assembly.free_faces.tolist()
+        self.keys = len(self._faces)
+
+    def draw(self, count: int, dice: Dice) -> Bits:
+        """Random bits, each row with its own share of dry faces, repaired."""
+        rows = np.repeat(self.space.fixed[None], count, axis=0)
+        for row in rows:
+            share = dice.real()
+            row[self._faces] = [key < share for key in dice.reals(self.keys)]
+        return self._mended(rows, dice)
+
+    def vary(self, parents: Bits, dice: Dice) -> Bits:
+        """One random bit of each parent flipped, now and then more."""
+        rows = parents.copy()
+        for row in rows:
+            face = dice.pick(self._faces)
+            row[face] = not row[face]
+            while dice.real() < 0.35:
+                face = dice.pick(self._faces)
+                row[face] = not row[face]
+        return self._mended(rows, dice)
+
+    def cross(self, first: Bits, second: Bits, dice: Dice) -> Bits:
+        """Each bit from either parent."""
+        rows = first.copy()
+        for row, other in zip(rows, second, strict=True):
+            take = [face for face in self._faces if dice.real() < 0.5]
+            row[take] = other[take]
+        return self._mended(rows, dice)
+
+    def read(self, keys: list[float]) -> Bits:
+        """The labelling with the faces dry whose key is above one half, repaired."""
+        row = self.space.fixed.copy()
+        row[self._faces] = np.asarray(keys) > 0.5
+        seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
+        return self._mended(row[None], Dice(seed))
+
+    def write(self, labelling: Bits) -> list[float]:
+        """Keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
+        return [0.75 if labelling[face] else 0.25 for face in self._faces]
+
+    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+        """One child of each couple, and one change of each single parent."""
+        return np.concatenate([self.cross(first, second, dice), self.vary(single, dice)])
+
+    def _mended(self, rows: Bits, dice: Dice) -> Bits:
+        good = feasible(self.space, rows)
+        if good.all():
+            return rows
+        parts: list[Parts] = blocks_of(self.space.graph, rows)[:, self.graph.first].tolist()
+        kept = [
+            row if fine else self._mend(row, part, dice)
+            for row, part, fine in zip(rows, parts, good.tolist(), strict=True)
+        ]
+        found = [row for row in kept if row is not None]
+        mended = np.array(found, dtype=bool).reshape(len(found), rows.shape[1])
+        return mended[feasible(self.space, mended)]
+
+    def _mend(self, row: Bits, part: Parts, dice: Dice) -> Bits | None:
+        """A row close to one that breaks a limit; None, or a row that still breaks one, if none was found."""
+        new = self._repair(part, dice)
+        if new is None:
+            return None
+        root = list(range(len(self.graph)))
+
+        def find(a: int) -> int:
+            while root[a] != a:
+                root[a] = a = root[root[a]]
+            return a
+
+        out = row.copy()
+        inside: list[int] = []
+        bridges: set[int] = set()
+        for face in self._faces:
+            a, b = self._ends[face]
+            out[face] = out[face] or new[a] != new[b]
+            if new[a] == new[b]:
+                inside.append(face)
+        # fixed inner faces are inside atoms; inner faces of the row come first, then what lacks to one piece
+        for face in sorted(dice.shuffled(inside), key=lambda f: bool(row[f])):
+            p, q = (find(a) for a in self._ends[face])
+            if p != q:
+                root[p] = q
+                bridges.add(face)
+                out[face] = False
+        least, most = self.limits.dry
+        dry = sum(1 for face, counted in enumerate(self._counted) if counted and out[face])
+        spare = [face for face in dice.shuffled(inside) if self._counted[face] and face not in bridges]
+        for face in spare:
+            if dry > most and out[face]:
+                out[face], dry = False, dry - 1
+            elif dry < least and not out[face]:
+                out[face], dry = True, dry + 1
+        return out

@@ -1,0 +1,207 @@
+"""Making a partition keep every limit again, with as little change as random tries find."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import inf
+
+from jld_explore.drivers.operators.atom_graph import AtomGraph, Dice, Limits, Parts
+from jld_explore.drivers.operators.cutting import Cutter
+
+_TRIES = 4
+"""Random cuts tried of one region before it is made larger, and times it is made larger."""
+
+
+class Repair:
+    """Repairs partitions of the atoms of one search space."""
+
+    def __init__(self, graph: AtomGraph, limits: Limits, cutter: Cutter) -> None:
+        self.graph, self.limits, self.cutter = graph, limits, cutter
+        self._counted_dry = limits.dry != (-inf, inf)
+        self._counted_parts = limits.parts != (-inf, inf)
+
+    @property
+    def counted(self) -> bool:
+        """Whether there are limits on the numbers of parts or of dry faces."""
+        return self._counted_parts or self._counted_dry
+
+    def __call__(self, part: Parts, dice: Dice, doubtful: list[int] | None = None) -> Parts | None:
+        """The partition with every limit kept, or None where that was not found.
+
+        part: (atoms,) names; parts may be in several pieces, which become parts of their own. doubtful: names
+        of the parts that may be in pieces or break a limit; None: any.
+        """
+        groups = Groups(self.graph, self.cutter, part, doubtful)
+        for _ in range(6 + len(self.graph) // 2):
+            bad = groups.bad()
+            if bad is not None:
+                if not self._mend(groups, bad, dice):
+                    return None
+                continue
+            fault = self._fault(groups)
+            if fault is None:
+                return groups.part
+            if not fault(groups, dice):
+                return None
+        return None
+
+    def _fault(self, groups: Groups) -> Callable[[Groups, Dice], bool] | None:
+        """What to do about the numbers of parts and of dry faces."""
+        if self._counted_parts:
+            least, most = self.limits.parts
+            count = groups.count()
+            if count > most:
+                return self._join
+            if count < least:
+                return self._divide
+        if self._counted_dry:
+            least, most = self.limits.dry
+            dry = groups.dry()
+            if dry > most:
+                return self._join
+            if dry < least:
+                return self._divide
+        return None
+
+    def _mend(self, groups: Groups, bad: int, dice: Dice) -> bool:
+        """Make a part that is too small or too large into allowed ones, together with its neighbours."""
+        members = groups[bad]
+        if self.cutter.fits(members):
+            for other in dice.shuffled(groups.around([bad])):
+                if self.cutter.fits(members + groups[other]):
+                    groups.replace([bad, other], [members + groups[other]])
+                    return True
+        region = [bad]
+        for _ in range(_TRIES):
+            if self._recut(groups, region, dice, lambda pieces: True):
+                return True
+            around = groups.around(region)
+            if not around:
+                return False
+            region.append(dice.pick(around))
+        return False
+
+    def _recut(self, groups: Groups, region: list[int], dice: Dice, wanted: Callable[[list[list[int]]], bool]) -> bool:
+        """Cut the union of some parts anew into allowed parts that are wanted."""
+        members = [a for name in region for a in groups[name]]
+        for _ in range(_TRIES):
+            pieces = self.cutter.cut(members, dice, dice.real())
+            if pieces is None or not all(self.cutter.enough(piece) for piece in pieces):
+                continue
+            if all(self.cutter.fits(piece) for piece in pieces) and wanted(pieces):
+                groups.replace(region, pieces)
+                return True
+        return False
+
+    def _join(self, groups: Groups, dice: Dice) -> bool:
+        """Fewer parts: two that touch become one, else three that touch become two."""
+        names = dice.shuffled(list(groups))
+        for name in names:
+            for other in dice.shuffled(groups.around([name])):
+                if self.cutter.fits(groups[name] + groups[other]):
+                    groups.replace([name, other], [groups[name] + groups[other]])
+                    return True
+        return self._regroup(groups, names, dice, lambda before, after: after < before)
+
+    def _divide(self, groups: Groups, dice: Dice) -> bool:
+        """More parts: one becomes several, else two that touch become three."""
+        names = dice.shuffled(list(groups))
+        for name in names:
+            if len(groups[name]) > 1 and self._recut(groups, [name], dice, lambda pieces: len(pieces) > 1):
+                return True
+        return self._regroup(groups, names, dice, lambda before, after: after > before)
+
+    def _regroup(self, groups: Groups, names: list[int], dice: Dice, better: Callable[[int, int], bool]) -> bool:
+        """Cut parts that touch anew where that brings their number, or their dry faces, the wanted way."""
+        for name in names[: 2 * _TRIES]:
+            region = [name]
+            while len(region) < 4:
+                around = groups.around(region)
+                if not around:
+                    break
+                region.append(dice.pick(around))
+                before, dry = len(region), groups.dry()
+
+                def wanted(pieces: list[list[int]], before: int = before, dry: int = dry) -> bool:
+                    if better(before, len(pieces)):
+                        return True
+                    return len(pieces) == before and better(dry, groups.dry_after(pieces))
+
+                if self._recut(groups, region, dice, wanted):
+                    return True
+        return False
+
+
+class Groups:
+    """A partition in the making: the parts by name, and the name of each atom's part."""
+
+    def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, doubtful: list[int] | None) -> None:
+        self.graph, self.cutter = graph, cutter
+        self._members: dict[int, list[int]] = {}
+        for a, name in enumerate(part):
+            if name in self._members:
+                self._members[name].append(a)
+            else:
+                self._members[name] = [a]
+        suspects = list(self._members) if doubtful is None else [n for n in doubtful if n in self._members]
+        self._unsure: dict[int, None] = dict.fromkeys(suspects)
+        self.part = list(part)
+        self._next = max(part) + 1
+        for name in suspects:
+            pieces = cutter.components(self._members[name])
+            if len(pieces) > 1:
+                self.replace([name], pieces)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._members)
+
+    def __getitem__(self, name: int) -> list[int]:
+        return self._members[name]
+
+    def replace(self, old: list[int], new: list[list[int]]) -> None:
+        """Put new parts in the place of old ones."""
+        for name in old:
+            del self._members[name]
+            self._unsure.pop(name, None)
+        for members in new:
+            self._members[self._next] = members
+            self._unsure[self._next] = None
+            for a in members:
+                self.part[a] = self._next
+            self._next += 1
+
+    def bad(self) -> int | None:
+        """The name of a part that breaks a limit on single parts, or None."""
+        while self._unsure:
+            name = next(iter(self._unsure))
+            members = self._members[name]
+            if not (self.cutter.fits(members) and self.cutter.enough(members)):
+                return name
+            del self._unsure[name]
+        return None
+
+    def around(self, region: list[int]) -> list[int]:
+        """Names of the parts that touch a region through candidate faces, in order of meeting."""
+        part, links = self.part, self.graph.links
+        found = {part[b]: None for name in region for a in self._members[name] for b, _ in links[a]}
+        for name in region:
+            found.pop(name, None)
+        return list(found)
+
+    def count(self) -> int:
+        """Parts that hold a free element."""
+        cells = self.graph.cells
+        return sum(1 for members in self._members.values() if any(cells[a] for a in members))
+
+    def dry(self) -> int:
+        """Dry faces between free elements, slits apart."""
+        part = self.part
+        return sum([number for a, b, number in self.graph.seams if part[a] != part[b]])
+
+    def dry_after(self, pieces: list[list[int]]) -> int:
+        """The same, after a region would have been cut into pieces."""
+        part = list(self.part)
+        for number, piece in enumerate(pieces):
+            for a in piece:
+                part[a] = -1 - number
+        return sum([number for a, b, number in self.graph.seams if part[a] != part[b]])

@@ -1,0 +1,28 @@
+"""Random valid labellings: the baseline that learns nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from jld_core.assembly import Bits
+from jld_explore.drivers.searcher import Searcher
+from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.space.search_space import SearchSpace
+
+
+class Random(Searcher):
+    """Draws labellings at random, each class once."""
+
+    name = "random"
+    ahead: ClassVar[int] = 1
+
+    def __init__(self, space: SearchSpace, seed: int, size: int = 256) -> None:
+        super().__init__(space, seed, size)
+
+    def propose(self) -> Bits:
+        """New random labellings."""
+        return self.fresh(self.draw, self.size)
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Nothing to learn."""

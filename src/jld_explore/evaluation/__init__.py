@@ -1,0 +1,1 @@
+"""Labelling → Evaluation, in workers, with records on disk."""

@@ -1,0 +1,169 @@
+"""Labelling → Evaluation: one limit analysis per labelling, on a template that is built once."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import Final
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits
+from jld_core.limit.analysis import LimitAnalysis, Proof
+from jld_core.limit.bounds import apart, relative_width
+from jld_core.models.rigid_blocks import solve_condensed, worth_condensing
+from jld_core.models.zero_dilation import zero_dilation
+from jld_core.solvers.base import Status
+from jld_explore.evaluation.certificates import Proofs, proofs_of
+from jld_explore.evaluation.force_method import ForceMethod
+
+SOLVE: Final = "solve"
+CERTIFICATE: Final = "certificate"
+BOUND: Final = "bound"
+"""Settled without the solve it was asked for, because its upper bound is below what matters."""
+
+_GIVEN: Final = 0.1  # share of the gap that a vertex may leave open, so that two of them still make a narrow bracket
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What is known of one labelling; λ in scene units, NaN where not computed or infinite.
+
+    status: of the objective. low, high: proven bounds. associative: λ with associative friction.
+    zero_dilation: λ without dilation. settled: "solve", "certificate" or
+    "bound": then only `high` is known, of a labelling that was not worth more. seconds: spent on it. proofs: what the
+    solve proves about other labellings, where that was asked for.
+    """
+
+    status: Status
+    low: float
+    high: float
+    associative: float
+    zero_dilation: float = math.nan
+    settled: str = SOLVE
+    seconds: float = 0.0
+    proofs: Proofs | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def load_factor(self) -> float:
+        """λ of the objective: without dilation where that was computed, else associative; NaN for a bound alone."""
+        if self.settled == BOUND:
+            return math.nan
+        return self.associative if math.isnan(self.zero_dilation) else self.zero_dilation
+
+
+FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
+"""The evaluation of a labelling whose worker died or hung twice."""
+
+
+@dataclass(frozen=True)
+class EvaluatorSettings:
+    """What an evaluator is asked for.
+
+    objective: "associative" or "zero-dilation". gap: width above which it is uncertified. prove: also say what
+    a solve proves about other labellings.
+    """
+
+    objective: str = "associative"
+    gap: float = tolerances.GAP
+    prove: bool = False
+
+
+class Evaluator:
+    """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order."""
+
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+        self.assembly, self.settings = assembly, settings
+        self._analysis = LimitAnalysis(assembly, gap=settings.gap)
+        self._force_method: ForceMethod | None = None
+
+    def evaluate(self, labels: Bits, floor: float = -math.inf, company: Bits | None = None) -> Evaluation:
+        """Evaluate one labelling.
+
+        labels: (m,) True dry. floor: λ, scene units, at or below which a labelling does not matter; it is not
+        solved without dilation where its associative λ is no larger. company: (k, m) labellings that wait as
+        well, and that proofs had better say something about.
+        """
+        start = time.perf_counter()
+        if self.settings.objective == "zero-dilation":
+            return self._without_dilation(labels, start, floor)
+        if self.settings.prove:
+            found = self._at_a_vertex(labels, company, start)
+            if found is not None:
+                return found
+        if worth_condensing(self._analysis.template, labels):
+            found = self._condensed(labels, start)
+            if found is not None:
+                return found
+        status, proof = self._analysis.prove(labels)
+        if status is Status.UNCERTIFIED and not labels.all():
+            found, scale = self._condensed(labels, start), self._analysis.template.scaling.load
+            known = proof.low * scale, proof.high * scale
+            # an answer that contradicts what is proven already proves nothing
+            if (
+                found is not None
+                and found.status is not Status.UNCERTIFIED
+                and not apart((found.low, found.high), known)
+            ):
+                return found
+        proofs = proofs_of(self._analysis.template, proof, labels) if self.settings.prove else None
+        return self._evaluation(status, proof, proofs, start)
+
+    def _evaluation(self, status: Status, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
+        scale, nan = self._analysis.template.scaling.load, math.nan
+        low = proof.low * scale if math.isfinite(proof.low) else nan
+        high = proof.high * scale if math.isfinite(proof.high) else nan
+        load_factor = 0.5 * (low + high)
+        if status is Status.UNSTABLE:
+            low = high = load_factor = nan
+        elif status is Status.LOCKED:
+            high = load_factor = nan
+        elif status is Status.UNCERTIFIED and math.isnan(load_factor):
+            load_factor = proof.guess * scale
+        return Evaluation(status, low, high, load_factor, seconds=time.perf_counter() - start, proofs=proofs)
+
+    def _at_a_vertex(self, labels: Bits, company: Bits | None, start: float) -> Evaluation | None:
+        """The evaluation by the force method; None where its vertex does not prove a narrow bracket."""
+        if self._force_method is None:
+            own = self._analysis
+            self._force_method = ForceMethod(own.template, own.prover, own.interior)
+        if not self._force_method.usable:
+            return None
+        vertex = self._force_method.solve(labels, company)
+        if vertex is None:
+            return None
+        proof = Proof()
+        proof.offer_motion(vertex.motion)
+        if vertex.state is not None:
+            proof.offer_state(vertex.state)
+        status = self._analysis.judge(proof)
+        narrow = relative_width(proof.low, proof.high, 0.0) <= _GIVEN * self.settings.gap
+        if status is Status.UNSTABLE or (status is Status.COLLAPSE and narrow):
+            return self._evaluation(status, proof, vertex.proofs, start)
+        return None
+
+    def _condensed(self, labels: Bits, start: float) -> Evaluation | None:
+        """The evaluation with rigid blocks; None where those are no help."""
+        found = solve_condensed(self._analysis, labels, stands=False)
+        if found is None:
+            return None
+        low, high = found.bracket
+        return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
+
+    def _without_dilation(self, labels: Bits, start: float, floor: float) -> Evaluation:
+        associative = self._analysis.solve(labels, stands=False)
+        high = associative.bracket[1]
+        if associative.status is Status.COLLAPSE and high <= floor:
+            # no answer without dilation exceeds the associative one
+            seconds, known = time.perf_counter() - start, associative.load_factor
+            return Evaluation(Status.UNCERTIFIED, math.nan, high, known, settled=BOUND, seconds=seconds)
+        found = zero_dilation(self._analysis, labels, associative=associative, stands=False)
+        low, high = found.bracket
+        return Evaluation(
+            status=found.status,
+            low=low,
+            high=high,
+            associative=associative.load_factor,
+            zero_dilation=found.load_factor,
+            seconds=time.perf_counter() - start,
+        )

@@ -1,0 +1,306 @@
+"""Both sides of λ of one labelling at a vertex, where they prove as much as possible about other labellings.
+
+The forces and the mechanism that prove one λ are seldom unique. Interior points choose the middle of them, where
+nothing is exactly at rest and little is exactly free; a linear program chooses those that leave most faces free
+(METHOD §6). It is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x, and the
+redundants x, three for each further face, are all that equilibrium leaves open. With rows G F ≤ h of both labels of
+every face, its dual is
+
+    minimise (h − G F₀)·z   subject to   Zᵀ Gᵀ z = 0,   F₁·Gᵀ z = 1,   0 ≤ z ≤ z_max
+
+and a labelling changes z_max alone: large for its own rows, small for those of the other labels, which are then
+kept where that costs no λ. One HiGHS object serves all labellings. Planar programs without cones only. Each
+labelling begins at the same basis, so that what comes back depends on it alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import highspy
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.limit.bounds import Motion, Prover, State, load_floor
+from jld_core.limit.repair import Interior
+from jld_core.program.template import Template
+from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, mechanism_of
+
+LARGEST: Final = 64
+"""Faces, beyond which a vertex takes longer than an interior point and its proofs: 4.7 ms against 2.2 at 88 faces."""
+
+_MARGIN: Final = 1e-12  # slack asked of every row, so that a vertex is inside after rounding
+_TIE: Final = 1e-9  # price of motion where rows have no slack to spare, and idle motions none
+_UNIT: Final = 1e3  # of costs: HiGHS tells forces apart by 1e-10, which is more than the margin
+_CAP: Final = 1e3  # most that a row of the labelling itself may move: where it does, nothing carries the loads
+_WISH: Final = 1e-5  # most that a row of another label may move: so little that no λ is given up for it
+_PASSES: Final = 2  # times that wishes are weighed anew by what the answer before leaves of them
+_EXCESS: Final = 1e-2  # excess below which a wish counts as nearly met
+_MET: Final = 1e-9  # excess that is rounding
+_LOST: Final = 1e-8  # share of λ that wishes may cost
+_SAME: Final = 1e-7  # difference between bounds, relative, that labellings of one family show
+_REST: Final = 1e-13  # jumps below this, relative to the largest velocity, are the rounding of zero
+_BEYOND: Final = 1e6  # stands for a dissipation that has no bound
+
+
+@dataclass(frozen=True)
+class Vertex:
+    """What was found of one labelling: a state (None where it stands for no λ ≥ 0), a motion, and their proofs."""
+
+    state: State | None
+    motion: Motion
+    proofs: Proofs
+
+
+class ForceMethod:
+    """The linear program of one template; `usable` says whether it has one."""
+
+    def __init__(self, template: Template, prover: Prover, interior: Interior) -> None:
+        self.template, self.prover, self.interior = template, prover, interior
+        assembly, sets = template.assembly, template.yield_set
+        faces = len(assembly.interfaces)
+        every = np.ones(faces, dtype=bool)
+        self._floor = load_floor(template) / template.scaling.load
+        self._asked: tuple[Bits | None, Floats] = (None, np.empty((0, faces)))
+        self.usable = False
+        if template.structure.cones or faces > LARGEST:
+            return
+        tree = _tree(assembly)
+        if tree is not None and sets.active(every).all() and sets.active(~every).all():
+            self._state(tree)
+            self.usable = True
+
+    def _state(self, tree: Ints) -> None:
+        """State the program with a tree (t,) of faces as the base structure."""
+        template, pattern, q = self.template, self.template.yield_set.pattern, self.template.assembly.freedoms
+        self._matrix = matrix = template.matrix.toarray()
+        self._base = (q * tree[:, None] + np.arange(q)).ravel()
+        self._inverse = np.linalg.inv(matrix[:, self._base])
+        rest = np.setdiff1d(np.arange(matrix.shape[1]), self._base)
+        self._dead, self._live = np.zeros(matrix.shape[1]), np.zeros(matrix.shape[1])
+        self._dead[self._base], self._live[self._base] = -self._inverse @ template.dead, -self._inverse @ template.live
+        self._spread = np.zeros((matrix.shape[1], len(rest)))
+        self._spread[self._base] = -self._inverse @ matrix[:, rest]
+        self._spread[rest, np.arange(len(rest))] = 1.0
+        below = np.append(np.zeros(len(rest)), 1.0)
+        self._table = np.vstack([np.column_stack([self._spread, self._live]), below])
+        self._dead_point = np.append(self._dead, 0.0)
+        shape = (len(pattern.h_dry), matrix.shape[1])
+        tables = [sp.csr_array((data, (pattern.row, pattern.column)), shape=shape) for data in _both(pattern)]
+        table = sp.csr_array(sp.vstack(tables)).toarray()
+        used = abs(table).sum(axis=1) > 0.0
+        self._rows = table[used]
+        self._tree_rows = self._rows[:, self._base]
+        self._limit = np.concatenate([pattern.h_dry, pattern.h_inner])[used]
+        self._face = np.tile(pattern.row_face, 2)[used]
+        self._dry = np.repeat([True, False], len(pattern.h_dry))[used]
+        program = np.vstack([self._spread.T @ self._rows.T, self._rows @ self._live])
+        program[abs(program) < _REST] = 0.0
+        self._program = program
+        self._cost = self._limit - self._rows @ self._dead
+        self._places = np.arange(len(self._cost), dtype=np.int32)
+        self._nothing = np.zeros(len(self._cost))
+        self._highs = _highs(program, _UNIT * (self._cost - _MARGIN))
+        # the labelling of all rows at once, which none is weaker than
+        self._highs.run()
+        self._start = self._highs.getBasis()
+
+    # --- one labelling ----------------------------------------------------------------------------------
+
+    def solve(self, labels: Bits, company: Bits | None = None) -> Vertex | None:
+        """The best forces and mechanism of one labelling; None where none were found that prove anything.
+
+        labels: (m,) True dry. company: (k, m) labellings that the forces had better carry as well.
+        """
+        found = self._solve(labels, company, _MARGIN)
+        if found is not None and (found.state is None or found.state.admissible):
+            return found
+        # sets that leave no room at all: no margin can be kept
+        try:
+            self._price(_TIE)
+            return self._solve(labels, company, 0.0)
+        finally:
+            self._price(-_MARGIN)
+
+    def _solve(self, labels: Bits, company: Bits | None, margin: float) -> Vertex | None:
+        own = labels[self._face] == self._dry
+        if not self._run(np.where(own, _CAP, 0.0), anew=bool(margin)):
+            return None
+        moves = self._moves()
+        motion = self._checked(self._velocity(moves), labels)
+        if not motion.margin >= 0.0:
+            return None
+        falls = motion.bound < -max(tolerances.ROUNDING, motion.noise)
+        if not falls and moves.max() > 0.5 * _CAP:
+            return None
+        mechanism = mechanism_of(self.template, motion, labels)
+        if falls:
+            return Vertex(None, motion, Proofs((), (mechanism,)))
+        if not margin:
+            # what made idle motions dear has made room for forces, too
+            self._price(0.0)
+            if not self._run(np.where(own, _CAP, 0.0)):
+                return None
+        family = self._family(mechanism, motion.bound, labels, company)
+        points = [self._point()]
+        # where it is known for whom, and there is nobody, nothing is gained by other forces
+        for _ in range(_PASSES if company is None or family is not None else 0):
+            wishes = self._wishes(points[-1], labels, own, family)
+            if wishes is None or not self._run(np.where(own, _CAP, _WISH * wishes)):
+                break
+            points.append(self._point())
+        least = points[0][-1] - _LOST * max(abs(points[0][-1]), self._floor)
+        for point in reversed(points):
+            state = self._admitted(point, labels, exact=not margin)
+            if point[-1] >= least and state.admissible:
+                break
+        forces = (forces_of(self.template, state, labels),) if state.admissible else ()
+        return Vertex(state, motion, Proofs(forces, (mechanism,)))
+
+    def _price(self, extra: float) -> None:
+        """Set what each row costs beside its limit."""
+        self._highs.changeColsCost(len(self._places), self._places, _UNIT * (self._cost + extra))
+
+    def _run(self, most: Floats, *, anew: bool = False) -> bool:
+        """Solve under bounds (k,); False where there is no optimum. anew: from the basis all labellings begin at."""
+        self._highs.changeColsBounds(len(self._places), self._places, self._nothing, most)
+        if anew:
+            self._highs.clearSolver()
+            self._highs.setBasis(self._start)
+        self._highs.run()
+        return bool(self._highs.getModelStatus() == highspy.HighsModelStatus.kOptimal)
+
+    def _point(self) -> Floats:
+        """Forces and λ of the answer, (q·m + 1,)."""
+        free = np.array(self._highs.getSolution().row_dual) / _UNIT
+        return np.asarray(self._table @ free + self._dead_point)
+
+    def _moves(self) -> Floats:
+        """(k,) how much each row moves in the answer."""
+        return np.array(self._highs.getSolution().col_value)
+
+    def _velocity(self, moves: Floats) -> Floats:
+        """Velocities (q·free,) with these moves: those of the tree's faces say them all."""
+        return np.asarray(-(moves @ self._tree_rows) @ self._inverse)
+
+    # --- wishes -----------------------------------------------------------------------------------------
+
+    def _family(self, mechanism: Mechanism, bound: float, labels: Bits, company: Bits | None) -> Bits | None:
+        """Others of the company that the mechanism gives the same bound; None where there are none."""
+        if company is None:
+            return None
+        if self._asked[0] is not company:
+            self._asked = company, company.astype(np.float64)
+        dry, inner = np.minimum(mechanism.dry, _BEYOND), np.minimum(mechanism.inner, _BEYOND)
+        value = mechanism.constant + inner.sum() + self._asked[1] @ (dry - inner)
+        family = company[abs(value - bound) <= _SAME * max(abs(bound), self._floor)]
+        family = family[(family != labels).any(axis=1)]
+        return family if len(family) else None
+
+    def _wishes(self, point: Floats, labels: Bits, own: Bools, family: Bits | None) -> Floats | None:
+        """(k,) weight of keeping each row of another label: large where little lacks, or much hangs on it.
+
+        None where the point meets all wishes.
+        """
+        excess = np.maximum(self._rows @ point[:-1] - self._limit, 0.0)
+        lacking = np.bincount(self._face[~own], excess[~own], len(labels))
+        if not lacking.any():
+            return None
+        weight = np.ones(len(labels))
+        if family is not None:
+            other = family != labels
+            left = other @ (lacking > _MET).astype(np.float64)
+            weight = (1.0 + left) ** -2 @ other
+            weight = weight / weight.max() + 1e-6
+        weight /= lacking + _EXCESS
+        return np.asarray((weight / weight.max())[self._face])
+
+    # --- proofs -----------------------------------------------------------------------------------------
+
+    def _admitted(self, point: Floats, labels: Bits, *, exact: bool) -> State:
+        """The state of a point. exact: a vertex meets its equations exactly, so rounding is no violation."""
+        state = self.prover.state(point, labels)
+        if exact and not state.admissible:
+            noise = tolerances.ROUNDING * max(1.0, float(abs(state.forces).max()))
+            if state.slack >= -noise and state.error <= noise:
+                # rows that give way by so much raise λ by the work of their moves at the most
+                given = 2.0 * noise * float(self._moves().sum())
+                return State(state.forces, state.load - given, 0.0, 0.0)
+        return state
+
+    def _checked(self, velocity: Floats, labels: Bits) -> Motion:
+        """The motion with every joint opened by more than rounding, or, in confined assemblies, rid of rounding."""
+        opening = self.interior.opening()
+        size = float(abs(velocity).max())
+        if opening is not None and np.isfinite(size):
+            jumps = (velocity @ self._matrix).reshape(len(labels), -1)
+            margin = float(self.template.yield_set.margin(jumps, labels).min())
+            share = max(_REST * size, -1.001 * margin) / opening.margin
+            motion = self.prover.motion(velocity + share * opening.velocity, labels)
+            return motion if motion.margin >= 0.0 else self.prover.open_up(motion, opening, labels)
+        motion = self.prover.motion(velocity, labels)
+        if not np.isfinite(motion.margin):
+            return motion
+        rest = _REST * float(abs(motion.velocity).max())
+        # a vertex meets its equations exactly: what is left of them in floating point is zero
+        jumps = np.where(abs(motion.jumps) < rest, 0.0, motion.jumps)
+        margins = [self.template.yield_set.margin(jumps, label) for label in (labels, ~labels)]
+        tight = [(margin < 0.0) & (margin > -rest) for margin in margins]
+        jumps[:, 0] += np.where(tight[0] | tight[1], rest, 0.0)
+        return self.prover.measure(motion.velocity, jumps, motion.work, labels)
+
+
+def _both(pattern: Any) -> tuple[Floats, Floats]:
+    return pattern.dry, pattern.inner
+
+
+def _tree(assembly: Assembly) -> Ints | None:
+    """Faces that join every element to the supports in one way, by as few faces as may be; None where some are not."""
+    faces, free = assembly.interfaces, assembly.elements.free
+    node = np.zeros(len(assembly.elements), dtype=np.int64)
+    node[free] = np.arange(1, len(free) + 1)
+    ends = np.column_stack([node[faces.a], node[faces.b]])
+    reached, tree = np.arange(len(free) + 1) == 0, []
+    while not reached.all():
+        first = reached.copy()
+        for face in np.flatnonzero(first[ends[:, 0]] != first[ends[:, 1]]).tolist():
+            if not reached[ends[face]].all():
+                reached[ends[face]] = True
+                tree.append(face)
+        if (first == reached).all():
+            return None
+    return np.array(sorted(tree), dtype=np.int64)
+
+
+def _highs(table: Floats, cost: Floats) -> highspy.Highs:
+    """min cost·z, table z = (0, …, 0, 1), z ≥ 0, ready to run."""
+    columns = sp.csc_array(table)
+    model = highspy.HighsLp()
+    model.num_row_, model.num_col_ = columns.shape
+    model.col_cost_, model.col_lower_ = cost, np.zeros(len(cost))
+    model.col_upper_ = np.full(len(cost), highspy.kHighsInf)
+    model.row_lower_ = model.row_upper_ = np.append(np.zeros(len(table) - 1), 1.0)
+    model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    model.a_matrix_.start_ = columns.indptr.astype(np.int32)
+    model.a_matrix_.index_ = columns.indices.astype(np.int32)
+    model.a_matrix_.value_ = columns.data
+    highs = highspy.Highs()  # type: ignore[no-untyped-call]
+    for key, value in _OPTIONS.items():
+        highs.setOptionValue(key, value)
+    highs.passModel(model)
+    return highs
+
+
+_OPTIONS: Final[dict[str, bool | int | float | str]] = {
+    "output_flag": False,
+    "threads": 1,
+    "solver": "simplex",
+    "simplex_iteration_limit": 20_000,  # some hundred times what a labelling takes
+    "presolve": "off",  # these programs are too small to gain by it
+    "simplex_scale_strategy": 0,  # rows and columns are of order one already
+    "primal_feasibility_tolerance": 1e-10,
+    "dual_feasibility_tolerance": 1e-10,
+}

@@ -1,0 +1,273 @@
+"""Evaluation of many labellings in joblib workers; each owns its template and solver.
+
+A worker that dies or hangs costs its batch, not the run: what was in flight is tried once more, alone, and
+recorded as failed if that ends the same way. Inside `joblib.parallel_config(backend=...)` with another backend
+than joblib's own processes (a dask or ray cluster) that backend does the work, whatever `jobs` is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Final
+
+import joblib
+import numpy as np
+from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
+
+from jld_core.assembly import Assembly, Bits, Floats
+from jld_explore.evaluation.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
+
+HANG: Final = 600.0
+"""Seconds without any result after which the workers are taken to hang."""
+
+_TASKS: Final = 8
+"""Tasks that labellings asked together are cut into at the least, so that workers finish together."""
+
+_MOST: Final = 64
+"""Labellings of a task at the most."""
+
+_THREADS: Final = 2
+"""Threads of one process that are of use: what is not within a solver waits for its turn."""
+
+_own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a worker needs to make its evaluator: a pickle of assembly and settings, and its digest."""
+
+    content: bytes
+    digest: str
+    parent: int
+
+    @classmethod
+    def of(cls, assembly: Assembly, settings: EvaluatorSettings) -> Recipe:
+        content = pickle.dumps((assembly, settings))
+        return cls(content, hashlib.sha256(content).hexdigest(), os.getpid())
+
+
+def batch_size(faces: int, asked: int) -> int:
+    """Labellings per task, for scenes of so many faces and so many labellings asked together."""
+    return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, _MOST))
+
+
+def evaluate_batch(
+    recipe: Recipe,
+    number: int,
+    labellings: Bits,
+    deadline: float | None = None,
+    floors: Floats | None = None,
+    company: Bits | None = None,
+) -> tuple[int, list[Evaluation]]:
+    """Evaluate one batch in this process, with the evaluator this thread keeps.
+
+    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. floors (k,)
+    and company (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
+    the deadline.
+    """
+    if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    if getattr(_own, "digest", None) != recipe.digest:
+        assembly, settings = pickle.loads(recipe.content)
+        _own.evaluator, _own.digest = Evaluator(assembly, settings), recipe.digest
+    found: list[Evaluation] = []
+    values = [-np.inf] * len(labellings) if floors is None else floors.tolist()
+    for labels, floor in zip(labellings, values, strict=True):
+        if deadline is not None and time.time() >= deadline:
+            break
+        found.append(_own.evaluator.evaluate(labels, floor, company))
+    return number, found
+
+
+class Workers:
+    """A pool of `jobs` processes for one recipe; with one job everything runs in this process.
+
+    hang: seconds without any result after which the workers are taken to hang. quick: labellings are solved sooner
+    than they are sent, so stay in this process, in as many threads as are of use. deaths: how often workers died or
+    hung.
+    """
+
+    def __init__(self, recipe: Recipe, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False) -> None:
+        self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
+        self.deaths = 0
+        self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
+        self.quick = quick and not self.outside
+        self.here = self.quick or (jobs == 1 and not self.outside)
+        self.begun: list[Run] = []
+        self.threads = min(jobs, _THREADS) if self.here else 0
+        self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+
+    def run(
+        self,
+        labellings: Bits,
+        deadline: float | None = None,
+        floors: Floats | None = None,
+        company: Bits | None = None,
+    ) -> Run:
+        """Begin to evaluate (k, m) labellings, behind those that were begun before.
+
+        deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and company (j, m):
+        see `Evaluator.evaluate`. With one job, and on a cluster, evaluation waits until results are asked for.
+        """
+        floors = np.full(len(labellings), -np.inf) if floors is None else floors
+        run = Run(self, labellings, deadline, floors, company)
+        if not self.here and not self.outside:
+            run.begin()
+        return run
+
+    def map(self, tasks: Iterable[tuple[Any, ...]]) -> list[tuple[int, list[Evaluation]]]:
+        """Results of tasks, arguments of `evaluate_batch`, in their order, from this process."""
+        if self._threads is None:
+            return [evaluate_batch(*task) for task in tasks]
+        return list(self._threads.map(lambda task: evaluate_batch(*task), tasks))
+
+    def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
+        """Results of tasks as they finish; tasks are taken at once, and more when some are done."""
+        how: dict[str, Any] = {
+            "return_as": "generator_unordered",
+            "batch_size": 1,
+            "pre_dispatch": "2 * n_jobs",
+            "timeout": self.hang,
+        }
+        if self.outside:
+            return iter(joblib.Parallel(**how)(tasks))
+        # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
+        with joblib.parallel_config(
+            inner_max_num_threads=1,
+            backend="loky",
+            n_jobs=self.jobs,
+            initializer=_attend,
+            initargs=(os.getpid(),),
+        ):
+            return iter(joblib.Parallel(**how)(tasks))
+
+    def close(self) -> None:
+        """Stop all worker processes at once, whatever they are at; a cluster's are not ours to stop."""
+        for run in self.begun:
+            run.stop()
+        self.begun = []
+        if self._threads is not None:
+            self._threads.shutdown(cancel_futures=True)
+        if not self.here and not self.outside:
+            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+class Run:
+    """Labellings under evaluation; to iterate is to wait for (where they stand, their evaluations).
+
+    Several may be begun, so that workers go on while the results of an earlier one are looked at. Where workers
+    die, those of the run that is waited for are suspected; the other runs begin again when their turn comes.
+    """
+
+    def __init__(
+        self, workers: Workers, labellings: Bits, deadline: float | None, floors: Floats, company: Bits | None
+    ) -> None:
+        self._workers, self._deadline = workers, deadline
+        self._labellings, self._floors, self._company = labellings, floors, company
+        size = batch_size(workers.faces, len(labellings))
+        if workers.quick:
+            # as few tasks as there are threads, so that these seldom wait
+            size = max(1, min(_MOST, -(-len(labellings) // workers.threads)))
+        starts = range(0, len(labellings), size)
+        self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
+        self._done: set[int] = set()
+        self._sent: list[int] = []
+        self._results: Iterator[tuple[int, list[Evaluation]]] | None = None
+
+    def begin(self, numbers: list[int] | None = None) -> None:
+        """Send tasks to the workers; numbers: of those to send, None for all that are not done."""
+        waiting = [number for number in range(len(self._slices)) if number not in self._done]
+        self._sent = []
+        self._results = self._workers.parallel(self._tasks(waiting if numbers is None else numbers))
+        self._workers.begun.append(self)
+
+    def stop(self) -> None:
+        """Forget what was sent; what it would have given is evaluated again."""
+        self._results = None
+
+    def _joined(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
+        """Results of tasks side by side, as one where none is cut short by the deadline."""
+        parts = [self._slices[number] for number, _ in results]
+        whole = slice(parts[0].start, parts[-1].stop)
+        evaluations = [evaluation for _, found in results for evaluation in found]
+        if len(evaluations) == whole.stop - whole.start:
+            yield whole, evaluations
+            return
+        for part, (_, found) in zip(parts, results, strict=True):
+            yield slice(part.start, part.start + len(found)), found
+
+    def _arguments(self, number: int) -> tuple[Any, ...]:
+        part = self._slices[number]
+        return self._workers.recipe, number, self._labellings[part], self._deadline, self._floors[part], self._company
+
+    def _tasks(self, numbers: list[int]) -> Iterator[Any]:
+        for number in numbers:
+            self._sent.append(number)
+            yield joblib.delayed(evaluate_batch)(*self._arguments(number))
+
+    def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
+        workers = self._workers
+        if workers.here:
+            # all threads are waited for together, and what they found is recorded at once
+            for first in range(0, len(self._slices), workers.threads):
+                numbers = range(first, min(first + workers.threads, len(self._slices)))
+                yield from self._joined(workers.map(self._arguments(number) for number in numbers))
+            return
+        strikes = dict.fromkeys(range(len(self._slices)), 0)
+        while len(self._done) < len(self._slices):
+            suspects = [number for number, count in strikes.items() if count == 1 and number not in self._done]
+            if suspects:  # one at a time, so that a second death has one culprit
+                self.begin(suspects[:1])
+            elif self._results is None:
+                self.begin()
+            try:
+                for number, evaluations in self._results or ():
+                    self._done.add(number)
+                    low = self._slices[number].start
+                    yield slice(low, low + len(evaluations)), evaluations
+                self._results = None
+            except _deaths():
+                workers.deaths += 1
+                workers.close()
+                for number in self._sent:
+                    if number in self._done:
+                        continue
+                    strikes[number] += 1
+                    if strikes[number] > 1:
+                        self._done.add(number)
+                        part = self._slices[number]
+                        yield part, [FAILED] * (part.stop - part.start)
+        workers.begun = [run for run in workers.begun if run is not self]
+
+
+def _attend(parent: int) -> None:
+    """Begin a worker: leave Ctrl-C to the parent, and do not outlive it when it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
+
+
+def _leave_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
+
+
+def _deaths() -> tuple[type[BaseException], ...]:
+    """What is raised where a worker died or hung; a cluster's own words for it where one is in use."""
+    known: tuple[type[BaseException], ...]
+    known = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError, multiprocessing.TimeoutError)
+    distributed = sys.modules.get("distributed")
+    if distributed is not None:
+        known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)
+    return known

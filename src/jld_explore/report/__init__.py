@@ -1,0 +1,1 @@
+"""A finished study: tables, front, pictures, words."""

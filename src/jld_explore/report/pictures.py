@@ -1,0 +1,314 @@
+"""Pictures of a study: the front with its layouts, distributions, dry faces of the best, convergence.
+
+Pure functions of the tables: nothing is solved here, and nothing is written.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.solvers.base import Status
+from jld_core.views import figures as core
+from jld_core.views.annotations import frame
+from jld_core.views.structure import INK, PLAIN, SOFT, Ink, element_points, extent, paint, projection_of
+
+DOTS: Final = "#7C9CBF"
+FRONT: Final = "#B8321A"
+SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])
+MANY: Final = 5000
+"""Dots from which a scatter is stored as an image, so that vector files stay small."""
+
+LINES: Final = (
+    ("#0072B2", "solid"),
+    ("#D55E00", "dashed"),
+    ("#009E73", "dashdot"),
+    ("#CC79A7", "dotted"),
+    ("#1B1B1B", (0, (6.0, 1.0, 1.0, 1.0, 1.0, 1.0))),
+    ("#E69F00", (0, (1.0, 1.0))),
+    ("#56B4E9", (0, (9.0, 2.0))),
+)
+
+
+def plot_pareto(
+    results: pd.DataFrame,
+    front: pd.DataFrame,
+    assembly: Assembly,
+    *,
+    count: str = "dry_faces",
+    sense: str = "max",
+    layouts: int = 8,
+) -> Figure:
+    """λ against the front's count: all labellings that collapse, the front, and layouts along it.
+
+    results, front: tables with the columns of results.csv, front a part of results. count: "dry_faces",
+    "dry_length" or "blocks". sense: "max" or "min", the better direction of the count. layouts: largest
+    number of layouts drawn; numbers in circles say which point each belongs to.
+    Raises ValueError for another count or sense, or labellings that do not fit the assembly.
+    """
+    if count not in ("dry_faces", "dry_length", "blocks") or sense not in ("max", "min"):
+        raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
+    shown = _collapsed(results)
+    best = _collapsed(front).sort_values(count, kind="stable")
+    points = best[[count, "load_factor"]].to_numpy(dtype=float)
+    width, height = 9.6, 4.3
+    chosen = _spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
+    rows, columns = (1, len(chosen)) if len(chosen) <= 5 else (2, math.ceil(len(chosen) / 2))
+    cell = (width / max(columns, 4), _thumbnail_height(assembly, width / max(columns, 4)) + 0.42)
+    total = 0.25 + height + 0.75 + (rows * cell[1] if len(chosen) else 0.0) + 0.35
+    figure = _figure(width, total)
+    ax = _axes(figure, (0.75, total - 0.35 - height, width - 1.0, height))
+    ax.set_xlabel(_count_name(count, assembly), fontsize=9)
+    ax.set_ylabel("load factor λ [–]", fontsize=9)
+    if len(shown):
+        many = len(shown) > MANY
+        ax.plot(
+            shown[count], shown["load_factor"], "o", color=DOTS, alpha=0.25 if many else 0.65, markersize=3.6,
+            markeredgewidth=0.0, rasterized=many, label="labellings that collapse", zorder=1.0,
+        )  # fmt: skip
+        steps = "steps-pre" if sense == "max" else "steps-post"
+        ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label="front", zorder=2.0)
+        ax.plot(*points.T, "o", color=FRONT, markersize=5.0, label="on the front", zorder=2.1)
+        _whole_numbers(ax, count)
+        ax.margins(x=0.04, y=0.07)
+    else:
+        _say_nothing(ax, "no labelling collapses at a finite load factor")
+    for number, k in enumerate(chosen):
+        ax.text(points[k, 0], points[k, 1], str(number + 1), **_circle(), zorder=3.0)
+        row, column = divmod(number, columns)
+        left = (width - min(columns, len(chosen)) * cell[0]) / 2.0 + column * cell[0]
+        bottom = 0.35 + (rows - 1 - row) * cell[1]
+        thumb = _axes(figure, (left + 0.08, bottom + 0.06, cell[0] - 0.16, cell[1] - 0.42))
+        core.draw_assembly(thumb, assembly, labels_of(best["labelling"].iloc[k], assembly), plain=True)
+        y = (bottom + cell[1] - 0.2) / total
+        figure.text((left + 0.2) / width, y, str(number + 1), **_circle())
+        value = f"λ = {points[k, 1]:#.4g}   {_count_word(count, points[k, 0], assembly)}"
+        figure.text((left + 0.36) / width, y, value, fontsize=8, va="center", color=INK)
+    figure.text(0.5, 0.1 / total, _caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
+    ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
+    if len(shown):
+        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+        ax.legend(handles=ax.lines[:2], ncols=2, frameon=False, fontsize=8, markerscale=1.6, **place)
+    return figure
+
+
+def plot_best(result: LimitAnalysisResult) -> Figure:
+    """The best labelling in full: labels, forces and mechanism."""
+    return core.figure_of_result(result)
+
+
+def plot_distribution(results: pd.DataFrame) -> Figure:
+    """λ of the labellings that collapse, one box for each number of dry faces, with every labelling as a dot.
+
+    results: columns of results.csv. The numbers along the top say how many classes each box holds.
+    """
+    shown = _collapsed(results)
+    figure = _figure(8.0, 4.6)
+    ax = _axes(figure, (0.75, 0.85, 7.0, 3.25))
+    ax.set_xlabel("dry faces between free elements", fontsize=9)
+    ax.set_ylabel("load factor λ [–]", fontsize=9)
+    if shown.empty:
+        _say_nothing(ax, "no labelling collapses at a finite load factor")
+    else:
+        dry, value = shown["dry_faces"].to_numpy(dtype=int), shown["load_factor"].to_numpy(dtype=float)
+        groups = {int(k): value[dry == k] for k in np.unique(dry)}
+        many = len(shown) > MANY
+        ax.plot(
+            dry, value, "o", color=DOTS, alpha=0.2 if many else 0.65, markersize=3.6,
+            markeredgewidth=0.0, rasterized=many, zorder=1.0, label="labellings",
+        )  # fmt: skip
+        line = {"color": INK, "linewidth": 0.9}
+        ax.boxplot(
+            list(groups.values()), positions=list(groups), widths=0.55, manage_ticks=False, showfliers=False,
+            boxprops=line, whiskerprops=line, capprops=line, medianprops={"color": FRONT, "linewidth": 1.8},
+        )  # fmt: skip
+        ax.set_xlim(min(groups) - 0.8, max(groups) + 0.8)
+        _whole_numbers(ax, "dry_faces")
+        ax.set_title("λ by dry faces; above each box how many classes it holds", fontsize=9, pad=18.0)
+        note: dict[str, Any] = {"fontsize": 7, "ha": "center", "va": "bottom", "color": SOFT}
+        for place, part in groups.items() if len(groups) <= 40 else ():
+            turned = 90 if len(groups) > 24 else 0
+            ax.text(place, 1.015, str(len(part)), transform=ax.get_xaxis_transform(), rotation=turned, **note)
+    figure.text(0.5, 0.1 / 4.6, _caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
+    return figure
+
+
+def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50) -> Figure:
+    """On the layout: in what share of the `top` best labellings each face is dry, by width and colour.
+
+    results: columns of results.csv; each class counts once, with the labelling that stands for it. Faces to
+    supports stay thin. Raises ValueError for labellings that do not fit the assembly.
+    """
+    best = _collapsed(results).sort_values("load_factor", ascending=False, kind="stable").head(top)
+    lower, upper = extent(assembly, projection_of(assembly))
+    span = upper - lower
+    width = float(np.clip(4.6 * span[0] / span[1], 3.2, 7.6))
+    height = float(np.clip(width * span[1] / span[0], 0.8, 6.5))
+    total = (width + 1.0, height + 1.5)
+    figure = _figure(*total)
+    ax = _axes(figure, (0.65, 1.15, width, height))
+    if best.empty:
+        _say_nothing(ax, "no labelling collapses at a finite load factor")
+        return figure
+    share = np.mean([labels_of(text, assembly) for text in best["labelling"]], axis=0)
+    between = assembly.free_faces
+    thick = float(np.clip(0.11 * element_points(ax, assembly), 0.8, 5.0))
+    ink = Ink(
+        [tuple(SHARE(float(s))) if free else INK for s, free in zip(share, between, strict=True)],
+        np.where(between, thick * (0.15 + 0.85 * share), 0.6),
+    )
+    paint(ax, assembly, share > 0.0, [PLAIN] * len(assembly.elements), ink)
+    frame(ax, assembly, [lower, upper])
+    bar = _axes(figure, (0.65 + 0.1 * width, 0.5, 0.8 * width, 0.11))
+    figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), SHARE), cax=bar, orientation="horizontal")
+    bar.set_xlabel("share in which the face is dry; dotted: in none", fontsize=8)
+    bar.tick_params(labelsize=8)
+    what = "the labelling" if len(best) == 1 else f"the {len(best)} best labellings"
+    figure.text(0.5, 1.0 - 0.1 / total[1], f"Dry faces in {what}", fontsize=10, ha="center", va="top")
+    return figure
+
+
+def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
+    """Best λ so far against solves and against seconds, one line for each history.
+
+    histories: by name, tables with the columns `solves` (so far), `seconds` (since the start) and `best`
+    (best λ so far, blank while there is none), in order.
+    """
+    figure = _figure(9.6, 4.2)
+    names = {"solves": "programs solved", "seconds": "time [s]"}
+    axes = [_axes(figure, (0.75 + 4.45 * k, 0.95, 4.1, 2.95)) for k in range(2)]
+    drawn = 0
+    for number, (name, history) in enumerate(histories.items()):
+        colour, dash = LINES[number % len(LINES)]
+        known = history.assign(best=history["best"].cummax()).dropna(subset=["best"])
+        if known.empty:
+            continue
+        drawn += 1
+        for ax, column in zip(axes, names, strict=True):
+            ax.plot(
+                known[column], known["best"], color=colour, linestyle=dash, linewidth=1.5, label=name,
+                drawstyle="steps-post", marker="o", markersize=4.5, markevery=[len(known) - 1],
+            )  # fmt: skip
+    for ax, label in zip(axes, names.values(), strict=True):
+        ax.set_xlabel(label, fontsize=9)
+        if not drawn:
+            _say_nothing(ax, "no finite load factor yet")
+    axes[0].set_ylabel("best load factor λ so far [–]", fontsize=9)
+    if drawn:
+        low = min(ax.get_ylim()[0] for ax in axes)
+        high = max(ax.get_ylim()[1] for ax in axes)
+        for ax in axes:
+            ax.set_ylim(low, high)
+        axes[1].tick_params(labelleft=False)
+        figure.legend(
+            handles=axes[0].lines, loc="lower center", ncols=min(drawn, 5), frameon=False, fontsize=8,
+            bbox_to_anchor=(0.5, 0.02), handlelength=3.5,
+        )  # fmt: skip
+    return figure
+
+
+def labels_of(text: object, assembly: Assembly) -> Bits:
+    """(m,) labels from a 0/1 string, 1 = dry, in the assembly's order of interfaces.
+
+    Raises ValueError where it does not fit; a table read without dtype={"labelling": str} has lost its zeros.
+    """
+    if not isinstance(text, str) or len(text) != len(assembly.interfaces) or set(text) - {"0", "1"}:
+        count = len(assembly.interfaces)
+        raise ValueError(f"labelling {text!r}: expected a string of {count} characters 0 or 1")
+    return np.array([character == "1" for character in text], dtype=bool)
+
+
+def _collapsed(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows with a finite load factor, by proof."""
+    kept = (table["status"] == str(Status.COLLAPSE)) & np.isfinite(table["load_factor"].astype(float))
+    return table[kept]
+
+
+def _spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
+    """Indices of points (k, 2) that lie well apart on paper: the ends first, then always the farthest from
+    those taken, until circles would touch. every: all points on the axes; inches: size of the axes."""
+    if not len(points):
+        return []
+    scale = np.array(inches) / np.maximum(np.ptp(every, axis=0), 1e-300)
+    paper = np.where(np.ptp(every, axis=0) > 0.0, points * scale, 0.0)
+    taken = [0]
+    while len(taken) < min(most, len(points)):
+        distance = np.min([np.hypot(*(paper - paper[k]).T) for k in taken], axis=0)
+        farthest = int(np.argmax(distance)) if len(taken) > 1 else len(points) - 1
+        if distance[farthest] < 0.28:
+            break
+        taken.append(farthest)
+    return sorted(taken)
+
+
+def _thumbnail_height(assembly: Assembly, width: float) -> float:
+    lower, upper = extent(assembly, projection_of(assembly))
+    span = upper - lower
+    return float(np.clip((width - 0.16) * span[1] / span[0], 0.3, 2.2))
+
+
+def _caption(results: pd.DataFrame) -> str:
+    """How many labellings the table holds and what became of those that are not on the axes."""
+    tally = results["status"].value_counts()
+    parts = [f"{int(tally.get(str(s), 0))} {s}" for s in Status if s is not Status.FAILED or str(s) in tally]
+    total = int(results["multiplicity"].sum()) if "multiplicity" in results else len(results)
+    return f"{len(results)} classes ({total} labellings): " + ", ".join(parts) + "; only collapse has a point"
+
+
+def _count_name(count: str, assembly: Assembly) -> str:
+    length = assembly.units[0]
+    size = f"dry length [{length}]" if assembly.dimension == 2 else f"dry area [{length}²]"
+    names = {"dry_faces": "dry faces between free elements", "dry_length": size, "blocks": "blocks"}
+    return names[count]
+
+
+def _count_word(count: str, value: float, assembly: Assembly) -> str:
+    if count == "dry_length":
+        return f"dry {value:.3g} {assembly.units[0]}" + ("" if assembly.dimension == 2 else "²")
+    noun = "dry face" if count == "dry_faces" else "block"
+    return f"{value:g} {noun}" + ("" if value == 1.0 else "s")
+
+
+def _whole_numbers(ax: Axes, count: str) -> None:
+    if count != "dry_length":
+        ax.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True, min_n_ticks=1))
+
+
+def _say_nothing(ax: Axes, text: str) -> None:
+    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=10, color=SOFT)
+    ax.set_xticks([])
+    ax.set_yticks([])
+
+
+def _circle() -> dict[str, Any]:
+    box = {"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": FRONT, "linewidth": 1.1}
+    return {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold", "color": INK, "bbox": box}
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height), dpi=120)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _axes(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
+    """Axes at left, bottom, width, height in inches, with small ticks and without a box."""
+    width, height = figure.get_size_inches()
+    left, bottom, wide, high = inches
+    ax = figure.add_axes((left / width, bottom / height, wide / width, high / height))
+    ax.tick_params(labelsize=8)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+    return ax

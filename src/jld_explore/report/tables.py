@@ -1,0 +1,166 @@
+"""Result tables: pure functions of the store."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from jld_core.assembly import Assembly
+from jld_core.solvers.base import Status
+from jld_explore.evaluation.evaluator import BOUND, CERTIFICATE
+from jld_explore.evaluation.ranking import ORDER
+from jld_explore.evaluation.records import Store, settled, statuses
+from jld_explore.report.front import on_front
+from jld_explore.space.labelling import unpack
+from jld_explore.space.limits import counts
+from jld_explore.space.search_space import SearchSpace
+
+CONVERGENCE: Final = "convergence.csv"
+
+
+def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
+    """faces.csv: index, elements, end points (spatial: opposite corners of the bounding box) and candidacy."""
+    faces, ids = assembly.interfaces, assembly.elements.ids
+    table = pd.DataFrame(
+        {
+            "index": np.arange(len(faces)),
+            "element_a": [ids[a] for a in faces.a],
+            "element_b": [ids[b] for b in faces.b],
+        }
+    )
+    axes = "xy" if assembly.dimension == 2 else "xyz"
+    for end in (0, 1):
+        for axis, name in enumerate(axes):
+            if assembly.dimension == 2:
+                table[f"{name}{end}"] = [polygon[end, axis] for polygon in faces.polygon]
+            else:
+                pick = np.min if end == 0 else np.max
+                table[f"{name}{end}"] = [pick(polygon[:, axis]) for polygon in faces.polygon]
+    table["candidate"] = space.candidates
+    return table
+
+
+def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: str) -> pd.DataFrame:
+    """results.csv: one row per class, collapse by λ, then locked, uncertified, unstable, failed; λ in scene units."""
+    rows = store.rows
+    labellings = unpack(rows["labelling"], store.faces)
+    associative, zero = rows["associative"], rows["zero_dilation"]
+    how = settled(rows)
+    load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
+    tally = counts(assembly, labellings)
+    text = (labellings + np.uint8(ord("0"))).tobytes().decode("ascii")
+    table = pd.DataFrame(
+        {
+            "labelling": [text[n : n + store.faces] for n in range(0, len(text), store.faces)],
+            "multiplicity": rows["multiplicity"].astype(np.int64),
+            "load_factor": load_factor,
+            "bracket_lo": rows["low"],
+            "bracket_hi": rows["high"],
+            "status": statuses(rows),
+            "dry_faces": tally.dry_faces,
+            "dry_length": tally.dry_length,
+            "blocks": tally.blocks,
+            "largest_block_cells": tally.largest_block_cells,
+            "load_factor_associative": associative,
+            "load_factor_zero_dilation": zero,
+            "settled": how,
+            "seconds": rows["seconds"],
+            "driver": driver,
+        }
+    )
+    place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
+    worth = np.where(place == 0, -load_factor, 0.0)
+    packed = np.ascontiguousarray(rows["labelling"])
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), worth, place))
+    table = table.iloc[order].reset_index(drop=True)
+    number = np.arange(1, len(table) + 1)
+    table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number, number > np.count_nonzero(place == 0))))
+    return table
+
+
+def front_table(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:
+    """pareto.csv: the rows of the results on the front of λ against the scene's count."""
+    ranked = results["status"] == str(Status.COLLAPSE)
+    value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
+    return results[on_front(value, results[count].to_numpy(dtype=float), sense)]
+
+
+def convergence_table(store: Store) -> pd.DataFrame:
+    """convergence.csv: best λ so far, at each step up and at the end.
+
+    Columns solves and seconds, of solver time summed over all workers, up to there, and best, in the order in
+    which evaluations were finished.
+    """
+    rows = store.rows
+    zero = rows["zero_dilation"]
+    value = np.where(np.isnan(zero), rows["associative"], zero)
+    value = np.where(statuses(rows) == str(Status.COLLAPSE), value, np.nan)
+    best = np.fmax.accumulate(value) if len(value) else value
+    before = np.concatenate([[np.nan], best[:-1]])
+    last = np.arange(len(rows)) == len(rows) - 1
+    kept = (np.isfinite(best) & ~(best <= before)) | last
+    seconds = np.cumsum(rows["seconds"])
+    table = {"solves": np.flatnonzero(kept) + 1, "seconds": seconds[kept], "best": best[kept]}
+    return pd.DataFrame(table)
+
+
+def summary(
+    results: pd.DataFrame,
+    *,
+    stop_reason: str,
+    complete: bool,
+    classes: int | None,
+    solved: int,
+    seconds: float,
+    driver: str,
+    seed: int,
+    versions: dict[str, str],
+    bound: float | None = None,
+    proven: bool = False,
+) -> dict[str, Any]:
+    """summary.json: the best labelling, what is proven of it, and how it was found.
+
+    complete: every class of the space has its evaluation, so that the best of them is the best there is up to the
+    widths of the brackets. bound: a proven upper bound on λ over the whole space, where the driver has one. proven:
+    the driver has proven what it was to prove.
+    """
+    tally = Counter(results["status"])
+    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    best = None if ranked.empty else float(ranked["load_factor"].iloc[0])
+    pruned = int((results["settled"] == BOUND).sum())
+    certain = complete and not (tally[str(Status.UNCERTIFIED)] - pruned or tally[str(Status.FAILED)])
+    unbounded = bool(tally[str(Status.LOCKED)])
+    if results["load_factor_zero_dilation"].notna().any():
+        # answers without dilation are not unique, so none is proven; associative λ bounds them all
+        bound = float(ranked["load_factor_associative"].max()) if certain and not ranked.empty else bound
+        certain = False
+    if certain and not ranked.empty and not unbounded:
+        bound = float(ranked["bracket_hi"].max())
+    gap = None
+    if best is not None and bound is not None:
+        low = float(ranked["bracket_lo"].max())
+        gap = (bound - low) / max(abs(bound), abs(low)) if max(abs(bound), abs(low)) > 0.0 else 0.0
+    return {
+        "best": best,
+        "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
+        "unbounded": unbounded,
+        "proven": certain or proven,
+        "bound": bound,
+        "gap": gap,
+        "stop_reason": stop_reason,
+        "classes": classes,
+        "labellings": int(results["multiplicity"].sum()),
+        "evaluated": len(results),
+        "solved": solved,
+        "settled": int((results["settled"] == CERTIFICATE).sum()),
+        "pruned": pruned,
+        "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
+        "seconds": seconds,
+        "rate": solved / seconds if seconds > 0.0 else None,
+        "driver": driver,
+        "seed": seed,
+        "versions": versions,
+    }

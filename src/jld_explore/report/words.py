@@ -1,0 +1,94 @@
+"""Words for the terminal: what will be modelled, what came out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pandas as pd
+
+from jld_core.assembly import Assembly
+from jld_core.limit.result import LimitAnalysisResult
+from jld_core.scene.reading import Scene
+from jld_core.solvers.base import Status
+from jld_core.views.notebook import facts_of_assembly, facts_of_result
+from jld_explore.space.search_space import SearchSpace
+
+if TYPE_CHECKING:
+    from jld_explore.explore import Exploration
+
+
+def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
+    """What `jld check` prints: dimension, counts, loads, program size, candidates, symmetries."""
+    spots = int(np.count_nonzero(space.candidates))
+    return _lines(
+        {
+            "scene": scene.name,
+            **facts_of_assembly(found),
+            "candidates": f"{spots} of {len(found.interfaces)} faces may be dry or inner",
+            "symmetries": f"{len(space.group)} (with the identity)",
+        }
+    )
+
+
+def result(found: LimitAnalysisResult) -> str:
+    """What `jld solve` prints."""
+    return _lines(facts_of_result(found))
+
+
+def _lines(facts: dict[str, str]) -> str:
+    return "\n".join(f"{name:<12} {value}" for name, value in facts.items())
+
+
+COLUMNS: Final = [
+    "rank",
+    "load_factor",
+    "bracket_lo",
+    "bracket_hi",
+    "dry_faces",
+    "blocks",
+    "largest_block_cells",
+    "labelling",
+]
+"""What is shown of a table of results."""
+
+
+def facts_of_exploration(done: Exploration) -> dict[str, str]:
+    """What a study found, by name: classes by status, why it stopped, the best λ and whether that is proven."""
+    facts = done.summary
+    counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
+    best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
+    proof = "proven strongest" if facts["proven"] and facts["best"] is not None else "not proven"
+    if facts["unbounded"]:
+        proof = "but some labellings are locked: they carry any load"
+    return {
+        "classes": f"{facts['evaluated']} ({facts['labellings']} labellings): {counted}",
+        "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
+        "best λ": f"{best} ({proof})",
+    }
+
+
+def exploration(done: Exploration, top: int = 10) -> str:
+    """What `jld explore` prints: the best rows, the front, and what is proven."""
+    return "\n".join(
+        [
+            _lines(facts_of_exploration(done)),
+            "",
+            best_rows(done, top).to_string(index=False),
+            "",
+            f"front        {front_name(done)}",
+            done.front[COLUMNS].to_string(index=False),
+            "",
+            f"written to   {done.folder}",
+        ]
+    )
+
+
+def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
+    """The first rows of the results that have a rank, in the columns that are shown."""
+    return done.results[done.results["status"] == str(Status.COLLAPSE)][COLUMNS].head(top)
+
+
+def front_name(done: Exploration) -> str:
+    """What the front weighs against what."""
+    return f"λ against {done.scene.search.front.count} ({done.scene.search.front.sense})"

@@ -1,0 +1,1 @@
+"""What may be labelled, under which limits, and what is counted."""

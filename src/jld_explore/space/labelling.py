@@ -1,0 +1,247 @@
+"""Labellings of all interfaces: packed bits, blocks, slits and canonical forms, many rows at a time.
+
+A **labelling** is a row of m booleans in the order of the assembly's interfaces, True = dry. Its **blocks**
+are the components of the element graph through inner faces; supports that share a face are one block from
+the start. A **slit** is a dry face with both sides in one block; a labelling without slits is a
+**segmentation**. A **class** is the set of images of a labelling under the symmetries of the scene, named by
+its smallest member, the **canonical** labelling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.geometry.planar_contacts import find_planar_contacts
+
+Packed = NDArray[np.uint8]
+"""Labellings as bits, (k, ceil(m / 8)): rows sort as the 0/1 strings do."""
+
+ROUNDING: Final = 1e-9
+"""Relative slack of inclusive bounds on weights and lengths: what sums of decimal numbers may be off."""
+
+_ENTRIES: Final = 1 << 23
+"""Entries of one temporary array in `blocks_of`; larger batches are taken in parts."""
+
+
+def pack(labellings: Bits) -> Packed:
+    """Bits of labellings (..., m) in bytes, (..., ceil(m / 8)), the first face in the highest bit."""
+    return np.packbits(labellings, axis=-1)
+
+
+def unpack(packed: Packed, faces: int) -> Bits:
+    """Labellings (..., m) of packed rows; faces: m."""
+    return np.unpackbits(packed, axis=-1, count=faces).astype(bool)
+
+
+def keys(labellings: Bits) -> list[bytes]:
+    """One hashable key for each row of labellings (k, m); keys sort as the rows do."""
+    packed = pack(labellings)
+    return [row.tobytes() for row in packed]
+
+
+def to_string(labelling: Bits) -> str:
+    """A labelling (m,) as text, '1' dry and '0' inner."""
+    return (np.asarray(labelling, dtype=np.uint8) + ord("0")).tobytes().decode("ascii")
+
+
+def from_string(text: str) -> Bits:
+    """The labelling (m,) of a text of '0' and '1'. Raises ValueError for any other character."""
+    if text.strip("01"):
+        raise ValueError(f"a labelling holds {text.strip('01')[0]!r}; expected '0' and '1' only")
+    return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord("1"))
+
+
+@dataclass(frozen=True)
+class Connectivity:
+    """The element graph, laid out for `blocks_of`: arcs into each element, its own first.
+
+    a, b: (m,) elements of each face. touching: (t, 2) pairs of supports that share a face. source, face:
+    (arcs,) element an arc comes from, and the face it crosses (m for arcs that are always open).
+    start: (n,) where the arcs into each element begin.
+    """
+
+    a: Ints
+    b: Ints
+    touching: Ints
+    source: Ints
+    face: Ints
+    start: Ints
+
+
+def connectivity(assembly: Assembly) -> Connectivity:
+    """The element graph of an assembly, with the supports that touch one another."""
+    faces, count = assembly.interfaces, len(assembly.elements)
+    touching = touching_supports(assembly)
+    own = np.arange(count)
+    every = np.arange(len(faces))
+    open_arcs = np.full(count + 2 * len(touching), len(faces))
+    target = np.concatenate([own, touching[:, 0], touching[:, 1], faces.a, faces.b])
+    source = np.concatenate([own, touching[:, 1], touching[:, 0], faces.b, faces.a])
+    face = np.concatenate([open_arcs, every, every])
+    order = np.argsort(target, kind="stable")
+    start = np.searchsorted(target[order], own)
+    return Connectivity(faces.a, faces.b, touching, source[order], face[order], start)
+
+
+def touching_supports(assembly: Assembly) -> Ints:
+    """Pairs (t, 2) of supports that share a face, from their geometry; corners and edges alone do not count.
+
+    Found with the same tolerances as the assembly's own interfaces, which leave out pairs of supports.
+    """
+    elements = assembly.elements
+    supports = np.flatnonzero(elements.support)
+    shapes = [elements.shape[i] for i in supports]
+    if assembly.dimension == 2:
+        found = {(c.a, c.b) for c in find_planar_contacts(shapes)}
+    else:
+        from jld_core.geometry.polyhedra import facets_of
+        from jld_core.geometry.spatial_contacts import find_spatial_contacts, near_pairs
+
+        lower, upper = elements.lower[supports], elements.upper[supports]
+        pairs = near_pairs(lower, upper, tolerances.FACE * (upper - lower).max(axis=1))
+        facets = facets_of(shapes, [elements.faces[i] for i in supports])
+        found = {(c.a, c.b) for c in find_spatial_contacts(facets, pairs)}
+    return supports[np.array(sorted(found), dtype=np.int64).reshape(-1, 2)]
+
+
+def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
+    """The block of each element, named by the smallest element index in it.
+
+    labellings: (m,) or (k, m). Returns (n,) or (k, n).
+    """
+    rows = np.atleast_2d(labellings)
+    size = max(1, _ENTRIES // max(1, len(graph.source)))
+    parts = [_spread(graph, rows[i : i + size]) for i in range(0, max(1, len(rows)), size)]
+    blocks = np.concatenate(parts)
+    return blocks[0] if labellings.ndim == 1 else blocks
+
+
+def _spread(graph: Connectivity, rows: Bits) -> Ints:
+    """Smallest index reached: each round looks one face further, then jumps to the name of the name."""
+    count = len(graph.start)
+    closed = np.zeros((len(rows), rows.shape[1] + 1), dtype=bool)
+    closed[:, :-1] = rows
+    closed = closed[:, graph.face]
+    name = np.broadcast_to(np.arange(count), (len(rows), count)).astype(np.int64)
+    while True:
+        arriving = np.where(closed, count, name[:, graph.source])
+        least = np.minimum.reduceat(arriving, graph.start, axis=1)
+        if np.array_equal(least, name):
+            return name
+        name = np.take_along_axis(least, least, axis=1)
+
+
+def slits(graph: Connectivity, labellings: Bits) -> Bools:
+    """Dry faces with both sides in one block; labellings (m,) or (k, m), the result alike."""
+    blocks = blocks_of(graph, labellings)
+    return np.asarray(labellings & (blocks[..., graph.a] == blocks[..., graph.b]))
+
+
+@dataclass(frozen=True)
+class BlockSizes:
+    """Per block what limits refer to, (k, n) arrays at the column of its name, over its free elements.
+
+    cells: number of free elements, zero in every column that names no block with one. weight: sum of the
+    magnitudes of self-weights, force. extent: longest side of the bounding box, length.
+    """
+
+    cells: Ints
+    weight: Floats
+    extent: Floats
+
+
+def block_sizes(assembly: Assembly, blocks: Ints, extents: bool = True) -> BlockSizes:
+    """Sizes of all blocks of labellings; blocks: (k, n) from `blocks_of`, scene units.
+
+    extents: find them too, which takes longer than all the rest; else they are 0.
+    """
+    elements, free = assembly.elements, assembly.elements.free
+    count, width = blocks.shape
+    place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
+
+    def corner(values: Floats) -> Floats:
+        table = np.full((count * width, assembly.dimension), -np.inf)
+        np.maximum.at(table, place, np.tile(values[free], (count, 1)))
+        return table
+
+    cells = np.bincount(place, minlength=count * width)
+    heavy = np.tile(np.linalg.norm(elements.weight[free], axis=1), count)
+    weight = np.bincount(place, heavy, minlength=count * width)
+    extent = np.zeros(count * width)
+    if extents:
+        with np.errstate(invalid="ignore"):
+            longest = (corner(elements.upper) + corner(-elements.lower)).max(axis=1, initial=-np.inf)
+        extent = np.where(cells > 0, longest, 0.0)
+    shape = (count, width)
+    return BlockSizes(
+        cells=np.asarray(cells, dtype=np.int64).reshape(shape),
+        weight=np.asarray(weight, dtype=np.float64).reshape(shape),
+        extent=np.asarray(extent, dtype=np.float64).reshape(shape),
+    )
+
+
+def above(values: Floats | Ints, most: float | None) -> Bools:
+    """True where values exceed an inclusive bound, ROUNDING apart; None is no bound."""
+    return np.asarray(values > np.inf if most is None else values > most * (1.0 + ROUNDING))
+
+
+def below(values: Floats | Ints, least: float | None) -> Bools:
+    """True where values fall short of an inclusive bound, ROUNDING apart; None is no bound."""
+    return np.asarray(values < -np.inf if least is None else values < least * (1.0 - ROUNDING))
+
+
+def canonical(labellings: Bits, group: Ints) -> Bits:
+    """The smallest image of each row under the group.
+
+    labellings: (k, m); group: (g, m) face permutations, closed under composition, the identity first.
+    Returns (k, m).
+    """
+    best, words = labellings.copy(), _words(labellings)
+    for permutation in group[1:]:
+        image = labellings[:, permutation]
+        other = _words(image)
+        less = _compare(other, words) < 0
+        best[less], words[less] = image[less], other[less]
+    return best
+
+
+def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
+    """Number of different images of each row (k, m) under the group (g, m); the multiplicity of its class."""
+    words = _words(labellings)
+    fixed = np.ones(len(labellings), dtype=np.int64)
+    for permutation in group[1:]:
+        fixed += _compare(_words(labellings[:, permutation]), words) == 0
+    return np.asarray(len(group) // fixed)
+
+
+def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
+    """Indices (r,) of the rows (k, m) that are canonical, and their orbit sizes (r,)."""
+    kept, words = np.arange(len(labellings)), _words(labellings)
+    fixed = np.ones(len(labellings), dtype=np.int64)
+    for permutation in group[1:]:
+        sign = _compare(_words(labellings[kept[:, None], permutation]), words)
+        stays = sign >= 0
+        kept, words, fixed = kept[stays], words[stays], fixed[stays] + (sign[stays] == 0)
+    return kept, np.asarray(len(group) // fixed)
+
+
+def _words(labellings: Bits) -> NDArray[np.uint64]:
+    """Rows (k, m) as 64-bit words (k, w) that compare, the first word first, as the rows do."""
+    packed = pack(labellings)
+    padded = np.zeros((len(packed), 8 * -(-packed.shape[1] // 8)), dtype=np.uint8)
+    padded[:, : packed.shape[1]] = packed
+    return padded.view(">u8").astype(np.uint64)
+
+
+def _compare(first: NDArray[np.uint64], second: NDArray[np.uint64]) -> NDArray[np.int8]:
+    """(k,) −1, 0 or 1 as rows of the first come before, equal or come after rows of the second."""
+    sign = np.zeros(len(first), dtype=np.int8)
+    for one, two in zip(first.T[::-1], second.T[::-1], strict=True):
+        sign = np.where(one < two, -1, np.where(one > two, 1, sign)).astype(np.int8)
+    return sign
