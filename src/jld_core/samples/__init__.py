@@ -1,1 +1,24 @@
-"""Parametric structures of use to anyone."""
+"""Parametric structures of use to anyone, by name: `jld new NAME` and the same in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
+from jld_core.samples.stone import Stone
+from jld_core.samples.vaults import dome, vault
+from jld_core.scene.reading import Scene
+
+KINDS: Final[dict[str, Callable[..., Scene]]] = {
+    "arch": arch,
+    "wall": wall,
+    "vault": vault,
+    "dome": dome,
+    "flat-arch": flat_arch,
+    "buttress": buttress,
+    "grid": grid,
+}
+"""What `jld new` makes, by name."""
+
+__all__ = ["KINDS", "Stone", "arch", "buttress", "dome", "flat_arch", "grid", "vault", "wall"]

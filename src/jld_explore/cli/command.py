@@ -24,6 +24,7 @@ from jld_core.models.solve import solve as solve_assembly
 from jld_core.scene.reading import Scene, load_scene
 from jld_core.solvers import ROUTES
 from jld_core.solvers.base import Status
+from jld_explore.cli import samples
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import (
     ExploreSettings,
@@ -51,6 +52,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(samples.commands(), name="new")
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 

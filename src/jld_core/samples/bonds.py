@@ -1,0 +1,53 @@
+"""Bonds: where the joints of a course stand, course by course."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from jld_core.assembly import Floats
+from jld_core.errors import InputError
+
+BONDS: Final = ("running", "third", "stack", "english", "flemish")
+"""running: half a stretcher on in every second course; third: a third on, then two; stack: all joints in line;
+english: a course of stretchers, a course of headers; flemish: stretcher and header by turns in each course, headers
+over the middle of stretchers."""
+
+_SLIVER: Final = 0.25
+"""Shortest piece at the end of a course, in stretchers; a shorter one joins its neighbour."""
+
+
+def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
+    """(k + 1,) ends of the stones of one course, from 0 to its length, ascending.
+
+    bond: one of BONDS. number: of the course, from 0. length, stretcher: lengths.
+    Raises InputError for an unknown bond.
+    """
+    if bond not in BONDS:
+        raise InputError("--bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
+    if bond == "flemish":
+        pattern, start = [stretcher, 0.5 * stretcher], 0.75 * stretcher * (number % 2)
+    elif bond == "english":
+        header = number % 2 == 1
+        pattern, start = [0.5 * stretcher if header else stretcher], 0.25 * stretcher if header else 0.0
+    else:
+        share = {"running": 0.5 * (number % 2), "third": (number % 3) / 3.0, "stack": 0.0}[bond]
+        pattern, start = [stretcher], share * stretcher
+    repeats = int(np.ceil(length / sum(pattern))) + 2
+    joints = start - sum(pattern) + np.concatenate([[0.0], np.cumsum(np.tile(pattern, repeats))])
+    inside = joints[
+        (joints > _SLIVER * stretcher * (1.0 - 1e-9)) & (joints < length - _SLIVER * stretcher * (1.0 - 1e-9))
+    ]
+    return np.concatenate([[0.0], inside, [length]])
+
+
+def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
+    """Stones of a course less [left, right]; a stump shorter than `least` joins the stone beside it."""
+    before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
+    after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]
+    if len(before) > 1 and before[-1][1] - before[-1][0] < least:
+        before = [*before[:-2], (before[-2][0], before[-1][1])]
+    if len(after) > 1 and after[0][1] - after[0][0] < least:
+        after = [(after[0][0], after[1][1]), *after[2:]]
+    return before + after

@@ -1,0 +1,282 @@
+"""Candidate grids in the plane, by name: arches, flat arches, buttresses, walls in their bonds, plain grids."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.assembly import Floats
+from jld_core.errors import InputError
+from jld_core.samples import bonds
+from jld_core.samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
+from jld_core.scene.reading import Scene, parse_scene
+
+_RINGS: Final = ("stack", "running")
+
+
+def arch(
+    radius: float = 1.0,
+    thickness: float = 0.2,
+    embrace: float = 180.0,
+    voussoirs: int = 12,
+    rings: int = 1,
+    depth: float = 0.2,
+    bond: str = "stack",
+    load: str = "push",
+    stone: Stone | None = None,
+) -> Scene:
+    """A circular arch of voussoirs in rings, between two springers that are supports.
+
+    radius: of the centreline.
+    thickness: of all rings together.
+    embrace: angle from springing to springing, degrees; 180 is a semicircle.
+    voussoirs: cells along the arch.
+    rings: cells across it; ring 0 is the innermost.
+    depth: out of plane.
+    bond: stack (joints of all rings in line) or running (every second ring half a voussoir on).
+    load: push (horizontal body load), crown or quarter (1 N downwards there).
+    """
+    check(radius=radius, thickness=thickness, depth=depth)
+    count(1, voussoirs=voussoirs, rings=rings)
+    cap(voussoirs * rings)
+    choose("bond", bond, _RINGS)
+    if not 0.0 < embrace < 360.0 or thickness >= 2.0 * radius:
+        wrong, limit = (
+            (embrace, "an angle between 0 and 360") if thickness < 2.0 * radius else (thickness, "less than two radii")
+        )
+        raise InputError("--embrace" if thickness < 2.0 * radius else "--thickness", f"{wrong:g} is wrong", limit)
+    half = np.radians(embrace) / 2.0
+    fine = bond == "running"
+    angles = np.linspace(np.pi / 2.0 + half, np.pi / 2.0 - half, (2 if fine else 1) * voussoirs + 1)
+    radii = np.linspace(radius - thickness / 2.0, radius + thickness / 2.0, rings + 1)
+    elements: list[dict[str, Any]] = []
+    for ring in range(rings):
+        offset = fine and ring % 2 == 1
+        parts = steps(voussoirs, offset) if fine else [(k, k + 1) for k in range(voussoirs)]
+        for number, part in enumerate(parts):
+            inner, outer = (_on_circle(r, angles[list(part)]) for r in radii[ring : ring + 2])
+            elements.append({"id": f"v{number}r{ring}", "polygon": [*outer.tolist(), *inner[::-1].tolist()]})
+    spread = float(angles[0] - angles[1]) * (2 if fine else 1)
+    for name, a, b in (("left", angles[0], angles[0] + spread), ("right", angles[-1], angles[-1] - spread)):
+        inner, outer = (_on_circle(r, np.array([a, b])) for r in (radii[0], radii[-1]))
+        elements.append({"id": name, "polygon": [*outer.tolist(), *inner[::-1].tolist()], "support": True})
+    title = f"arch of {voussoirs} voussoirs" + (f" in {rings} rings" if rings > 1 else "")
+    return scene_of(title, elements, stone or Stone(), load, depth=depth)
+
+
+def _on_circle(radius: float, angles: Floats) -> Floats:
+    return float(radius) * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def flat_arch(
+    span: float = 2.0,
+    height: float = 0.4,
+    voussoirs: int = 7,
+    rings: int = 1,
+    focus: float = 1.5,
+    depth: float = 0.3,
+    load: str = "crown",
+    stone: Stone | None = None,
+) -> Scene:
+    """A flat arch of wedges whose joints run towards one point below, between two raked springers.
+
+    span: clear, at the soffit.
+    height: of the arch.
+    voussoirs: wedges.
+    rings: layers of cells over the height.
+    focus: how far below the soffit the joints would meet.
+    depth: out of plane.
+    load: push, crown or quarter.
+    """
+    check(span=span, height=height, focus=focus, depth=depth)
+    count(1, voussoirs=voussoirs, rings=rings)
+    cap(voussoirs * rings)
+    levels = np.linspace(0.0, height, rings + 1)
+    soffit = np.linspace(-span / 2.0, span / 2.0, voussoirs + 1)
+
+    def at(x: float, y: float) -> list[float]:
+        return [float(x * (focus + y) / focus), float(y)]
+
+    elements: list[dict[str, Any]] = [
+        {"id": f"v{k}r{r}", "polygon": [at(a, low), at(b, low), at(b, high), at(a, high)]}
+        for r, (low, high) in enumerate(itertools.pairwise(levels))
+        for k, (a, b) in enumerate(itertools.pairwise(soffit))
+    ]
+    far = at(span / 2.0, height)[0] + height
+    end = span / 2.0
+    left = [[-far, 0.0], at(-end, 0.0), at(-end, height), [-far, height]]
+    right = [at(end, 0.0), [far, 0.0], [far, height], at(end, height)]
+    elements += [{"id": "left", "polygon": left, "support": True}, {"id": "right", "polygon": right, "support": True}]
+    return scene_of(f"flat arch of {voussoirs} wedges", elements, stone or Stone(), load, depth=depth)
+
+
+def buttress(
+    height: float = 4.0,
+    base: float = 1.6,
+    top: float = 0.8,
+    courses: int = 8,
+    columns: int = 2,
+    thrust: float = 0.8,
+    rise: float = 0.0,
+    depth: float = 1.0,
+    stone: Stone | None = None,
+) -> Scene:
+    """A buttress with a battered back on a footing, under a thrust on its upright face.
+
+    height: above the footing.
+    base: width at the foot.
+    top: width at the top.
+    courses: rows of cells.
+    columns: cells in a row.
+    thrust: height of the thrust, as a share of the height.
+    rise: slope of the thrust, vertical over horizontal, downwards.
+    depth: out of plane.
+    """
+    check(height=height, base=base, top=top, depth=depth)
+    count(1, courses=courses, columns=columns)
+    cap(courses * columns)
+    if not 0.0 <= thrust <= 1.0:
+        raise InputError("--thrust", f"{thrust:g} is wrong", "a share of the height, from 0 to 1")
+    levels = np.linspace(0.0, height, courses + 1)
+    width = base + (top - base) * levels / height
+
+    def at(level: int, column: int) -> list[float]:
+        return [float(width[level] * column / columns), float(levels[level])]
+
+    elements: list[dict[str, Any]] = [
+        {"id": f"c{k}b{j}", "polygon": [at(k, j), at(k, j + 1), at(k + 1, j + 1), at(k + 1, j)]}
+        for k in range(courses)
+        for j in range(columns)
+    ]
+    footing = [[-0.25 * base, -0.2 * base], [1.25 * base, -0.2 * base], [1.25 * base, 0.0], [-0.25 * base, 0.0]]
+    elements.append({"id": "footing", "polygon": footing, "support": True})
+    course = min(int(thrust * courses), courses - 1)
+    return parse_scene(
+        {
+            "name": f"buttress of {courses} courses",
+            "elements": elements,
+            "thickness": depth,
+            "materials": materials(stone or Stone()),
+            "loads": {"live": [{"element": f"c{course}b0", "force": [1.0, -rise], "at": [0.0, thrust * height]}]},
+        },
+        "buttress",
+    )
+
+
+def wall(
+    courses: int = 6,
+    length: float = 2.4,
+    brick: float = 0.4,
+    height: float = 0.2,
+    bond: str = "running",
+    depth: float = 0.2,
+    opening: str | None = None,
+    bearing: float = 0.2,
+    load: str = "push",
+    stone: Stone | None = None,
+) -> Scene:
+    """A wall of courses in a bond on a footing, with or without an opening under a lintel.
+
+    courses: from bottom to top.
+    length: of the wall.
+    brick: length of a stretcher; a header is half as long.
+    height: of a course.
+    bond: running, third, stack, english or flemish.
+    depth: out of plane.
+    opening: x,y,width,height of its lower left corner and size; it reaches from bed joint to bed joint.
+    bearing: how far the lintel reaches into the wall on either side.
+    load: push, crown or quarter.
+    """
+    check(length=length, brick=brick, height=height, depth=depth, bearing=bearing)
+    count(1, courses=courses)
+    cap(courses * length / brick)
+    rows = [bonds.course(bond, k, length, brick) for k in range(courses)]
+    hole = _opening(opening, courses, height, length) if opening is not None else None
+    elements: list[dict[str, Any]] = []
+    for k, ends in enumerate(rows):
+        pieces = list(itertools.pairwise(ends))
+        names: list[str | None] = [None] * len(pieces)
+        if hole is not None and hole[2] <= k < hole[3]:
+            pieces = bonds.without(pieces, hole[0], hole[1], 0.25 * brick)
+            names = [None] * len(pieces)
+        if hole is not None and k == hole[3]:
+            left, right = max(0.0, hole[0] - bearing), min(length, hole[1] + bearing)
+            pieces = sorted([*bonds.without(pieces, left, right, 0.25 * brick), (left, right)])
+            names = ["lintel" if a == left else None for a, _ in pieces]
+        for number, ((a, b), name) in enumerate(zip(pieces, names, strict=True)):
+            low, high = k * height, (k + 1) * height
+            polygon = [[float(x), float(y)] for x, y in ((a, low), (b, low), (b, high), (a, high))]
+            elements.append({"id": name or f"c{k}b{number}", "polygon": polygon})
+    ground = [[-brick, -height], [length + brick, -height], [length + brick, 0.0], [-brick, 0.0]]
+    elements.append({"id": "footing", "polygon": ground, "support": True})
+    return scene_of(f"wall in {bond} bond", elements, stone or Stone(), load, depth=depth)
+
+
+def _opening(text: str, courses: int, height: float, length: float) -> tuple[float, float, int, int]:
+    """Left, right, first course and the one of the lintel of an opening given as x,y,width,height."""
+    try:
+        x, y, wide, tall = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError("--opening", f"{text!r} is no opening", "x,y,width,height, as 1.0,0.4,0.8,0.6") from None
+    first, last = round(y / height), round((y + tall) / height)
+    if not (x > 0.0 and wide > 0.0 and x + wide < length and 0 <= first < last < courses):
+        raise InputError(
+            "--opening", f"{text!r} does not fit", "an opening inside the wall with a course above it for the lintel"
+        )
+    return x, x + wide, first, last
+
+
+def grid(
+    columns: int = 8,
+    rows: int = 4,
+    cell: float = 0.2,
+    height: float | None = None,
+    depth: float = 0.2,
+    support: str = "bottom",
+    block: int = 1,
+    load: str = "push",
+    stone: Stone | None = None,
+) -> Scene:
+    """A rectangle of equal cells.
+
+    columns: cells in a row.
+    rows: of cells.
+    cell: width of a cell.
+    height: of a cell, default its width.
+    depth: out of plane.
+    support: bottom (a row below), ends (a column at either side), or bearings (one cell below either end).
+    block: cells of a row that make a block of the scene's own labelling.
+    load: push, crown or quarter.
+    """
+    tall = cell if height is None else height
+    check(cell=cell, height=tall, depth=depth)
+    count(1, columns=columns, rows=rows, block=block)
+    cap(columns * rows)
+    choose("support", support, ("bottom", "ends", "bearings"))
+    letters = "abcdefghijklmnopqrstuvwxyz"
+    lines = ["".join(letters[(c // block + 7 * r) % 26] for c in range(columns)) for r in range(rows)]
+    left = 0
+    if support == "ends":
+        lines, left = ["#" + line + "#" for line in lines], 1
+    elif columns > 1 and support == "bearings":
+        lines.append("#" + "." * (columns - 2) + "#")
+    else:
+        lines.append("#" * columns)
+    choose("load", load, ("push", "crown", "quarter"))
+    live: dict[str, Any] = {"body": [1.0, 0.0]}
+    if load != "push":
+        share = 0.5 if load == "crown" else 0.25
+        x, top = cell * (left + share * columns), tall * len(lines)
+        column = left + min(int(share * columns), columns - 1)
+        live = {"element": f"c{column}r0", "force": [0.0, -1.0], "at": [x, top]}
+    return parse_scene(
+        {
+            "name": f"grid of {columns} × {rows} cells",
+            "grid": {"cell": [cell, tall], "thickness": depth, "rows": lines},
+            "materials": materials(stone or Stone()),
+            "loads": {"live": [live]},
+        },
+        "grid",
+    )

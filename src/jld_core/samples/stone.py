@@ -1,0 +1,137 @@
+"""What all samples share: what they are made of, how they are loaded, and how a cell of a ring is put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.assembly import Floats
+from jld_core.errors import InputError
+from jld_core.scene.reading import Scene, parse_scene
+
+
+@dataclass(frozen=True)
+class Stone:
+    """Material of a sample: kg/m³, coefficient, and σt and τ of inner faces in Pa."""
+
+    density: float = 2000.0
+    friction: float = 0.6
+    tension: float = 2e5
+    shear: float = 2e5
+
+
+MOST: Final = 100_000
+"""Elements that a sample may have."""
+
+LOADS: Final = ("push", "crown", "quarter")
+"""push: a horizontal body load; crown, quarter: 1 N downwards on what lies highest there, on its upper side."""
+
+
+def check(**values: float) -> None:
+    """Raise InputError for a measure that is not above 0, by the name of its option."""
+    for name, value in values.items():
+        if not (value > 0.0 and np.isfinite(value)):
+            raise InputError(f"--{name.replace('_', '-')}", f"{value:g} is wrong", "a number above 0")
+
+
+def count(least: int, **values: int) -> None:
+    """Raise InputError for a number of parts that is too small or past all reason."""
+    for name, value in values.items():
+        if not least <= value <= MOST:
+            raise InputError(f"--{name.replace('_', '-')}", f"{value} is wrong", f"a number from {least} to {MOST}")
+
+
+def cap(elements: float) -> None:
+    """Raise InputError for more elements than any search or solve is for, before they are made."""
+    if elements > MOST:
+        raise InputError("jld new", f"that would be {elements:.3g} elements", f"at most {MOST}")
+
+
+def choose(option: str, value: str, allowed: Sequence[str]) -> None:
+    """Raise InputError for a word that is none of those allowed."""
+    if value not in allowed:
+        raise InputError(f"--{option}", f"{value!r} is unknown", "one of " + ", ".join(allowed))
+
+
+def scene_of(
+    name: str, elements: list[dict[str, Any]], stone: Stone, load: str, *, depth: float | None = None
+) -> Scene:
+    """A scene of these elements, all of their faces between free ones open to a search.
+
+    depth: out of plane, planar elements. load: one of LOADS. Raises InputError for another load.
+    """
+    choose("load", load, LOADS)
+    spatial = "vertices" in elements[0]
+    document: dict[str, Any] = {
+        "name": name,
+        "elements": elements,
+        "materials": materials(stone),
+        "loads": {"live": _live(elements, load, spatial)},
+    }
+    if depth is not None and not spatial:
+        document["thickness"] = depth
+    return parse_scene(document, name)
+
+
+def materials(stone: Stone) -> dict[str, Any]:
+    """The "materials" of a scene."""
+    return {
+        "density": stone.density,
+        "dry": {"friction_coefficient": stone.friction},
+        "inner": {"tensile_strength": stone.tension, "shear_strength": stone.shear},
+    }
+
+
+def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict[str, Any]]:
+    if load == "push":
+        return [{"body": [1.0, 0.0, 0.0] if spatial else [1.0, 0.0]}]
+    shapes = [np.array(e["vertices" if spatial else "polygon"]) for e in elements]
+    free = [k for k, e in enumerate(elements) if not e.get("support")]
+    low = np.min([shapes[k].min(axis=0) for k in free], axis=0)
+    high = np.max([shapes[k].max(axis=0) for k in free], axis=0)
+    middle = 0.5 * (low + high)
+    x = middle[0] if load == "crown" else low[0] + 0.25 * (high[0] - low[0])
+    place = np.array([x, *middle[1:]])
+
+    # in the plane of the arch first, then as high as there is
+    def worth(k: int) -> tuple[float, float]:
+        aside = np.abs(shapes[k].mean(axis=0) - place)[:-1].max()
+        return round(float(aside), 9), -float(shapes[k][:, -1].max())
+
+    within = [k for k in free if shapes[k][:, 0].min() <= x + 1e-9 and shapes[k][:, 0].max() >= x - 1e-9]
+    chosen = min(within or free, key=lambda k: (*(worth(k)[::-1] if not spatial else worth(k)), k))
+    top = float(shapes[chosen][:, -1].max())
+    foot = [float(x), top] if not spatial else [*map(float, shapes[chosen].mean(axis=0)[:2]), top]
+    return [{"element": elements[chosen]["id"], "force": [0.0, 0.0, -1.0] if spatial else [0.0, -1.0], "at": foot}]
+
+
+def box(name: str, low: Sequence[float], high: Sequence[float], **keys: Any) -> dict[str, Any]:
+    """A spatial element between two corners of a box."""
+    ends = (low, high)
+    corners = [[ends[i][0], ends[j][1], ends[k][2]] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
+    faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    return {"id": name, "vertices": [[float(v) for v in corner] for corner in corners], "faces": faces, **keys}
+
+
+def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
+    """A spatial element through plane four-cornered sections, one after the other.
+
+    sections: (k, 4, 3), k ≥ 2, corners in the same order; each side between two sections must be plane.
+    """
+    number = len(sections)
+    faces = [[3, 2, 1, 0], [4 * (number - 1) + i for i in range(4)]]
+    for k in range(number - 1):
+        a, b = 4 * k, 4 * (k + 1)
+        faces += [[a + i, a + (i + 1) % 4, b + (i + 1) % 4, b + i] for i in range(4)]
+    return {"id": name, "vertices": sections.reshape(-1, 3).tolist(), "faces": faces, **keys}
+
+
+def steps(parts: int, offset: bool) -> list[tuple[int, ...]]:
+    """Stations 0 … 2·parts that each part of a ring runs through: two half steps, beginning half a part later in a
+    ring that is offset, whose ends are halves."""
+    if not offset:
+        return [(2 * k, 2 * k + 1, 2 * k + 2) for k in range(parts)]
+    return [(0, 1), *((2 * k - 1, 2 * k, 2 * k + 1) for k in range(1, parts)), (2 * parts - 1, 2 * parts)]

@@ -1,0 +1,77 @@
+"""`jld new KIND`: the samples of jld_core, their parameters as options."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from jld_core.errors import InputError
+from jld_core.samples import KINDS, Stone
+from jld_core.scene.reading import Scene
+from jld_explore.explore import write_text
+
+Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
+
+_STONE = {
+    "density": "Density, kg/m³.",
+    "friction": "Friction coefficient of dry joints.",
+    "tension": "Tensile strength of inner faces, Pa.",
+    "shear": "Shear strength of inner faces, Pa.",
+}
+
+
+def write_scene(scene: Scene, out: Path) -> None:
+    """Write a scene file whole or not at all. Raises InputError for a folder that is not there."""
+    if out.is_dir():
+        raise InputError(str(out), "it is a folder", "the name of a scene file")
+    if not out.absolute().parent.is_dir():
+        raise InputError(str(out), "its folder does not exist", "a file in a folder that is there")
+    write_text(out, scene.model_dump_json(indent=1, exclude_defaults=True) + "\n")
+
+
+def commands() -> typer.Typer:
+    """The commands below `jld new`, one for each sample."""
+    group = typer.Typer(help="Write a scene by name: a grid of candidate cells with supports, stone and a load.")
+    for kind, make in KINDS.items():
+        group.command(name=kind, help=(inspect.getdoc(make) or "").split("\n\n")[0])(_command(kind, make))
+    return group
+
+
+def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
+    """A command whose options are the parameters of a sample, with what its docstring says of each."""
+    hints = get_type_hints(make)
+    said = dict(re.findall(r"^(\w+): (.+)$", inspect.getdoc(make) or "", flags=re.M))
+    parameters: list[inspect.Parameter] = []
+    types: dict[str, Any] = {}
+    for name, parameter in inspect.signature(make).parameters.items():
+        if name == "stone":
+            continue
+        words = said[name][0].upper() + said[name][1:]
+        types[name] = Annotated[hints[name], typer.Option(help=words)]
+        parameters.append(parameter.replace(annotation=types[name], kind=inspect.Parameter.KEYWORD_ONLY))
+    for name, words in _STONE.items():
+        types[name] = Annotated[float, typer.Option(help=words)]
+        default = getattr(Stone, name)
+        parameters.append(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=types[name])
+        )
+    types["out"] = Out
+    parameters.append(inspect.Parameter("out", inspect.Parameter.KEYWORD_ONLY, annotation=Out))
+
+    def run(**given: Any) -> None:
+        out = given.pop("out")
+        stone = Stone(**{name: given.pop(name) for name in _STONE})
+        scene = make(**given, stone=stone)
+        write_scene(scene, out)
+        sys.stdout.write(f"{kind}: {scene.name}, written to {out}\n")
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {**types, "return": None}
+    run.__name__ = kind.replace("-", "_")
+    return run
