@@ -1,0 +1,1 @@
+"""Scene → Assembly: elements, interfaces, materials, loads."""
