@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from benchmarks.common import random_segmentations, table, wall, write
 from jld_core import LimitAnalysis
-from jld_core.assembly import Bits, Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit.bounds import relative_width
 from jld_core.program.template import Template
 from jld_core.solvers import ClarabelRoute

@@ -20,8 +20,9 @@ import scipy.sparse as sp
 from benchmarks.common import random_segmentations, table, wall, write
 from benchmarks.stated import CLARABEL_DEFAULT, stated
 from jld_core import LimitAnalysis, Status
-from jld_core.assembly import Bits
-from jld_core.program.template import ConicProgram, Template
+from jld_core.arrays import Bits
+from jld_core.program.conic import ConicProgram
+from jld_core.program.template import Template
 from jld_core.solvers import RawSolution
 from jld_core.solvers.cvxpy import CvxpyRoute
 

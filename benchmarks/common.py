@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core import Assembly, build_assembly, load_scene, parse_scene
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 RESULTS: Final = ROOT / "benchmarks" / "results"

@@ -21,16 +21,17 @@ import pandas as pd
 
 from benchmarks.common import RESULTS
 from benchmarks.search_scenes import ENUMERATED, built
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.registry import make_driver
-from jld_explore.evaluation.evaluator import Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.report.front import on_front
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import keys
-from jld_explore.space.limits import counts
 from jld_explore.space.search_space import SearchSpace
 
 CHECKPOINTS: Final = (100, 1_000, 10_000)

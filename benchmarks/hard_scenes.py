@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.scenes import box, brick_boxes
 from jld_core import Assembly, Status, build_assembly, parse_scene
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 
 Entry = dict[str, Any]
 PUSH: Final[list[Entry]] = [{"body": [1, 0]}]

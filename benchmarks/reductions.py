@@ -21,7 +21,8 @@ from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene
 from jld_core.models.rigid_blocks import rigid_blocks, solve_condensed
 from jld_core.models.zero_dilation import zero_dilation
-from jld_core.program.template import ConicProgram, Template, pack
+from jld_core.program.conic import ConicProgram, pack
+from jld_core.program.template import Template
 from jld_core.solvers import ClarabelRoute
 
 ENOUGH: Final = 0.5

@@ -11,9 +11,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from jld_core import LimitAnalysis, build_assembly
-from jld_core.program.template import ConicProgram, Template
+from jld_core.program.conic import ConicProgram
+from jld_core.program.template import Template
 from jld_core.samples.walls import planar_running_bond, running_bond
-from jld_core.scene.reading import Scene
+from jld_core.scene.schema import Scene
 from jld_core.solvers.base import RawSolution, Route
 
 CASES: dict[str, Callable[[int], Scene]] = {

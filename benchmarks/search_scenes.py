@@ -10,7 +10,8 @@ import numpy as np
 from benchmarks.common import ROOT
 from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import Scene, load_scene, parse_scene
+from jld_core.scene.reading import load_scene, parse_scene
+from jld_core.scene.schema import Scene
 from jld_explore.space.search_space import SearchSpace, search_space
 
 

@@ -18,7 +18,8 @@ import scipy.sparse as sp
 from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysis, Status
 from jld_core.models.rigid_blocks import solve_condensed
-from jld_core.program.template import ConicProgram, Template, pack
+from jld_core.program.conic import ConicProgram, pack
+from jld_core.program.template import Template
 from jld_core.solvers import ROUTES as KNOWN
 from jld_core.solvers import ClarabelRoute, Route
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings

@@ -26,7 +26,7 @@ from benchmarks.scenes import GRIDS, cubes, grid
 from benchmarks.stated import stated
 from benchmarks.stopwatch import Stopwatch
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.limit.bounds import Prover
 from jld_core.limit.repair import Interior
 from jld_core.program.template import Template

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.common import random_segmentations, scene, table, wall, write
 from jld_core import Assembly, LimitAnalysis
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.limit.analysis import Proof
 from jld_core.limit.bounds import load_floor, relative_width
 from jld_core.program.template import Template

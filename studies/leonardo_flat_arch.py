@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, solve
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 from jld_core.limit.mechanism import Movement, face_motions
 from jld_core.models.zero_dilation import zero_dilation
 from jld_core.models.zero_dilation_search import Scheme

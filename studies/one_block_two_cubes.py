@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.projections.polar import PolarAxes
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core.assembly import Floats
+from jld_core.arrays import Floats
 from jld_core.limit.mechanism import Movement, face_motions
 from jld_core.samples.gallery import stacked_cubes
 from jld_core.views.figures import draw_mechanism

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from jld_core.assembly import Bools, Floats
+from jld_core.arrays import Bools, Floats
 from jld_core.views.annotations import MEANING, MOVES, PRESS, YIELD
 from jld_core.views.figures import save_figure
 from jld_core.views.structure import DOTTED, INK

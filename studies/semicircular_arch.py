@@ -18,7 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, solve
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 from jld_core.samples.gallery import polar_grid_arch, ring_arch, semicircular_arch
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore

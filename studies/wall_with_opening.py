@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.samples.gallery import wall_with_opening
 from jld_core.views.figures import draw_assembly, draw_mechanism
-from jld_explore.explore import Exploration, ExploreSettings, explore
+from jld_explore.explore import ExploreSettings, explore
+from jld_explore.report.exploration import Exploration
 from jld_explore.space.labelling import from_string
 from studies.report import (
     GREY,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.program.template import ConicProgram
+from jld_core.program.conic import ConicProgram
 from jld_core.solvers import ClarabelRoute, RawSolution
 
 

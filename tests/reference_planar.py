@@ -8,7 +8,8 @@ from __future__ import annotations
 import cvxpy as cp
 import numpy as np
 
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 
 
 def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.Variable]:

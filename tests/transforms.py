@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import Scene
+from jld_core.scene.schema import Scene
 
 Document = dict[str, Any]
 

@@ -8,9 +8,10 @@ from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, RouteError
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.status import Status
 from jld_core.models.solve import Model, solve
-from jld_core.scene.reading import Scene, load_scene, parse_scene
-from jld_core.solvers.base import Status
+from jld_core.scene.reading import load_scene, parse_scene
+from jld_core.scene.schema import Scene
 
 __all__ = [
     "DRY",

@@ -12,13 +12,9 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-Bits = NDArray[np.bool_]
-"""Labels of all interfaces, shape (m,), in the order of the assembly: True is dry, False is inner."""
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.shown import Shown
 
 DRY: Final = True
 INNER: Final = False
@@ -110,7 +106,7 @@ class Strengths:
 
 
 @dataclass(frozen=True)
-class Assembly:
+class Assembly(Shown):
     """One structure, its loads and its materials, before any labelling is chosen.
 
     dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
@@ -161,17 +157,3 @@ class Assembly:
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
         return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)
-
-    @cached_property
-    def _drawing(self) -> str | None:
-        from jld_core.views import notebook  # it needs the program of an assembly, which needs this module
-
-        return notebook.svg_of_assembly(self)
-
-    def _repr_svg_(self) -> str | None:
-        return self._drawing
-
-    def _repr_html_(self) -> str:
-        from jld_core.views import notebook
-
-        return notebook.page(self.name, notebook.facts_of_assembly(self), self._drawing)

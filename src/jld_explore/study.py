@@ -20,13 +20,15 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core._version import __version__
-from jld_core.assembly import Assembly, Bits, Ints
+from jld_core.arrays import Bits, Ints
+from jld_core.assembly import Assembly
+from jld_core.limit.status import Status
 from jld_core.program.template import Template
-from jld_core.scene.reading import Scene
-from jld_core.solvers.base import Status
+from jld_core.scene.schema import Scene
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation.certificates import Pool, Proofs
-from jld_explore.evaluation.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.evaluator import EvaluatorSettings
 from jld_explore.evaluation.pruning import Floor
 from jld_explore.evaluation.records import Store
 from jld_explore.evaluation.with_certificates import Archive, Consultant

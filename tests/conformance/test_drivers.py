@@ -11,15 +11,18 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import Scene, parse_scene
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
+from jld_core.scene.reading import parse_scene
+from jld_core.scene.schema import Scene
 from jld_explore import study as study_module
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.registry import DRIVERS, make_driver
-from jld_explore.evaluation.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.evaluator import EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.space.labelling import canonical, keys
 from jld_explore.space.limits import feasible

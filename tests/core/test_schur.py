@@ -14,7 +14,8 @@ from jld_core.limit.repair import Interior
 from jld_core.mechanics.scaling import scaling_of
 from jld_core.mechanics.yield_spatial import spatial_yield
 from jld_core.models.point_contacts import point_contact_assembly
-from jld_core.program.template import Template, pack
+from jld_core.program.conic import pack
+from jld_core.program.template import Template
 from jld_core.samples.walls import running_bond
 from jld_core.solvers import LARGE, ClarabelRoute, RawStatus, SchurRoute, make_route
 

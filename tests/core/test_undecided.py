@@ -14,8 +14,8 @@ from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_assembly
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.relaxation import Relaxation, has_hull
+from jld_core.limit.status import Status
 from jld_core.scene.reading import parse_scene
-from jld_core.solvers.base import Status
 from jld_explore.drivers.exact.conflicts import conflict_of
 
 OPEN = 6

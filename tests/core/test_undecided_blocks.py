@@ -13,9 +13,9 @@ from cases import DOWN, grid_assembly, grid_document
 from jld_core.build.assemble import build_assembly
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
+from jld_core.limit.status import Status
 from jld_core.mechanics.yield_planar import PlanarYield
 from jld_core.scene.reading import parse_scene
-from jld_core.solvers.base import Status
 from jld_explore.drivers.exact.possible_blocks import Polyominoes, polyominoes
 from jld_explore.space.search_space import search_space
 

@@ -17,6 +17,7 @@ from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.status import Status
 from jld_core.mechanics.bending import InnerBending
 from jld_core.mechanics.scaling import scaling_of
 from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield
@@ -24,7 +25,7 @@ from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.program.template import Template
 from jld_core.scene.reading import parse_scene
 from jld_core.solvers import ClarabelRoute
-from jld_core.solvers.base import RawStatus, Status
+from jld_core.solvers.base import RawStatus
 from reference_spatial import face_constraints, load_factor, make_face
 
 Array = NDArray[np.float64]

@@ -12,9 +12,8 @@ import pytest
 from cases import DOWN, grid_document
 from jld_core.build.assemble import build_assembly
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.status import Status
 from jld_core.scene.reading import parse_scene
-from jld_core.solvers.base import Status
-from jld_explore import explore as exploring
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
 from jld_explore.evaluation.with_certificates import NAME, Archive, Consultant
@@ -32,15 +31,10 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
-
-
 def table(rows: list[str], options: dict[str, Any], folder: Path, **settings: Any) -> pd.DataFrame:
     settings = {"certificates": True, **settings}
     scene = parse_scene(grid_document(rows, **options))
-    done = explore(scene, folder, ExploreSettings(driver="enumeration", **settings))
+    done = explore(scene, folder, ExploreSettings(pictures=False, driver="enumeration", **settings))
     return done.results.drop(columns=["seconds"])
 
 
@@ -75,12 +69,12 @@ def test_interrupted_and_resumed(jobs: int, stored: float, archived: float, tmp_
     whole = table(rows, options, tmp_path / "whole")
     scene = parse_scene(grid_document(rows, **options))
     folder = tmp_path / "part"
-    explore(scene, folder, ExploreSettings(driver="enumeration", jobs=jobs, certificates=True))
+    explore(scene, folder, ExploreSettings(pictures=False, driver="enumeration", jobs=jobs, certificates=True))
     # as if it had been killed: the last records are torn off both files; more of the archive where power was lost
     for name, share in (("evaluations.jld", stored), (NAME, archived)):
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(content[: int(share * len(content))])
-    settings = ExploreSettings(driver="enumeration", jobs=jobs, resume=True, certificates=True)
+    settings = ExploreSettings(pictures=False, driver="enumeration", jobs=jobs, resume=True, certificates=True)
     again = explore(scene, folder, settings)
     pd.testing.assert_frame_equal(again.results.drop(columns=["seconds"]), whole)
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cases import grid_document
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene.reading import load_scene, parse_scene

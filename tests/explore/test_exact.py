@@ -13,14 +13,14 @@ from cases import DOWN, grid_document
 from cases_spatial import box, scene
 from jld_core.build.assemble import build_assembly
 from jld_core.scene.reading import parse_scene
-from jld_explore import explore as exploring
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflicts import Conflict
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import polyominoes
 from jld_explore.drivers.exact.record import Record
-from jld_explore.explore import Exploration, ExploreSettings, explore
+from jld_explore.explore import ExploreSettings, explore
+from jld_explore.report.exploration import Exploration
 from jld_explore.space.labelling import canonical
 from jld_explore.space.limits import feasible
 from jld_explore.space.search_space import search_space
@@ -42,15 +42,10 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
-
-
 def search(rows: list[str], options: dict[str, Any], folder: Path, driver: str, **settings: Any) -> Exploration:
     scene = parse_scene(grid_document(rows, **options))
     own = {"aim": settings.pop("aim")} if "aim" in settings else {}
-    return explore(scene, folder, ExploreSettings(driver=driver, options=own, **settings))
+    return explore(scene, folder, ExploreSettings(pictures=False, driver=driver, options=own, **settings))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -114,9 +109,11 @@ def test_exact_is_enumeration_in_space(
     size: tuple[int, int, int], limits: dict[str, Any], inner: dict[str, Any], tmp_path: Path
 ) -> None:
     document = {**_boxes(size, inner=inner), "search": limits}
-    every = explore(parse_scene(document), tmp_path / "every", ExploreSettings(driver="enumeration"))
+    every = explore(parse_scene(document), tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     found = explore(
-        parse_scene(document), tmp_path / "exact", ExploreSettings(driver="exact", options={"aim": "front"})
+        parse_scene(document),
+        tmp_path / "exact",
+        ExploreSettings(pictures=False, driver="exact", options={"aim": "front"}),
     )
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("dry_faces")["load_factor"].max()
@@ -185,7 +182,6 @@ def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pyt
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
-    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
     monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 0)
     last = search(rows, options, tmp_path, "exact", resume=True)
     assert last.summary["stop_reason"] == "proven"
@@ -248,9 +244,9 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
     document = grid_document(rows, **options, block_extent=[None, 0.2])
     document["grid"]["cell"] = cell
     scene = parse_scene(document)
-    every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration")).summary
+    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration")).summary
     monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", 0)  # the proof alone finds it
-    found = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact")).summary
+    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact")).summary
     assert found["proven"] is True
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
     assert found["bound"] >= every["best"] * (1.0 - 1e-9)
@@ -335,7 +331,6 @@ def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Mon
     assert part["proven"] is False
     assert part["bound"] >= whole["best"] * (1.0 - 1e-9)
     monkeypatch.undo()
-    monkeypatch.setattr(exploring, "write_pictures", lambda done: [])
     monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
     rest = search(rows, options, folder, "exact", resume=True).summary
     assert rest["proven"] is True

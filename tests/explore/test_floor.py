@@ -9,9 +9,10 @@ import pytest
 
 from cases import grid_document
 from jld_core.build.assemble import build_assembly
+from jld_core.limit.status import Status
 from jld_core.scene.reading import parse_scene
-from jld_core.solvers.base import Status
-from jld_explore.evaluation.evaluator import BOUND, Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluation import BOUND, Evaluation
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.pruning import Floor
 from jld_explore.evaluation.ranking import places, standing, worth
 from jld_explore.explore import ExploreSettings, explore

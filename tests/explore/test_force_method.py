@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from cases import CASES, grid_assembly
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
 from jld_explore.evaluation.certificates import Pool
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 

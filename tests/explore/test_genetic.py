@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from jld_core.build.assemble import build_assembly
+from jld_core.limit.status import Status
 from jld_core.scene.reading import load_scene
-from jld_core.solvers.base import Status
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluation import FAILED, Evaluation
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.ranking import ORDER, objectives, places, standing
 from jld_explore.space.search_space import search_space
 from paths import SCENES

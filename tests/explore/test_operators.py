@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_scene
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene.reading import parse_scene
@@ -20,8 +20,9 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators.atom_graph import Dice
 from jld_explore.drivers.operators.segmentations import Segmentations, operators
 from jld_explore.drivers.searcher import Register
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import blocks_of, canonical, keys
-from jld_explore.space.limits import counts, feasible
+from jld_explore.space.limits import feasible
 from jld_explore.space.search_space import SearchSpace, search_space
 
 DOWN = [{"body": [0, -1]}]

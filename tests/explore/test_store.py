@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError
+from jld_core.limit.status import Status
 from jld_core.scene.reading import load_scene, parse_scene
-from jld_core.solvers.base import Status
-from jld_explore.evaluation.evaluator import CERTIFICATE, Evaluation
+from jld_explore.evaluation.evaluation import CERTIFICATE, Evaluation
 from jld_explore.evaluation.records import NAME, Store
 from jld_explore.report import tables
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import block_sizes, blocks_of, connectivity, unpack
-from jld_explore.space.limits import counts
 from jld_explore.space.search_space import search_space
 from paths import SCENES
 

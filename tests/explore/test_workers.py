@@ -14,13 +14,15 @@ import psutil
 import pytest
 
 from cases import grid_document
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_assembly
+from jld_core.limit.status import Status
 from jld_core.scene.reading import parse_scene
-from jld_core.solvers.base import Status
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.registry import make_driver
-from jld_explore.evaluation.evaluator import Evaluation, EvaluatorSettings
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation.evaluator import EvaluatorSettings
 from jld_explore.evaluation.workers import Recipe, Workers, batch_size
 from jld_explore.report.tables import results_table
 from jld_explore.space.search_space import search_space

@@ -6,13 +6,14 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from jld_core.arrays import Bits
+from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces
 from jld_core.build import loads, materials
-from jld_core.assembly import DRY, INNER, Assembly, Bits, Elements, Interfaces
+from jld_core.build.elements import faces_of_pairs
 from jld_core.build.planar import planar_geometry
 from jld_core.build.spatial import spatial_geometry
-from jld_core.build.elements import faces_of_pairs
 from jld_core.errors import InputError
-from jld_core.scene.reading import Contact, Scene
+from jld_core.scene.schema import Contact, Scene
 
 LABELS = {"dry": DRY, "inner": INNER}
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
-from jld_core.assembly import Bits, Elements, Floats, Interfaces
 from jld_core.errors import InputError
-from jld_core.scene.reading import Element, Scene
+from jld_core.scene.schema import Element, Scene
 
 
 def collect_elements(

@@ -15,7 +15,8 @@ import numpy as np
 import shapely
 
 from jld_core import tolerances
-from jld_core.assembly import Floats, Interfaces, Ints
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import polygons as measures
 from jld_core.geometry.polyhedra import spread

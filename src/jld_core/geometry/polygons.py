@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 
 
 def by_corner_count(polygons: Sequence[Floats]) -> Iterator[tuple[Ints, Floats]]:

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import cKDTree
 
 from jld_core import tolerances
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
 
 Faces = tuple[tuple[int, ...], ...]

@@ -9,14 +9,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.limit.bounds import Motion, Prover, State, crossed, load_floor, relative_width
 from jld_core.limit.repair import Interior
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.mechanics.yield_planar import require_materials
+from jld_core.limit.status import Status
+from jld_core.mechanics.yield_set import require_materials
 from jld_core.program.template import Template
 from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus, Route, SchurRoute, is_large, make_route
-from jld_core.solvers.base import RawSolution, Status
+from jld_core.solvers.base import RawSolution
 
 
 @dataclass

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.assembly import Floats, Ints
-from jld_core.program.template import ConicProgram, Structure, pack
+from jld_core.arrays import Floats, Ints
+from jld_core.program.conic import ConicProgram, Structure, pack
 from jld_core.solvers import ClarabelRoute, auxiliary, is_large
 from jld_core.solvers.base import RawStatus
 

@@ -26,11 +26,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
 from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.program.template import ConicProgram, pack
+from jld_core.program.conic import ConicProgram, pack
 from jld_core.solvers import ClarabelRoute, Route
 
 _RESIDUAL: Final = 1e-7

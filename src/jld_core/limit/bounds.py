@@ -17,7 +17,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from jld_core import tolerances
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.linalg.cholesky import Fronts
 from jld_core.program.template import Template
 

@@ -11,13 +11,15 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly, Floats
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.mechanics.bending import InnerBending
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
 from jld_core.mechanics.scaling import scaling_of
-from jld_core.mechanics.yield_planar import YieldSet, planar_yield
+from jld_core.mechanics.yield_planar import planar_yield
+from jld_core.mechanics.yield_set import YieldSet
 from jld_core.mechanics.yield_spatial import spatial_yield
 from jld_core.program.template import Template
 

@@ -16,12 +16,13 @@ from typing import Final
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
-from jld_core.mechanics.yield_planar import PlanarYield, RowPattern, Rows, YieldSet
+from jld_core.mechanics.yield_planar import PlanarYield
+from jld_core.mechanics.yield_set import RowPattern, Rows, YieldSet
 from jld_core.mechanics.yield_spatial import SpatialYield
-from jld_core.program.template import ConicProgram
+from jld_core.program.conic import ConicProgram
 from jld_core.solvers import make_route
 
 _TINY: Final = 1e-6

@@ -12,10 +12,11 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.auxiliary_programs import least_multipliers, tips_of, with_slack
 from jld_core.limit.bounds import Motion, Prover, State, usable
-from jld_core.program.template import ConicProgram, Structure, Template, pack
+from jld_core.program.conic import ConicProgram, Structure, pack
+from jld_core.program.template import Template
 from jld_core.solvers import auxiliary, is_large
 from jld_core.solvers.base import RawSolution
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from jld_core.assembly import Assembly, Bits, Floats
-from jld_core.solvers.base import Status
-from jld_core.views import notebook
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.limit.status import Status
+from jld_core.shown import Shown
 
 
 @dataclass(frozen=True)
-class LimitAnalysisResult:
+class LimitAnalysisResult(Shown):
     """One assembly under one labelling, solved, with proof.
 
     load_factor: λ, NaN where none. bracket: (lo, hi), NaN where an end is unproven or infinite. gap: relative
@@ -76,16 +76,6 @@ class LimitAnalysisResult:
             "mechanism": mechanism,
             "forces": forces,
         }
-
-    @cached_property
-    def _drawing(self) -> str | None:
-        return notebook.svg_of_result(self)
-
-    def _repr_svg_(self) -> str | None:
-        return self._drawing
-
-    def _repr_html_(self) -> str:
-        return notebook.page(self.assembly.name, notebook.facts_of_result(self), self._drawing)
 
 
 def number(value: float) -> float | None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from jld_core.assembly import Floats, Ints
+from jld_core.arrays import Floats, Ints
 from jld_core.linalg.dissection import nested_dissection
 
 _LEAF = 100  # unknowns up to which a part of the graph is one dense front

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial import HalfspaceIntersection
 
 from jld_core import tolerances
-from jld_core.assembly import Bools, Floats, Interfaces, Ints
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.assembly import Interfaces
 from jld_core.geometry import polygons
 
 InnerBending = Literal["paper", "kern"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.assembly import Assembly, Floats
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
 
 
 def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:

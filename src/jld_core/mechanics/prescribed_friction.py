@@ -11,8 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from jld_core.assembly import Bits, Bools, Floats, Ints
-from jld_core.mechanics.yield_planar import PlanarYield, RowPattern
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.mechanics.yield_planar import PlanarYield
+from jld_core.mechanics.yield_set import RowPattern
 from jld_core.mechanics.yield_spatial import SpatialYield
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
-from jld_core.assembly import Assembly, Floats
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
 
 
 @dataclass(frozen=True)

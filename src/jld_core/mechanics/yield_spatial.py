@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jld_core.assembly import Assembly, Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics.bending import Bending, InnerBending, bending_of
 from jld_core.mechanics.scaling import Scaling
-from jld_core.mechanics.yield_planar import RowPattern
+from jld_core.mechanics.yield_set import RowPattern
 from jld_core.mechanics.yield_spatial_rows import spatial_rows
 
 

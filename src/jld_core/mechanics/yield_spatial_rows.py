@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.mechanics.bending import Bending
-from jld_core.mechanics.yield_planar import RowPattern
+from jld_core.mechanics.yield_set import RowPattern
 
 Coefficient = tuple[Ints, Floats, Floats]
 """Columns of a family of rows, and their coefficients under dry and under inner."""

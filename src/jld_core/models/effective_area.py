@@ -15,17 +15,18 @@ from typing import Final
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import State, relative_width
 from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit.status import Status
 from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
 from jld_core.mechanics.yield_planar import PlanarYield
 from jld_core.mechanics.yield_spatial import SpatialYield
 from jld_core.program.template import Template
-from jld_core.solvers.base import Status
 from jld_core.solvers.proximal import ProximalRoute
 
 FIXED: Final = 1e-8

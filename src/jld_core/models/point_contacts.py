@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from jld_core.assembly import DRY, INNER, Assembly, Bits, Floats, Interfaces, Ints, Strengths
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.assembly import DRY, INNER, Assembly, Interfaces, Strengths
 from jld_core.errors import InputError
 from jld_core.mechanics.bending import local_hulls
 

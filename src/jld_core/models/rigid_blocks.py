@@ -18,14 +18,16 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from jld_core.assembly import Assembly, Bits, Elements, Floats, Interfaces, Ints, Strengths
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import State, load_floor, relative_width
 from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.status import Status
 from jld_core.mechanics.scaling import Scaling, scaling_of
-from jld_core.program.template import Template, pack
+from jld_core.program.conic import pack
+from jld_core.program.template import Template
 from jld_core.solvers import is_large
-from jld_core.solvers.base import Status
 from jld_core.solvers.clarabel import ClarabelRoute
 
 _STRONG = 300.0  # strength over force scale above which blocks count as rigid until shown otherwise

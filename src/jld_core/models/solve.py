@@ -12,13 +12,15 @@ from typing import Any, Literal
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import apart
 from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.status import Status
 from jld_core.mechanics.scaling import scaling_of
-from jld_core.mechanics.yield_planar import require_materials
+from jld_core.mechanics.yield_set import require_materials
 from jld_core.mechanics.yield_spatial import spatial_yield
 from jld_core.models.effective_area import solve_effective_area
 from jld_core.models.point_contacts import point_contact_assembly, resultants_of_faces
@@ -27,7 +29,6 @@ from jld_core.models.zero_dilation import zero_dilation
 from jld_core.models.zero_dilation_search import Scheme
 from jld_core.program.template import Template
 from jld_core.solvers import is_large
-from jld_core.solvers.base import Status
 
 
 @dataclass(frozen=True)

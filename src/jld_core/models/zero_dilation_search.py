@@ -10,16 +10,18 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, Prover, State, load_floor
 from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.status import Status
 from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
 from jld_core.models.effective_area import FIXED, base_yield, change, contact_of
-from jld_core.program.template import ConicProgram, Template
+from jld_core.program.conic import ConicProgram
+from jld_core.program.template import Template
 from jld_core.solvers import HighsRoute, RawStatus
-from jld_core.solvers.base import RawSolution, Status
+from jld_core.solvers.base import RawSolution
 from jld_core.solvers.clarabel import ClarabelRoute
 from jld_core.solvers.proximal import ProximalRoute
 

@@ -10,72 +10,20 @@ chooses, entry by entry, between two arrays of numbers.
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools
+from jld_core.assembly import Assembly
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.mechanics.scaling import Scaling, scaling_of
-from jld_core.mechanics.yield_planar import Rows, YieldSet, planar_yield
+from jld_core.mechanics.yield_planar import planar_yield
+from jld_core.mechanics.yield_set import Rows, YieldSet
 from jld_core.mechanics.yield_spatial import spatial_yield
+from jld_core.program.conic import ConicProgram, Structure
 from jld_core.tolerances import Precision
-
-
-@dataclass(frozen=True)
-class Structure:
-    """What all programs of one template share: sparsity of M (csc) and the cones.
-
-    shape: (rows, columns) of M. equalities: rows with s = 0. linear: rows with s ≥ 0 that follow. cones:
-    sizes of the second-order cones that follow. places: (equalities, d) where the element of each equation is,
-    a hint for orders of elimination; None where the equations are not those of elements.
-    """
-
-    indices: Ints
-    indptr: Ints
-    shape: tuple[int, int]
-    equalities: int
-    linear: int
-    cones: tuple[int, ...]
-    places: Floats | None = None
-
-
-def pack(
-    rows: Any,
-    rhs: Floats,
-    objective: Floats,
-    equalities: int,
-    linear: int,
-    cones: tuple[int, ...],
-    places: Floats | None = None,
-) -> ConicProgram:
-    """A program of its own structure from sparse rows: equations, then inequalities, then cones."""
-    matrix = sp.csc_array(rows)
-    matrix.sort_indices()
-    shape = (int(matrix.shape[0]), int(matrix.shape[1]))
-    indices, indptr = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
-    structure = Structure(indices, indptr, shape, equalities, linear, cones, places)
-    return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective)
-
-
-@dataclass(frozen=True)
-class ConicProgram:
-    """Numbers of one program: M's data in the structure's order, right-hand side r, objective q."""
-
-    structure: Structure
-    data: Floats
-    rhs: Floats
-    objective: Floats
-
-    @cached_property
-    def matrix(self) -> sp.csc_array:
-        """M as a sparse array."""
-        s = self.structure
-        return sp.csc_array((self.data, s.indices, s.indptr), shape=s.shape)
 
 
 class Template:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from jld_core.samples.gallery import _box
-from jld_core.scene.reading import Scene, parse_scene
+from jld_core.scene.reading import parse_scene
+from jld_core.scene.schema import Scene
 
 
 def running_bond(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from jld_core.errors import InputError, RouteError
-from jld_core.program.template import ConicProgram, Structure
+from jld_core.program.conic import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Route
 from jld_core.solvers.clarabel import ClarabelRoute
 from jld_core.solvers.highs import HighsRoute

@@ -1,4 +1,4 @@
-"""Status names, theirs and ours, and the one shape in which every route answers."""
+"""The one shape in which every solver answers; its status is a hint, never a result."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-from jld_core.assembly import Floats
-from jld_core.program.template import ConicProgram
+from jld_core.arrays import Floats
+from jld_core.program.conic import ConicProgram
 
 
 class RawStatus(StrEnum):
@@ -18,16 +18,6 @@ class RawStatus(StrEnum):
     INFEASIBLE = "infeasible"
     UNBOUNDED = "unbounded"
     LIMIT = "limit"
-    FAILED = "failed"
-
-
-class Status(StrEnum):
-    """What we say, with proof."""
-
-    COLLAPSE = "collapse"
-    LOCKED = "locked"
-    UNSTABLE = "unstable"
-    UNCERTIFIED = "uncertified"
     FAILED = "failed"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.program.template import ConicProgram, Structure
+from jld_core.program.conic import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus
 
 _STATUS = {

@@ -8,7 +8,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from jld_core.program.template import ConicProgram
+from jld_core.program.conic import ConicProgram
 from jld_core.solvers.base import RawSolution, RawStatus
 
 _STATUS = {

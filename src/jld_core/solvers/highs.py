@@ -9,7 +9,7 @@ import highspy
 import numpy as np
 
 from jld_core.errors import RouteError
-from jld_core.program.template import ConicProgram
+from jld_core.program.conic import ConicProgram
 from jld_core.solvers.base import RawSolution, RawStatus
 
 _STATUS = {

@@ -9,8 +9,8 @@ import clarabel
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.assembly import Floats
-from jld_core.program.template import ConicProgram, Structure
+from jld_core.arrays import Floats
+from jld_core.program.conic import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution
 from jld_core.solvers.clarabel import cones_of, raw_solution
 

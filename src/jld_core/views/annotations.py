@@ -14,7 +14,8 @@ from matplotlib.patches import Patch
 from matplotlib.quiver import Quiver
 from matplotlib.transforms import ScaledTranslation
 
-from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.views import quantities as marks
 from jld_core.views.quantities import Movement

@@ -19,11 +19,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.limit.mechanism import displacement
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
 from jld_core.views import annotations as furniture
 from jld_core.views import quantities as marks
 from jld_core.views.structure import (

@@ -9,15 +9,14 @@ import base64
 import math
 from collections.abc import Mapping
 from html import escape
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
+from jld_core.assembly import Assembly
+from jld_core.limit.result import LimitAnalysisResult
 from jld_core.program.template import Template
-
-if TYPE_CHECKING:
-    from jld_core.assembly import Assembly
-    from jld_core.limit.result import LimitAnalysisResult
+from jld_core.shown import show_with
 
 LARGEST: Final = 1500
 """Elements up to which a notebook draws by itself: beyond, drawings take megabytes and many seconds."""
@@ -68,22 +67,40 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     return facts
 
 
-def svg_of_assembly(assembly: Assembly) -> str | None:
-    """The structure with its own labels and its loads, as SVG; None above `LARGEST` elements."""
-    if len(assembly.elements) > LARGEST:
-        return None
-    from jld_core.views import figures
+class AssemblyView:
+    """The structure with its own labels and its loads, beside its facts."""
 
-    return figures.svg_of(figures.figure_of_assembly(assembly))
+    def svg(self, thing: Assembly) -> str | None:
+        """Its drawing; None above `LARGEST` elements."""
+        if len(thing.elements) > LARGEST:
+            return None
+        from jld_core.views import figures
+
+        return figures.svg_of(figures.figure_of_assembly(thing))
+
+    def html(self, thing: Assembly, drawing: str | None) -> str:
+        """Its facts and its drawing."""
+        return page(thing.name, facts_of_assembly(thing), drawing)
 
 
-def svg_of_result(result: LimitAnalysisResult) -> str | None:
-    """Labels, forces and mechanism, as SVG; None above `LARGEST` elements."""
-    if len(result.assembly.elements) > LARGEST:
-        return None
-    from jld_core.views import figures
+class ResultView:
+    """Labels, forces and mechanism, beside the facts of a result."""
 
-    return figures.svg_of(figures.figure_of_result(result))
+    def svg(self, thing: LimitAnalysisResult) -> str | None:
+        """Its drawing; None above `LARGEST` elements."""
+        if len(thing.assembly.elements) > LARGEST:
+            return None
+        from jld_core.views import figures
+
+        return figures.svg_of(figures.figure_of_result(thing))
+
+    def html(self, thing: LimitAnalysisResult, drawing: str | None) -> str:
+        """Its facts and its drawing."""
+        return page(thing.assembly.name, facts_of_result(thing), drawing)
+
+
+show_with(Assembly, AssemblyView())
+show_with(LimitAnalysisResult, ResultView())
 
 
 def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:

@@ -12,7 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
 from jld_core.limit import mechanism
 from jld_core.limit.mechanism import displacement, face_motions
 from jld_core.limit.result import LimitAnalysisResult

@@ -18,7 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from shapely.geometry import Polygon
 
-from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
 from jld_core.views.quantities import blocks_of
 
 Drawn = dict[str, list[Artist]]

@@ -20,24 +20,18 @@ from jld_core.assembly import Assembly
 from jld_core.build.assemble import build_assembly
 from jld_core.errors import InputError, RouteError
 from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.status import Status
 from jld_core.models.solve import solve as solve_assembly
-from jld_core.scene.reading import Scene, load_scene
+from jld_core.scene.reading import load_scene
+from jld_core.scene.schema import Scene
 from jld_core.solvers import ROUTES
-from jld_core.solvers.base import Status
 from jld_explore.cli import samples
 from jld_explore.cli.progress import ProgressBar
-from jld_explore.explore import (
-    ExploreSettings,
-    Interrupted,
-    check_folder,
-    check_writable,
-    explore,
-    read_folder,
-    write_pictures,
-    write_text,
-)
+from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report import words
+from jld_explore.report.folder import check_folder, check_writable, read_folder, write_pictures, write_text
 from jld_explore.space.search_space import search_space
+from jld_explore.study import Interrupted
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
 _JOBS = 16  # worker processes per core at the most

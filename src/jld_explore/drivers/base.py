@@ -14,8 +14,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from jld_core.assembly import Bits
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_core.arrays import Bits
+from jld_explore.evaluation.evaluation import Evaluation
 
 
 class Driver(ABC):

@@ -17,9 +17,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.space.labelling import above, below, representatives
 from jld_explore.space.limits import within_limits
 from jld_explore.space.search_space import SearchSpace

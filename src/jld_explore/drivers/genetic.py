@@ -16,10 +16,10 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from jld_core.assembly import Bits, Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.ranking import front_counts, objectives, places
 from jld_explore.space.search_space import SearchSpace
 

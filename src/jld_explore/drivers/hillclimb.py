@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.ranking import standing
 from jld_explore.space.labelling import keys
 from jld_explore.space.search_space import SearchSpace

@@ -25,11 +25,11 @@ from optuna.storages import RDBStorage
 from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.ranking import objectives
 from jld_explore.space.labelling import canonical, keys, to_string
 from jld_explore.space.search_space import SearchSpace

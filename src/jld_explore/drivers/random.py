@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.space.search_space import SearchSpace
 
 

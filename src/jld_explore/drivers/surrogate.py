@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_explore.space.search_space import SearchSpace
 
 REACH: Final = 0.1

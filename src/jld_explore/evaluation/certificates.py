@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core import tolerances
-from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.analysis import Proof
 from jld_core.limit.bounds import Motion, State
 from jld_core.program.template import Template

@@ -23,7 +23,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
 from jld_core.limit.bounds import Motion, Prover, State, load_floor
 from jld_core.limit.repair import Interior
 from jld_core.program.template import Template

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jld_core.assembly import Bits, Floats
-from jld_core.solvers.base import Status
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_core.arrays import Bits, Floats
+from jld_core.limit.status import Status
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.ranking import front_counts
 from jld_explore.space.search_space import SearchSpace
 

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Bits, Floats, Ints
-from jld_core.solvers.base import Status
-from jld_explore.evaluation.evaluator import BOUND, Evaluation
-from jld_explore.space.limits import counts
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.limit.status import Status
+from jld_explore.evaluation.evaluation import BOUND, Evaluation
+from jld_explore.space.counts import counts
 from jld_explore.space.search_space import SearchSpace
 
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.solvers.base import Status
-from jld_explore.evaluation.evaluator import BOUND, CERTIFICATE, SOLVE, Evaluation
+from jld_core.limit.status import Status
+from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
 
 NAME = "evaluations.jld"
 SYNC = 0.2

@@ -18,12 +18,13 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
 from jld_core.limit.bounds import crossed, load_floor
+from jld_core.limit.status import Status
 from jld_core.program.template import Template
-from jld_core.solvers.base import Status
 from jld_explore.evaluation.certificates import FEW, ROUND, Bounds, Forces, Mechanism, Pool, Proofs, unknown
-from jld_explore.evaluation.evaluator import CERTIFICATE, Evaluation
+from jld_explore.evaluation.evaluation import CERTIFICATE, Evaluation
 from jld_explore.evaluation.force_method import LARGEST
 
 NAME: Final = "certificates.jld"

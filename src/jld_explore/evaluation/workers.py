@@ -25,8 +25,10 @@ import numpy as np
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
 
-from jld_core.assembly import Assembly, Bits, Floats
-from jld_explore.evaluation.evaluator import FAILED, Evaluation, Evaluator, EvaluatorSettings
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_explore.evaluation.evaluation import FAILED, Evaluation
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 
 HANG: Final = 600.0
 """Seconds without any result after which the workers are taken to hang."""

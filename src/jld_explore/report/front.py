@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.assembly import Bools, Floats
+from jld_core.arrays import Bools, Floats
 
 
 def on_front(load_factors: Floats, counts: Floats, sense: str) -> Bools:

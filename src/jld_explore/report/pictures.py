@@ -18,12 +18,14 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jld_core.assembly import Assembly, Bits, Floats
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.structure import INK, PLAIN, SOFT, Ink, element_points, extent, paint, projection_of
+from jld_explore.report.exploration import Exploration
 
 DOTS: Final = "#7C9CBF"
 FRONT: Final = "#B8321A"
@@ -312,3 +314,9 @@ def _axes(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return ax
+
+
+def front_picture(done: Exploration) -> Figure:
+    """The front of a study with its layouts."""
+    front_of = done.scene.search.front
+    return plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)

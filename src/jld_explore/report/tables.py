@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
-from jld_core.solvers.base import Status
-from jld_explore.evaluation.evaluator import BOUND, CERTIFICATE
+from jld_core.limit.status import Status
+from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE
 from jld_explore.evaluation.ranking import ORDER
 from jld_explore.evaluation.records import Store, settled, statuses
 from jld_explore.report.front import on_front
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import unpack
-from jld_explore.space.limits import counts
 from jld_explore.space.search_space import SearchSpace
 
 CONVERGENCE: Final = "convergence.csv"

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.scene.reading import Scene
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
+from jld_core.scene.schema import Scene
 from jld_core.views.notebook import facts_of_assembly, facts_of_result
+from jld_explore.report.exploration import Exploration
 from jld_explore.space.search_space import SearchSpace
-
-if TYPE_CHECKING:
-    from jld_explore.explore import Exploration
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:

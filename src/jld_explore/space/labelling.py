@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core import tolerances
-from jld_core.assembly import Assembly, Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
 from jld_core.geometry.planar_contacts import find_planar_contacts
 
 Packed = NDArray[np.uint8]

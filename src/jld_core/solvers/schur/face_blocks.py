@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import RouteError
-from jld_core.program.template import Structure
+from jld_core.program.conic import Structure
 from jld_core.solvers.schur.nesterov_todd import Cones
 
 _WIDE = 100  # entries from which a column borders the system instead of belonging to a face

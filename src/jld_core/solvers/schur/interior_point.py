@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Floats
-from jld_core.program.template import ConicProgram, Structure
+from jld_core.arrays import Floats
+from jld_core.program.conic import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus
 from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 from jld_core.solvers.schur.system import SchurSystem

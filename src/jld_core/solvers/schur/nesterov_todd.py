@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jld_core.assembly import Floats
+from jld_core.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.assembly import Floats, Ints
+from jld_core.arrays import Floats, Ints
 from jld_core.errors import RouteError
 from jld_core.linalg.cholesky import Factor, Fronts
-from jld_core.program.template import ConicProgram, Structure
+from jld_core.program.conic import ConicProgram, Structure
 from jld_core.solvers.schur.face_blocks import Blocks, Family, blocks_of, filled
 from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
 from jld_core.limit.relaxation import Relaxation

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice
 from jld_explore.drivers.exact.conflicts import Conflict
 from jld_explore.drivers.exact.possible_blocks import Polyominoes

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Bits, Bools, Ints
+from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit.relaxation import Refutation, Relaxation
 
 _TRIES: Final = 2

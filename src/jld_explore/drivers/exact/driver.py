@@ -26,12 +26,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import load_floor
 from jld_core.limit.relaxation import Relaxation, has_hull
-from jld_core.solvers.base import Status
+from jld_core.limit.status import Status
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch
@@ -41,9 +41,9 @@ from jld_explore.drivers.exact.optimum import PROVEN, Best
 from jld_explore.drivers.exact.possible_blocks import polyominoes
 from jld_explore.drivers.exact.record import Record, key_of
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation.evaluator import Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.space.counts import counts
 from jld_explore.space.labelling import canonical
-from jld_explore.space.limits import counts
 from jld_explore.space.search_space import SearchSpace
 
 _STEP: Final = 5e-7

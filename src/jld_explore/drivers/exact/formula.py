@@ -17,7 +17,7 @@ import numpy as np
 from pysat.card import CardEnc, EncType
 from pysat.solvers import Solver
 
-from jld_core.assembly import Bits, Ints
+from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.exact.possible_blocks import BlockLimits, Polyominoes
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Bits, Ints
+from jld_core.arrays import Bits, Ints
 from jld_explore.space.labelling import above, below
 from jld_explore.space.limits import feasible
 from jld_explore.space.search_space import SearchSpace

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.assembly import Ints
+from jld_core.arrays import Ints
 from jld_explore.space.labelling import ROUNDING
 from jld_explore.space.search_space import SearchSpace
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_explore.drivers.operators.atom_graph import AtomGraph, Limits
 from jld_explore.space.labelling import blocks_of
 from jld_explore.space.search_space import SearchSpace

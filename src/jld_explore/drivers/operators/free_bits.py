@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_explore.drivers.operators.atom_graph import Dice, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.cutting import Cutter
 from jld_explore.drivers.operators.repair import Repair

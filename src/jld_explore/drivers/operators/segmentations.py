@@ -15,7 +15,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from jld_core.assembly import Bits
+from jld_core.arrays import Bits
 from jld_explore.drivers.operators.atom_graph import Dice, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.batches import NEAR, Batches
 from jld_explore.drivers.operators.cutting import Cutter

@@ -1,0 +1,124 @@
+"""A wrong key → one line: which, what is wrong, what is expected."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from jld_core.errors import InputError
+
+_EXPECTED = {
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "dict_type": "an object",
+    "model_type": "an object",
+}
+
+
+def first_complaint(error: ValidationError, model: type[BaseModel], known: Iterable[str] = ()) -> InputError:
+    """The complaint that says most, with its key path.
+
+    model: what was validated; known: more keys that its top level may have.
+    Where a value may have several forms pydantic complains once for each; the deepest path is the form
+    the writer had in mind, the names of the forms are taken out of it, and where no form fits any better
+    than the others all are named.
+    """
+    complaints = error.errors(include_url=False)
+
+    def weight(complaint: ErrorDetails) -> tuple[int, bool, bool]:
+        kind = complaint["type"]
+        return len(_keys(complaint)), kind == "extra_forbidden", not _is_of_form(kind)
+
+    chosen = max(complaints, key=weight)
+    keys, kind, context = _keys(chosen), chosen["type"], chosen.get("ctx", {})
+    where = "".join(f"[{key}]" if isinstance(key, int) else f".{plain(key)}" for key in keys).lstrip(".")
+    if kind == "value_error" and isinstance(cause := context["error"], InputError):
+        return InputError((where + cause.where).lstrip("."), cause.problem, cause.expected)
+    owner = _owner(model, keys)
+    field = owner.model_fields.get(str(keys[-1])) if keys else None
+    meaning = field.description if field is not None else None
+    if kind == "extra_forbidden":
+        names = [*(known if owner is model else ()), *owner.model_fields]
+        names = list(dict.fromkeys(names))
+        near = get_close_matches(str(keys[-1]), names, 1)
+        listed = ", ".join(names)
+        return InputError(where, "unknown key", f'"{near[0]}", or another of {listed}' if near else f"one of {listed}")
+    if kind == "missing":
+        return InputError(where, "missing", meaning or "this key to be given")
+    value = chosen.get("input")
+    if meaning and _is_of_form(kind):
+        return InputError(where, f"{shown(value)} is wrong", meaning)
+    if kind in ("too_short", "too_long", "string_too_short"):
+        least = kind != "too_long"
+        size = f"at least {context['min_length']}" if least else f"at most {context['max_length']}"
+        number = len(value) if isinstance(value, list | str) else 0
+        plural, singular = ("letters", "letter") if kind.startswith("string") else ("entries", "entry")
+        what = singular if number == 1 else plural
+        return InputError(where, f"it has {number} {what}", size + (f": {meaning}" if meaning else ""))
+    forms = [c for c in complaints if _keys(c) == keys and _is_of_form(c["type"])] or [chosen]
+    expected = " or ".join(dict.fromkeys(_wanted(c) for c in forms))
+    return InputError(where, f"{shown(value)} is wrong", expected)
+
+
+def _is_of_form(kind: str) -> bool:
+    """Whether a complaint says that a value is of another kind altogether."""
+    return kind.endswith("_type") or kind == "literal_error"
+
+
+def _wanted(complaint: ErrorDetails) -> str:
+    kind, context = complaint["type"], complaint.get("ctx", {})
+    bounds = {
+        "greater_than": ("a number above", "gt"),
+        "greater_than_equal": ("a number of at least", "ge"),
+        "less_than": ("a number below", "lt"),
+    }
+    if kind in bounds:
+        words, bound = bounds[kind]
+        return f"{words} {context[bound]:g}"
+    if kind == "literal_error":
+        return str(context["expected"]).replace("'", '"')
+    return _EXPECTED.get(kind) or complaint["msg"]
+
+
+def _keys(complaint: ErrorDetails) -> list[int | str]:
+    """Path of a complaint without the names of forms."""
+    forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
+    loc = complaint["loc"]
+    last = len(loc) - 1 if complaint["type"] == "extra_forbidden" else len(loc)
+    # an unknown key may be called anything, like a form too
+    return [key for n, key in enumerate(loc) if n == last or isinstance(key, int) or not forms.search(key)]
+
+
+def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
+    """The model that the last key of a path belongs to."""
+    for key in keys[:-1]:
+        if isinstance(key, str) and key in model.model_fields:
+            model = _model_in(model.model_fields[key].annotation) or model
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_model_in(inner) for inner in get_args(annotation))
+    return next((inner for inner in found if inner is not None), None)
+
+
+def plain(key: str) -> str:
+    """A key as it stands if it is a word, else quoted, so that it cannot break the line it is shown on."""
+    return key if key.isidentifier() else shown(key)
+
+
+def shown(value: object) -> str:
+    text = json.dumps(value, default=str, skipkeys=True)
+    return text if len(text) <= 40 else text[:37] + "..."

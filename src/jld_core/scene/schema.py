@@ -1,0 +1,301 @@
+"""The keys of a scene file, each with its type and its default."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from jld_core.errors import InputError
+from jld_core.scene.complaints import first_complaint
+
+LabelName = Literal["dry", "inner"]
+
+
+Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+Vector = Annotated[list[float], Field(min_length=2, max_length=3)]
+
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class _Part(BaseModel):
+    """A part of the scene: unknown keys, NaN and infinities are errors, and nothing changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class Units(_Part):
+    """Words for tables and axes; the numbers are whatever the file says, consistently."""
+
+    length: str = "m"
+    force: str = "N"
+
+
+class Grid(_Part):
+    """Planar cells: row 0 is the top row, '.' no cell, '#' a support, equal joined letters one block."""
+
+    cell: Annotated[list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")]
+    thickness: Positive = 1.0
+    rows: Annotated[list[str], Field(min_length=1, description="a list of texts, the top row first")]
+
+    @field_validator("rows")
+    @classmethod
+    def _rows_are_a_rectangle(cls, rows: list[str]) -> list[str]:
+        for index, row in enumerate(rows):
+            if len(row) != len(rows[0]):
+                raise InputError("", f"row {index} has {len(row)} cells", f"{len(rows[0])} as in row 0")
+            if bad := [c for c in row if c not in ".#" and not c.isalpha()]:
+                raise InputError("", f"row {index} holds {bad[0]!r}", "letters, '#' or '.'")
+        if not any(c.isalpha() for row in rows for c in row):
+            raise InputError("", "no free cell", "at least one letter")
+        return rows
+
+
+class Element(_Part):
+    """One rigid element: a polygon (planar), or vertices and faces (spatial)."""
+
+    id: Annotated[str, Field(min_length=1, description="a name of its own")]
+    polygon: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None = (
+        None
+    )
+    vertices: Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=4)] | None = (
+        None
+    )
+    faces: Annotated[list[Annotated[list[int], Field(min_length=3)]], Field(min_length=4)] | None = None
+    weight: NonNegative | None = None
+    density: NonNegative | None = None
+    volume: Positive | None = None
+    centroid: Vector | None = None
+    block: str | None = None
+    support: bool = False
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        if (self.polygon is None) == (self.vertices is None):
+            how = "both are" if self.polygon is not None else "neither is"
+            wanted = '"polygon", or "vertices" with "faces"'
+            raise InputError("", f'of "polygon" and "vertices" {how} given', wanted)
+        if (self.vertices is None) != (self.faces is None):
+            lone = "faces" if self.vertices is None else "vertices"
+            raise InputError("", f'"{lone}" is given alone', '"vertices" and "faces" together, or "polygon"')
+        if self.vertices is not None and self.faces is not None:
+            for face in self.faces:
+                if bad := [i for i in face if not 0 <= i < len(self.vertices)]:
+                    raise InputError(
+                        ".faces",
+                        f"a face names vertex {bad[0]}",
+                        f"numbers from 0 to {len(self.vertices) - 1}",
+                    )
+        dimension = 2 if self.polygon is not None else 3
+        if self.centroid is not None and len(self.centroid) != dimension:
+            raise InputError(".centroid", f"it has {len(self.centroid)} numbers", f"{dimension}")
+        return self
+
+
+class Contact(_Part):
+    """An interface given by hand, used as it is; material keys override "materials" for this face."""
+
+    elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
+    polygon: Annotated[list[Vector], Field(min_length=2, description="two points [x, y], or a spatial polygon")]
+    label: LabelName | None = None
+    friction_coefficient: NonNegative | None = None
+    friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
+    tensile_strength: NonNegative | None = None
+    shear_strength: NonNegative | None = None
+    compressive_strength: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        if self.friction_angle is not None and self.friction_coefficient is not None:
+            raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
+        return self
+
+
+class Dry(_Part):
+    """A joint between blocks: no tension, Mohr–Coulomb friction."""
+
+    friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
+    friction_coefficient: NonNegative | None = None
+    compressive_strength: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        if (self.friction_angle is None) == (self.friction_coefficient is None):
+            how = "friction is missing" if self.friction_angle is None else "friction is given twice"
+            raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
+        return self
+
+
+class Inner(_Part):
+    """A crack plane inside a block: finite tensile and shear strength."""
+
+    tensile_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
+    shear_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
+    compressive_strength: Positive | None = None
+
+
+class Materials(_Part):
+    density: NonNegative | None = None
+    gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
+    dry: Dry | None = None
+    inner: Inner | None = None
+
+
+class PointLoad(_Part):
+    """A force on one element, at its centroid unless "at" says where, and a moment."""
+
+    element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
+    force: Annotated[Vector | None, Field(description="a vector")] = None
+    at: Annotated[Vector | None, Field(description="a point")] = None
+    moment: Annotated[
+        float | Annotated[list[float], Field(min_length=3, max_length=3)],
+        Field(description="a number, spatial a vector"),
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.force is None and "moment" not in self.model_fields_set:
+            raise InputError("", "it does nothing", '"force" or "moment"')
+        if self.at is not None and self.force is None:
+            raise InputError(".at", 'it stands without "force"', "a force to apply there")
+        return self
+
+
+class BodyLoad(_Part):
+    """Weight, as a positive magnitude, times this vector on every free element."""
+
+    body: Annotated[Vector, Field(description="a vector")]
+
+
+class Loads(_Part):
+    dead: list[PointLoad | BodyLoad] = []
+    live: Annotated[list[PointLoad | BodyLoad], Field(description="a list of loads that are multiplied by λ")]
+
+    @field_validator("dead", "live", mode="before")
+    @classmethod
+    def _tell_the_kinds_apart(cls, entries: Any) -> Any:
+        if not isinstance(entries, list):
+            return entries
+        kinds: list[Any] = []
+        for index, entry in enumerate(entries):
+            body = isinstance(entry, dict) and "body" in entry
+            if body and len(entry) > 1:
+                other = next(key for key in entry if key != "body")
+                raise InputError(
+                    f"[{index}]",
+                    f'"{other}" stands beside "body"',
+                    "a body load alone, others in entries of their own",
+                )
+            try:
+                kinds.append((BodyLoad if body else PointLoad).model_validate(entry))
+            except ValidationError as error:
+                known = ("body", *PointLoad.model_fields)
+                found = first_complaint(error, BodyLoad if body else PointLoad, known)
+                where = f"[{index}]" + (f".{found.where}" if found.where else "")
+                raise InputError(where, found.problem, found.expected) from None
+        return kinds
+
+
+class Labels(_Part):
+    default: LabelName | None = None
+    inner: list[Pair] = []
+    dry: list[Pair] = []
+
+
+class Keep(_Part):
+    dry: list[Pair] = []
+    inner: list[Pair] = []
+
+
+def _ordered(bounds: list[Any]) -> list[Any]:
+    low, high = bounds
+    if low is not None and high is not None and low > high:
+        raise InputError("", f"the least, {low:g}, is above the most, {high:g}", "[least, most]")
+    return bounds
+
+
+Counts = Annotated[list[Annotated[int, Field(ge=0)] | None], Field(min_length=2, max_length=2)]
+
+
+Sizes = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
+
+
+class Front(_Part):
+    count: Literal["dry_faces", "dry_length", "blocks"] = "dry_faces"
+    sense: Literal["max", "min"] = "max"
+
+
+class Search(_Part):
+    """What may be relabelled, and which labellings count."""
+
+    candidates: Annotated[
+        Literal["all", "all+supports", "inside-blocks"] | list[Pair],
+        Field(description='"all", "all+supports", "inside-blocks" or a list of pairs of ids'),
+    ] = "all"
+    keep: Keep = Keep()
+    segmentation: bool = True
+    block_cells: Counts = [None, None]
+    block_weight: Sizes = [None, None]
+    block_extent: Sizes = [None, None]
+    blocks: Counts = [None, None]
+    dry_faces: Counts = [None, None]
+    symmetry: Literal["auto", "none", "mirror-x"] = "auto"
+    front: Front = Front()
+
+    _in_order = field_validator("block_cells", "block_weight", "block_extent", "blocks", "dry_faces")(_ordered)
+
+
+class Scene(_Part):
+    """A whole scene file, validated; geometry is one of two forms, "grid" or "elements"."""
+
+    name: Annotated[str, Field(min_length=1)] = "scene"
+    units: Units = Units()
+    source: str = ""
+    notes: str = ""
+    expected: dict[str, Any] = {}
+    grid: Grid | None = None
+    elements: Annotated[list[Element], Field(min_length=1)] | None = None
+    thickness: Positive | None = None
+    interfaces: list[Contact] | None = None
+    materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
+    loads: Annotated[Loads, Field(description='an object with "live"')]
+    labels: Labels = Labels()
+    search: Search = Search()
+
+    @model_validator(mode="after")
+    def _one_geometry(self) -> Self:
+        if (self.grid is None) == (self.elements is None):
+            how = "missing" if self.grid is None else "given twice"
+            raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
+        if self.grid is not None and self.thickness is not None:
+            raise InputError(".thickness", "it stands beside a grid", 'the thickness inside "grid"')
+        if self.elements is not None:
+            planar = [element.polygon is not None for element in self.elements]
+            if any(planar) and not all(planar):
+                odd = planar.index(not planar[0])
+                kinds = ("planar", "spatial") if planar[0] else ("spatial", "planar")
+                raise InputError(
+                    f".elements[{odd}]",
+                    f"it is {kinds[1]} and the ones before are {kinds[0]}",
+                    "elements of one dimension",
+                )
+        return self
+
+    @property
+    def dimension(self) -> Literal[2, 3]:
+        """2 for a planar scene, 3 for a spatial one."""
+        return 3 if self.elements is not None and self.elements[0].polygon is None else 2
+
+    @property
+    def fingerprint(self) -> str:
+        """Hex digest of everything the numbers depend on (name, source, notes and expected left out)."""
+        content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected"})
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,134 @@
+"""A study's folder: tables and pictures written, and read back."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from jld_core.build.assemble import build_assembly
+from jld_core.errors import InputError
+from jld_core.models.solve import solve
+from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact.optimum import front as proven_front
+from jld_explore.drivers.exact.optimum import front_of_all
+from jld_explore.evaluation.records import NAME
+from jld_explore.report import tables
+from jld_explore.report.exploration import Exploration
+from jld_explore.space.labelling import from_string
+from jld_explore.study import StopReason, Study, versions
+
+if TYPE_CHECKING:
+    pass
+
+
+def check_folder(folder: Path, resume: bool) -> None:
+    """Raise InputError for a folder that may not be written into."""
+    check_writable(folder)
+    if not folder.exists() or not any(folder.iterdir()):
+        return
+    if not resume:
+        raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
+    if not any(folder.glob(NAME.partition(".")[0] + ".*")):
+        raise InputError(str(folder), f"nothing to go on with: no {NAME} in it", "a folder written by jld explore")
+
+
+def check_writable(folder: Path) -> None:
+    """Raise InputError where no folder of this name can be made or written into."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise InputError(str(there), "it is a file", "a folder for the results")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(str(there), "it is not writable", "a folder that results may be written into")
+
+
+def write_tables(study: Study, driver: str, reason: StopReason, total: int | None) -> Exploration:
+    results = tables.results_table(study.store, study.assembly, study.space, driver)
+    front_of = study.scene.search.front
+    front = tables.front_table(results, front_of.count, front_of.sense)
+    complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive
+    found = tables.summary(
+        results,
+        stop_reason=str(reason),
+        complete=complete,
+        classes=len(results) if complete else total,
+        solved=study.solved,
+        seconds=study.elapsed,
+        driver=driver,
+        seed=study.seed,
+        versions=versions(),
+        bound=study.driver.bound,
+        proven=study.driver.finished,
+    )
+    if isinstance(study.driver, Exact):
+        found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
+        if study.driver.aim == "front":
+            known = study.driver.found.values()
+            everything = study.driver.exhaustive
+            count = study.space.search.front.count
+            found["front"] = front_of_all(results, count, complete) if everything else proven_front(known)
+    write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
+    write_text(study.folder / "results.csv", results.to_csv(index=False))
+    fresh = study.folder / "results.parquet.new"
+    results.to_parquet(fresh, index=False)
+    os.replace(fresh, study.folder / "results.parquet")
+    write_text(study.folder / "pareto.csv", front.to_csv(index=False))
+    write_text(study.folder / tables.CONVERGENCE, tables.convergence_table(study.store).to_csv(index=False))
+    write_text(study.folder / "summary.json", json.dumps(found, indent=1))
+    return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason)
+
+
+def write_pictures(done: Exploration, ending: str = "png", out: Path | None = None) -> list[Path]:
+    """Draw the front with its layouts and, where one was found, the best layout. Returns what was written.
+
+    ending: "png", "svg" or "pdf". out: folder written into, default the study's own.
+    Raises InputError for another ending.
+    """
+    from jld_core.views.figures import save_figure
+    from jld_explore.report import pictures as drawings
+
+    pictures = {"pareto": drawings.front_picture(done)}
+    best = done.summary["best_labelling"]
+    if best is not None:
+        pictures["best"] = drawings.plot_best(solve(done.assembly, from_string(best)))
+    pictures["distribution"] = drawings.plot_distribution(done.results)
+    pictures["dry_frequency"] = drawings.plot_dry_frequency(done.results, done.assembly)
+    history = done.folder / tables.CONVERGENCE
+    if history.exists():
+        pictures["convergence"] = drawings.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
+    written = [(out or done.folder) / f"{name}.{ending}" for name in pictures]
+    for path, figure in zip(written, pictures.values(), strict=True):
+        save_figure(figure, path)
+    return written
+
+
+def read_folder(folder: Path) -> Exploration:
+    """A finished study read back from its folder. Raises InputError where a file is missing."""
+    from jld_core.scene.reading import load_scene
+
+    for name in (NAME, "scene.json", "results.parquet", "summary.json"):
+        if not (folder / name).exists():
+            raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
+    scene = load_scene(folder / "scene.json")
+    results = pd.read_parquet(folder / "results.parquet")
+    front_of = scene.search.front
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return Exploration(
+        scene=scene,
+        assembly=build_assembly(scene),
+        results=results,
+        front=tables.front_table(results, front_of.count, front_of.sense),
+        summary=summary,
+        folder=folder,
+        stop_reason=StopReason(summary["stop_reason"]),
+    )
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    fresh = path.with_name(path.name + ".new")
+    fresh.write_text(text, encoding="utf-8")
+    os.replace(fresh, path)

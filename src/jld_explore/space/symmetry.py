@@ -1,0 +1,186 @@
+"""The symmetries of a scene: which labellings are the same but for a mirror or a turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.scene.schema import Search
+
+
+@dataclass(frozen=True)
+class SymmetryGroup:
+    """Isometries that map the scene onto itself, the identity first, each with another effect on the faces.
+
+    matrices: (g, d, d) orthogonal, about the mean of the elements' centroids. elements: (g, n) and faces:
+    (g, m): where each element and each face comes to lie. The images of a labelling are labelling[faces].
+    """
+
+    matrices: Floats
+    elements: Ints
+    faces: Ints
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+
+def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed: Bits) -> SymmetryGroup:
+    """The group `search.symmetry` asks for. Raises InputError for "mirror-x" of an asymmetric scene."""
+    d, n, m = assembly.dimension, len(assembly.elements), len(assembly.interfaces)
+    identity = (np.eye(d), np.arange(n), np.arange(m))
+    found = [identity]
+    if search.symmetry == "mirror-x":
+        mirror = np.diag([-1.0] + [1.0] * (d - 1))
+        image = _image(assembly, search, candidates, fixed, mirror)
+        if isinstance(image, str):
+            raise InputError("search.symmetry", f"the scene has no mirror-x symmetry: {image}", '"auto" or "none"')
+        found.append((mirror, *image))
+    elif search.symmetry == "auto":
+        for matrix in _possible_matrices(assembly):
+            image = _image(assembly, search, candidates, fixed, matrix)
+            if not isinstance(image, str):
+                found.append((matrix, *image))
+    matrices, elements, faces = (np.array(part) for part in zip(*found, strict=True))
+    # isometries that move no face differently (a mirror through a column of one cell) count once
+    first = np.sort(np.unique(faces, axis=0, return_index=True)[1])
+    return SymmetryGroup(matrices[first], elements[first], faces[first])
+
+
+def _possible_matrices(assembly: Assembly) -> list[Floats]:
+    """Orthogonal matrices that may map the assembly onto itself, from few elements that are rare."""
+    elements, d = assembly.elements, assembly.dimension
+    reach = tolerances.SYMMETRY * assembly.size
+    points, alike = elements.centroid - elements.centroid.mean(axis=0), _alike(assembly)
+    if np.linalg.matrix_rank(points, tol=1e-3 * assembly.size) < d - 1:
+        points = np.concatenate(elements.shape) - elements.centroid.mean(axis=0)
+        owner = np.repeat(np.arange(len(elements)), [len(s) for s in elements.shape])
+        alike = alike[np.ix_(owner, owner)]
+    radius = np.linalg.norm(points, axis=1)
+    alike = alike & (abs(radius[:, None] - radius) <= reach)
+    # an anchor near the centre would magnify rounding; the rarest of the others leaves least to try
+    order = np.lexsort((-radius, alike.sum(axis=1) + len(points) * (radius < 1e-3 * radius.max())))
+    anchors = [int(order[0])]
+    if d == 3:
+        away = np.linalg.norm(np.cross(points[order], points[anchors[0]]), axis=1)
+        limit = 1e-3 * radius.max() * radius[anchors[0]]
+        anchors.append(int(order[np.flatnonzero(away > limit)[0]]))
+    base = _frame(points[anchors])
+    places = [np.flatnonzero(alike[anchor]) for anchor in anchors]
+    matrices = []
+    for images in np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, d - 1):
+        gram = points[images] @ points[images].T - points[anchors] @ points[anchors].T
+        if abs(gram).max() > 4.0 * reach * radius.max():
+            continue
+        for last in (1.0, -1.0):
+            matrix = _frame(points[images]).T @ np.diag([1.0] * (d - 1) + [last]) @ base
+            near = np.round(matrix)
+            matrix = near if abs(matrix - near).max() < reach / radius.max() else matrix
+            if abs(matrix - np.eye(d)).max() > 1e-6:
+                matrices.append(matrix)
+    return matrices
+
+
+def _frame(vectors: Floats) -> Floats:
+    """Rows of a right-handed orthonormal frame that starts with the d − 1 given vectors."""
+    first = vectors[0] / np.linalg.norm(vectors[0])
+    if len(first) == 2:
+        return np.array([first, [-first[1], first[0]]])
+    second = vectors[1] - (vectors[1] @ first) * first
+    second = second / np.linalg.norm(second)
+    return np.array([first, second, np.cross(first, second)])
+
+
+def _alike(assembly: Assembly) -> Bools:
+    """(n, n) True for elements of equal volume, number of corners and support flag."""
+    elements = assembly.elements
+    kind = 2 * np.array([len(s) for s in elements.shape]) + elements.support
+    volume = elements.volume
+    close = abs(volume[:, None] - volume) <= 10.0 * tolerances.SYMMETRY * np.maximum.outer(volume, volume)
+    return np.asarray(close & (kind[:, None] == kind))
+
+
+def _image(
+    assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, matrix: Floats
+) -> tuple[Ints, Ints] | str:
+    """Where a matrix puts elements (n,) and faces (m,), or in words what it does not map onto itself."""
+    elements, faces = assembly.elements, assembly.interfaces
+    centre = elements.centroid.mean(axis=0)
+    reach = tolerances.SYMMETRY * assembly.size
+    if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
+        return "it turns the bounding boxes that block_extent limits"
+    moved = (elements.centroid - centre) @ matrix.T + centre
+    to = _nearest(moved, elements.centroid, _alike(assembly), reach)
+    if to is None or not _same_corners(elements.shape, elements.shape, to, matrix, centre, reach):
+        return "its elements are not mapped onto elements of the same shape"
+    if not _same_loads(assembly, to, matrix):
+        return "its loads are not mapped onto themselves"
+    weight = np.linalg.norm(elements.weight, axis=1)
+    if search.block_weight != [None, None] and abs(weight[to] - weight).max() > 1e-8 * weight.max(initial=0.0):
+        return "its weights are not mapped onto themselves"
+    count = len(elements)
+    pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)
+    pair_to = np.minimum(to[faces.a], to[faces.b]) * count + np.maximum(to[faces.a], to[faces.b])
+    moved = (faces.origin - centre) @ matrix.T + centre
+    face_to = _nearest(moved, faces.origin, pair_to[:, None] == pair, reach)
+    if face_to is None or not _same_corners(faces.polygon, faces.polygon, face_to, matrix, centre, reach):
+        return "its interfaces are not mapped onto interfaces"
+    sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
+    if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY:
+        return "its interfaces are not mapped onto interfaces"
+    table = np.column_stack(list(vars(assembly.strengths).values())).reshape(len(faces), -1)
+    if not np.array_equal(table[face_to], table, equal_nan=True):
+        return "its strengths are not mapped onto themselves"
+    if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):
+        return "its candidates and fixed labels are not mapped onto themselves"
+    return to, face_to
+
+
+def _nearest(moved: Floats, points: Floats, allowed: Bools, reach: float) -> Ints | None:
+    """(n,) the allowed point each moved one falls on; None unless it is one to one."""
+    distance = np.linalg.norm(moved[:, None] - points, axis=2)
+    to = np.argmin(np.where(allowed, distance, np.inf), axis=1)
+    every = np.arange(len(points))
+    fits = np.all(allowed[every, to]) and np.all(distance[every, to] <= reach) and len(np.unique(to)) == len(points)
+    return to if fits else None
+
+
+def _same_corners(
+    shapes: tuple[Floats, ...],
+    others: tuple[Floats, ...],
+    to: Ints,
+    matrix: Floats,
+    centre: Floats,
+    reach: float,
+) -> bool:
+    """Whether each moved shape has the corners of the one it falls on, in any order."""
+    corners = np.array([len(s) for s in shapes])
+    if np.any(corners != corners[to]):
+        return False
+    for size in np.unique(corners):
+        group = np.flatnonzero(corners == size)
+        moved = (np.array([shapes[i] for i in group]) - centre) @ matrix.T + centre
+        there = np.array([others[i] for i in to[group]])
+        near = np.linalg.norm(moved[:, :, None] - there[:, None], axis=3) <= 2.0 * reach
+        if not (near.any(axis=1).all() and near.any(axis=2).all()):
+            return False
+    return True
+
+
+def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
+    """Whether dead and live loads are mapped onto themselves; moments turn over in a reflection."""
+    d = assembly.dimension
+    reflect = np.linalg.det(matrix)
+    turn = np.array([[reflect]]) if d == 2 else reflect * matrix
+    for loads in (assembly.dead, assembly.live):
+        for values, map_, arm in ((loads[:, :d], matrix, 1.0), (loads[:, d:], turn, assembly.size)):
+            total = np.linalg.norm(loads[:, :d], axis=1).sum() * arm + np.linalg.norm(loads[:, d:], axis=1).sum() * (
+                arm / assembly.size
+            )
+            if abs(values @ map_.T - values[to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY * total:
+                return False
+    return True
