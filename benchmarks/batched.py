@@ -18,9 +18,9 @@ import scipy.sparse as sp
 from benchmarks.common import random_segmentations, table, wall, write
 from jld_core import LimitAnalysis
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.limit.bounds import relative_width
-from jld_core.program.template import Template
-from jld_core.solvers import ClarabelRoute
+from jld_core.limit import relative_width
+from jld_core.program import Template
+from jld_core.solvers import ClarabelSolver
 
 SIZES: Final = ((3, 4), (4, 4), (5, 5), (6, 8))
 COUNT: Final = 512
@@ -277,7 +277,7 @@ def main() -> None:
         analysis = LimitAnalysis(assembly, solver="clarabel")
         precision = template.precision
         labellings = random_segmentations(assembly, COUNT, seed=5)
-        route = ClarabelRoute(precision.residual)
+        route = ClarabelSolver(precision.residual)
         route.solve(template.program(labellings[0], precision.margin))
         start = time.process_time()
         singles = [route.solve(template.program(labels, precision.margin)) for labels in labellings]

@@ -21,10 +21,9 @@ from benchmarks.common import random_segmentations, table, wall, write
 from benchmarks.stated import CLARABEL_DEFAULT, stated
 from jld_core import LimitAnalysis, Status
 from jld_core.arrays import Bits
-from jld_core.program.conic import ConicProgram
-from jld_core.program.template import Template
+from jld_core.program import ConicProgram, Template
 from jld_core.solvers import RawSolution
-from jld_core.solvers.cvxpy import CvxpyRoute
+from jld_core.solvers.cvxpy import CvxpySolver
 
 LABELLINGS, OF_CVXPY, SEED = 200, 40, 1
 STRENGTHS = {
@@ -45,7 +44,7 @@ def bare(program: ConicProgram) -> Any:
     return clarabel.DefaultSolver(nothing, program.objective, matrix, program.rhs, cones, settings).solve()
 
 
-def handed(route: CvxpyRoute, template: Template, labels: Bits) -> RawSolution:
+def handed(route: CvxpySolver, template: Template, labels: Bits) -> RawSolution:
     """The scaled program of our template, relabelled and handed to CVXPY."""
     return route.solve(template.program(labels))
 
@@ -66,7 +65,7 @@ def measure(tension: float, shear: float) -> list[str]:
     """One row of the table: faces, milliseconds, ratios, worst bracket, how many needed repair."""
     assembly = wall(6, 8, tension, shear)
     labellings = random_segmentations(assembly, LABELLINGS, SEED)
-    template, reference = Template(assembly), CvxpyRoute("CLARABEL", **CLARABEL_DEFAULT)
+    template, reference = Template(assembly), CvxpySolver("CLARABEL", **CLARABEL_DEFAULT)
     analysis = LimitAnalysis(assembly, template=template)
     analysis.prove(labellings[0])
     bare(template.program(labellings[0]))

@@ -24,7 +24,7 @@ from benchmarks.stated import stated
 from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene
 from jld_core.arrays import Bits
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space.labelling import from_string
+from jld_explore.space import from_string
 
 JOBS: Final = 2
 SAMPLE: Final = 300

@@ -20,12 +20,11 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from jld_core.arrays import Bits, Bools
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.scene.schema import Scene
+from jld_core.scene import Scene
 from jld_core.views.figures import save_figure
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
 from jld_explore.report.pictures import plot_convergence
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace
 
 NAMES: Final = ("random", "hillclimb", "genetic", "exact", "optuna:Random", "optuna:NSGAII", "optuna:TPE")
 PATIENCE: Final = 30.0

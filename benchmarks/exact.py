@@ -18,13 +18,10 @@ import numpy as np
 
 from benchmarks.common import table, write
 from jld_core import Scene, build_assembly, load_scene, parse_scene
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
-from jld_core.limit.relaxation import Relaxation
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.possible_blocks import polyominoes
+from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
+from jld_explore.drivers import Enumeration, possible_blocks
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space.search_space import search_space
+from jld_explore.space import search_space
 
 WALLS: Final = (
     (4, 6, 2, 2e4, "3 s"),
@@ -182,8 +179,8 @@ def roots(best: dict[str, float]) -> list[list[str]]:
     for name, (scene, _, _) in scenes().items():
         assembly = build_assembly(scene)
         space, analysis = search_space(scene, assembly), LimitAnalysis(assembly)
-        blocks, scale = polyominoes(space), analysis.template.scaling.load
-        if name not in best or blocks is None or not speaks_of(analysis) or len(blocks) > _LISTED:
+        blocks, scale = possible_blocks(space), analysis.template.scaling.load
+        if name not in best or blocks is None or not applies_to(analysis) or len(blocks) > _LISTED:
             continue
         faces = Relaxation(analysis).bound(space.fixed, space.candidates)
         every = np.ones(len(blocks), dtype=bool)

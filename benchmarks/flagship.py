@@ -13,11 +13,9 @@ import numpy as np
 
 from benchmarks.common import ROOT, table, write
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene
-from jld_core.limit.analysis import Proof
-from jld_core.limit.bounds import load_floor
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.space.labelling import to_string
-from jld_explore.space.search_space import search_space
+from jld_core.limit import Proof, load_floor
+from jld_explore.drivers import Enumeration
+from jld_explore.space import search_space, to_string
 
 SHOWN = 10
 

@@ -17,8 +17,8 @@ import psutil
 
 from benchmarks.common import table, write
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
-from jld_core.scene.schema import Scene
-from jld_explore.drivers.registry import make_driver
+from jld_core.scene import Scene
+from jld_explore.drivers import make_driver
 from jld_explore.study import Progress, Study
 
 WARM: Final = 500

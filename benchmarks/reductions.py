@@ -19,11 +19,9 @@ import numpy as np
 from benchmarks.common import RESULTS, random_segmentations, table, wall, write
 from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene
-from jld_core.models.rigid_blocks import rigid_blocks, solve_condensed
-from jld_core.models.zero_dilation import zero_dilation
-from jld_core.program.conic import ConicProgram, pack
-from jld_core.program.template import Template
-from jld_core.solvers import ClarabelRoute
+from jld_core.models import rigid_blocks, solve_condensed, zero_dilation
+from jld_core.program import ConicProgram, Template, pack
+from jld_core.solvers import ClarabelSolver
 
 ENOUGH: Final = 0.5
 """Processor seconds that runs of one measurement fill."""
@@ -120,8 +118,8 @@ def torsion_free(assembly: Assembly, name: str, why: str) -> Reduction:
     template = Template(assembly)
     program = template.program(assembly.labels)
     less = without_torsion(program, len(assembly.interfaces))
-    slow, before = timed(lambda: ClarabelRoute(1e-11).solve(program).point[-1])
-    quick, after = timed(lambda: ClarabelRoute(1e-11).solve(less).point[-1])
+    slow, before = timed(lambda: ClarabelSolver(1e-11).solve(program).point[-1])
+    quick, after = timed(lambda: ClarabelSolver(1e-11).solve(less).point[-1])
     sizes = (program.structure.shape[1], less.structure.shape[1])
     changed = abs(after - before) / abs(before)
     return Reduction(

@@ -11,11 +11,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from jld_core import LimitAnalysis, build_assembly
-from jld_core.program.conic import ConicProgram
-from jld_core.program.template import Template
-from jld_core.samples.walls import planar_running_bond, running_bond
-from jld_core.scene.schema import Scene
-from jld_core.solvers.base import RawSolution, Route
+from jld_core.program import ConicProgram, Template
+from jld_core.samples import planar_running_bond, running_bond
+from jld_core.scene import Scene
+from jld_core.solvers import RawSolution, Solver
 
 CASES: dict[str, Callable[[int], Scene]] = {
     "out of plane": lambda courses: running_bond(courses, direction=(0.0, 1.0, 0.0)),
@@ -30,7 +29,7 @@ it (projections, repairs), and whether λ = 0 is admissible."""
 class Timed:
     """A route whose time is kept apart."""
 
-    def __init__(self, route: Route) -> None:
+    def __init__(self, route: Solver) -> None:
         self.route, self.name, self.seconds, self.iterations = route, route.name, 0.0, 0
 
     def solve(self, program: ConicProgram) -> RawSolution:

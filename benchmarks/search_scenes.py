@@ -9,10 +9,9 @@ import numpy as np
 
 from benchmarks.common import ROOT
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import load_scene, parse_scene
-from jld_core.scene.schema import Scene
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.build import build_assembly
+from jld_core.scene import Scene, load_scene, parse_scene
+from jld_explore.space import SearchSpace, search_space
 
 
 def grid(rows: list[str], cells: list[int], live: list[dict[str, Any]], **inner: float) -> dict[str, Any]:

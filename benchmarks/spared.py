@@ -14,8 +14,7 @@ from typing import Any, Final
 
 from benchmarks.common import table, write
 from benchmarks.search_scenes import ENUMERATED, grid
-from jld_core.scene.reading import parse_scene
-from jld_core.scene.schema import Scene
+from jld_core.scene import Scene, parse_scene
 from jld_explore.explore import ExploreSettings, explore
 
 DRIVERS: Final = ("enumeration", "random", "hillclimb", "genetic", "exact")

@@ -19,7 +19,7 @@ from typing import Final
 
 from benchmarks.common import RESULTS, scene, table, write
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
-from benchmarks.speed_routes import BRACKETED, DEFAULT, ROUTES, Found, Way
+from benchmarks.speed_routes import BRACKETED, DEFAULT, SOLVERS, Found, Way
 from jld_core import Assembly, build_assembly
 
 LIMIT: Final = 60
@@ -112,7 +112,7 @@ def measure(way: Way, assembly: Assembly, small: Assembly, limit: int = LIMIT) -
 
 
 def measure_all(
-    assembly: Assembly, small: Assembly, ways: tuple[Way, ...] = ROUTES, limit: int = LIMIT
+    assembly: Assembly, small: Assembly, ways: tuple[Way, ...] = SOLVERS, limit: int = LIMIT
 ) -> list[Measured]:
     """All routes that take the assembly, in order."""
     found: list[Measured] = []

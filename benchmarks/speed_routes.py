@@ -1,7 +1,7 @@
 """Every way from an assembly to λ that the benchmark of speed against error measures.
 
 A route takes an assembly and returns λ, with a proven bracket or without one. To measure another, add it to
-`ROUTES`; solvers that `jld_core.solvers` comes to know by name are added by themselves.
+`SOLVERS`; solvers that `jld_core.solvers` comes to know by name are added by themselves.
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ import scipy.sparse as sp
 
 from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysis, Status
-from jld_core.models.rigid_blocks import solve_condensed
-from jld_core.program.conic import ConicProgram, pack
-from jld_core.program.template import Template
-from jld_core.solvers import ROUTES as KNOWN
-from jld_core.solvers import ClarabelRoute, Route
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_core.models import solve_condensed
+from jld_core.program import ConicProgram, Template, pack
+from jld_core.solvers import SOLVERS as KNOWN
+from jld_core.solvers import ClarabelSolver, Solver
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def default(assembly: Assembly) -> Found:
 
 def ours(
     assembly: Assembly,
-    route: Route | None = None,
+    route: Solver | None = None,
     solver: str = "clarabel",
     gap: float = 1e-6,
     margin: float | None = None,
@@ -95,12 +94,12 @@ def ours(
 def forced(assembly: Assembly, method: str) -> Found:
     """The default tolerance with one of Clarabel's factorisations."""
     residual = Template(assembly).precision.residual
-    return ours(assembly, ClarabelRoute(residual, direct_solve_method=method))
+    return ours(assembly, ClarabelSolver(residual, direct_solve_method=method))
 
 
 def of_size(assembly: Assembly, size: float, gap: float, refine: bool = False) -> Found:
     """Tolerance and margin of one size, and a width to go with them."""
-    return ours(assembly, ClarabelRoute(size, iterative_refinement_enable=refine), gap=gap, margin=size)
+    return ours(assembly, ClarabelSolver(size, iterative_refinement_enable=refine), gap=gap, margin=size)
 
 
 def condensed(assembly: Assembly) -> Found:
@@ -115,7 +114,7 @@ def condensed(assembly: Assembly) -> Found:
 def bare(assembly: Assembly) -> Found:
     """Clarabel as it comes on our scaled program, believed."""
     template = Template(assembly)
-    answer = ClarabelRoute(1e-8, iterative_refinement_enable=True).solve(template.program(assembly.labels))
+    answer = ClarabelSolver(1e-8, iterative_refinement_enable=True).solve(template.program(assembly.labels))
     return Found(float(answer.point[-1]) * template.scaling.load, note=answer.note)
 
 
@@ -139,7 +138,7 @@ def polygons(assembly: Assembly, facets: int, inside: bool) -> Found:
     """A linear program with polygons for cones, by Clarabel, which is quicker at these than HiGHS; believed."""
     template = Template(assembly)
     program = linearised(template.program(assembly.labels), facets, inside)
-    answer = ClarabelRoute(1e-8).solve(program)
+    answer = ClarabelSolver(1e-8).solve(program)
     return Found(float(answer.point[-1]) * template.scaling.load, note=answer.note)
 
 
@@ -183,7 +182,7 @@ DEFAULT: Final = "jld, default"
 BRACKETED: Final = ("jld, default", "jld, Clarabel", "jld, other solver", "jld, condensed")
 """Families whose λ comes with proven bounds."""
 
-ROUTES: Final[tuple[Way, ...]] = (
+SOLVERS: Final[tuple[Way, ...]] = (
     Way(DEFAULT, DEFAULT, any_scene, default),
     Way("jld, loose", "jld, Clarabel", any_scene, partial(of_size, size=1e-6, gap=1e-3)),
     Way("jld, tight", "jld, Clarabel", any_scene, partial(of_size, size=1e-12, gap=1e-9, refine=True)),

@@ -9,7 +9,7 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Bits
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+from jld_core.mechanics import equilibrium_matrix, load_vectors
 
 cp: Any = importlib.import_module("cvxpy")  # half of it is typed, and a strict check trips over the other
 

@@ -27,20 +27,18 @@ from benchmarks.stated import stated
 from benchmarks.stopwatch import Stopwatch
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Floats
-from jld_core.limit.bounds import Prover
-from jld_core.limit.repair import Interior
-from jld_core.program.template import Template
-from jld_core.solvers.schur.interior_point import SchurRoute
-from jld_explore.drivers.registry import make_driver
-from jld_explore.evaluation.records import Store
-from jld_explore.space.labelling import unpack
-from jld_explore.space.search_space import search_space
+from jld_core.limit import Prover, Repair
+from jld_core.program import Template
+from jld_core.solvers import SchurSolver
+from jld_explore.drivers import make_driver
+from jld_explore.evaluation import Store
+from jld_explore.space import search_space, unpack
 from jld_explore.study import Study
 
 PARTS: Final = ("solver", "proof", "assembly", "driver", "store", "other Python")
 PROOF: Final = {
     Prover: ("state", "ray", "motion", "measure", "blend", "open_up"),
-    Interior: ("state", "phase_one", "edge_state", "ray", "opening", "reduced"),
+    Repair: ("state", "phase_one", "edge_state", "ray", "opening", "reduced"),
 }
 """Methods whose time, less that of solvers within, is proof."""
 
@@ -127,7 +125,7 @@ def shares_of(scene: Scene, assembly: Assembly, asked: int) -> dict[str, float]:
             (Template, "program", "assembly"),
             (highspy.Highs, "passModel", "solver"),
             (highspy.Highs, "run", "solver"),
-            (SchurRoute, "solve", "solver"),
+            (SchurSolver, "solve", "solver"),
             (Store, "append", "store"),
             (Store, "find", "store"),
             (study.driver, "ask", "driver"),

@@ -17,10 +17,9 @@ import numpy as np
 from benchmarks.common import random_segmentations, scene, table, wall, write
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits, Floats
-from jld_core.limit.analysis import Proof
-from jld_core.limit.bounds import load_floor, relative_width
-from jld_core.program.template import Template
-from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus
+from jld_core.limit import Proof, load_floor, relative_width
+from jld_core.program import Template
+from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus
 
 TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 MARGINS = (0.0, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8)
@@ -83,7 +82,7 @@ def case(assembly: Assembly, labellings: Bits) -> Case:
     """Keep the labellings that simplex finds to collapse at a λ that is not zero."""
     template, kept, values = Template(assembly), [], []
     for labels in labellings:
-        raw = HighsRoute().solve(template.program(labels))
+        raw = HighsSolver().solve(template.program(labels))
         if raw.status is RawStatus.OPTIMAL and raw.point[-1] * template.scaling.load > load_floor(template):
             kept.append(labels)
             values.append(float(raw.point[-1]) * template.scaling.load)
@@ -111,7 +110,7 @@ def measure(cases: list[Case], tolerance: float, margin: float) -> tuple[list[st
         pair = []
         for template in (given.template, given.moved):
             analysis = LimitAnalysis(template.assembly, template=template, margin=margin)
-            analysis.route = ClarabelRoute(tolerance)
+            analysis.route = ClarabelSolver(tolerance)
             analysis.prove(given.labellings[0])  # what is made once per assembly is not what is measured
             analysis.interior.opening()
             pair.append([prove(analysis, labels) for labels in given.labellings])

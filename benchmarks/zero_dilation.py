@@ -15,9 +15,8 @@ from typing import Literal
 import numpy as np
 
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene
-from jld_core.models.zero_dilation import zero_dilation
-from jld_core.models.zero_dilation_search import Scheme
-from jld_core.samples.gallery import random_wall
+from jld_core.models import Scheme, zero_dilation
+from jld_core.samples import random_wall
 
 ROOT = Path(__file__).resolve().parent
 WALLS = ("ferris_tinloi_1", "ferris_tinloi_2", "ferris_tinloi_4")

@@ -18,8 +18,8 @@ from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.samples import gallery as scenes
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report.exploration import Exploration
-from jld_explore.space.labelling import from_string
+from jld_explore.report import Exploration
+from jld_explore.space import from_string
 from studies.report import (
     GREY,
     PAIRED,

@@ -19,11 +19,11 @@ from matplotlib.lines import Line2D
 
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
-from jld_core.scene.schema import Scene
+from jld_core.scene import Scene
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report.exploration import Exploration
-from jld_explore.space.labelling import from_string
+from jld_explore.report import Exploration
+from jld_explore.space import from_string
 from jld_explore.study import Progress
 from studies.report import (
     GREY,

@@ -18,13 +18,12 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit.mechanism import Movement, face_motions
-from jld_core.models.zero_dilation import zero_dilation
-from jld_core.models.zero_dilation_search import Scheme
-from jld_core.samples.gallery import leonardo_flat_arch
+from jld_core.limit import Movement, face_motions
+from jld_core.models import Scheme, zero_dilation
+from jld_core.samples import leonardo_flat_arch
 from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space.labelling import from_string
+from jld_explore.space import from_string
 from studies.report import (
     GREY,
     PAIRED,

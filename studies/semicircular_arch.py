@@ -20,10 +20,10 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.samples.gallery import polar_grid_arch, ring_arch, semicircular_arch
+from jld_core.samples import polar_grid_arch, ring_arch, semicircular_arch
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space.labelling import from_string
+from jld_explore.space import from_string
 from studies.report import (
     GREY,
     PAIRED,

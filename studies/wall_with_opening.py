@@ -15,11 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core.samples.gallery import wall_with_opening
+from jld_core.samples import wall_with_opening
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report.exploration import Exploration
-from jld_explore.space.labelling import from_string
+from jld_explore.report import Exploration
+from jld_explore.space import from_string
 from studies.report import (
     GREY,
     PAIRED,

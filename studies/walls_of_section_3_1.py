@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, load_scene
-from jld_core.models.zero_dilation import zero_dilation
-from jld_core.models.zero_dilation_search import Scheme
+from jld_core.models import Scheme, zero_dilation
 from jld_core.views.figures import draw_mechanism
 from studies.report import (
     GREY,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import parse_scene
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
 
 Document = dict[str, Any]
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.program.conic import ConicProgram
-from jld_core.solvers import ClarabelRoute, RawSolution
+from jld_core.program import ConicProgram
+from jld_core.solvers import ClarabelSolver, RawSolution
 
 
 class Noisy:
@@ -14,7 +14,7 @@ class Noisy:
     name = "noisy"
 
     def __init__(self, level: float, seed: int) -> None:
-        self._route, self._level, self._rng = ClarabelRoute(), level, np.random.default_rng(seed)
+        self._route, self._level, self._rng = ClarabelSolver(), level, np.random.default_rng(seed)
 
     def solve(self, program: ConicProgram) -> RawSolution:
         raw = self._route.solve(program)

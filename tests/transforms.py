@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.schema import Scene
+from jld_core.build import build_assembly
+from jld_core.scene import Scene
 
 Document = dict[str, Any]
 

@@ -20,5 +20,5 @@ class InputError(ValueError):
         return InputError(where, self.problem, self.expected)
 
 
-class RouteError(RuntimeError):
+class SolverError(RuntimeError):
     """A solver route that was asked for a program it does not take."""

@@ -7,17 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.scene.schema import Scene
-from jld_explore.drivers.enumeration import size_up_to
-from jld_explore.drivers.registry import DRIVERS, OPTIONS, make_driver
-from jld_explore.evaluation.evaluator import EvaluatorSettings
-from jld_explore.evaluation.records import Store
-from jld_explore.evaluation.with_certificates import NAME as ARCHIVE
-from jld_explore.report.exploration import Exploration
-from jld_explore.report.folder import check_folder, write_pictures, write_tables, write_text
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.scene import Scene
+from jld_explore.drivers import DRIVERS, OPTIONS, make_driver, size_up_to
+from jld_explore.evaluation import CERTIFICATES_FILE, EvaluatorSettings, Store
+from jld_explore.report import Exploration, check_folder, write_pictures, write_tables, write_text
+from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Progress, StopReason, Study
 
 if TYPE_CHECKING:
@@ -93,7 +89,7 @@ def explore(
         raise
     if reason is StopReason.EXHAUSTED and not len(study.store):
         # a space too large to see through beforehand has turned out empty: leave nothing behind
-        for path in (study.store.path, folder / ARCHIVE, folder / "scene.json"):
+        for path in (study.store.path, folder / CERTIFICATES_FILE, folder / "scene.json"):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()

@@ -22,19 +22,24 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit.status import Status
-from jld_core.program.template import Template
-from jld_core.scene.schema import Scene
-from jld_explore.drivers.base import Driver
-from jld_explore.evaluation.certificates import Pool, Proofs
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
-from jld_explore.evaluation.pruning import Floor
-from jld_explore.evaluation.records import Store
-from jld_explore.evaluation.with_certificates import Archive, Consultant
-from jld_explore.evaluation.workers import Recipe, Run, Workers
-from jld_explore.space.labelling import orbit_sizes, unpack
-from jld_explore.space.search_space import SearchSpace
+from jld_core.limit import Status
+from jld_core.program import Template
+from jld_core.scene import Scene
+from jld_explore.drivers import Driver
+from jld_explore.evaluation import (
+    Archive,
+    CertificateEvaluator,
+    Evaluation,
+    EvaluatorSettings,
+    IncumbentFront,
+    Pool,
+    Proofs,
+    Run,
+    Store,
+    Workers,
+    WorkerSpec,
+)
+from jld_explore.space import SearchSpace, orbit_sizes, unpack
 
 PORTION: Final = 128
 """Labellings asked together at the most where what is known spares solves."""
@@ -114,12 +119,12 @@ class Study:
         self._best = np.nan
         faces = len(self.assembly.interfaces)
         self.store = Store(self.folder, self.header, faces)
-        self._consultant: Consultant | None = None
-        self._floor = Floor(self.space) if self.settings.objective == "zero-dilation" else None
+        self._consultant: CertificateEvaluator | None = None
+        self._floor = IncumbentFront(self.space) if self.settings.objective == "zero-dilation" else None
         if self.certificates:
             template = Template(self.assembly)
             archive = Archive(self.folder, faces)
-            self._consultant = Consultant(Pool(faces, self.space.group), template, self.settings.gap, archive)
+            self._consultant = CertificateEvaluator(Pool(faces, self.space.group), template, self.settings.gap, archive)
             self.store.first = archive.sync
             self.store.keep_proven(archive.holds)
 
@@ -146,7 +151,7 @@ class Study:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
         settings = replace(self.settings, prove=self.certificates)
         quick = self._consultant is not None and self._consultant.small
-        workers = Workers(Recipe.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces), quick=quick)
+        workers = Workers(WorkerSpec.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces), quick=quick)
         if self.driver.remembers and len(self.store):
             rows = unpack(self.store.rows["labelling"], self.store.faces)
             known = [self.store.find(labels) for labels in rows]

@@ -20,8 +20,8 @@ from cases import grid_document
 from command import Outcome, call, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_explore import explore as explore_module
-from jld_explore.report.words import assembly as described
-from jld_explore.space.search_space import search_space
+from jld_explore.report import assembly as described
+from jld_explore.space import search_space
 
 Document = dict[str, Any]
 GONE: Any = object()

@@ -13,20 +13,14 @@ import pytest
 from cases import grid_document
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.status import Status
-from jld_core.scene.reading import parse_scene
-from jld_core.scene.schema import Scene
+from jld_core.build import build_assembly
+from jld_core.limit import Status
+from jld_core.scene import Scene, parse_scene
 from jld_explore import study as study_module
-from jld_explore.drivers.base import Driver
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.registry import DRIVERS, make_driver
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.drivers import DRIVERS, Driver, Enumeration, make_driver
+from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
-from jld_explore.space.labelling import canonical, keys
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_explore.space import SearchSpace, canonical, feasible, keys, search_space
 from jld_explore.study import Interrupted, StopReason, Study
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]

@@ -24,8 +24,8 @@ import pytest
 
 from cases import grid_document
 from command import Outcome, call, command, environment, process
-from jld_explore.drivers.registry import DRIVERS
-from jld_explore.evaluation.records import NAME, record_type
+from jld_explore.drivers import DRIVERS
+from jld_explore.evaluation import STORE_FILE, record_type
 from paths import SCENES
 
 FACES, CLASSES = 21, 1340  # 4×3 cells on a support row, blocks of 2 to 6 cells, counted by enumeration
@@ -57,7 +57,7 @@ def table(folder: Path, name: str = "results.csv") -> pd.DataFrame:
 
 def records(folder: Path) -> list[bytes]:
     """The whole records of a store, in order."""
-    file = folder / NAME
+    file = folder / STORE_FILE
     if not file.exists():
         return []
     content = file.read_bytes()
@@ -96,7 +96,7 @@ def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
 
 def wait_for_records(run: subprocess.Popen[str], folder: Path, count: int) -> None:
     """Until so many records are on disk, or the run is over."""
-    file, end = folder / NAME, time.monotonic() + 60.0
+    file, end = folder / STORE_FILE, time.monotonic() + 60.0
     while run.poll() is None and time.monotonic() < end:
         if file.exists() and file.stat().st_size >= count * RECORD and len(records(folder)) >= count:
             return
@@ -250,7 +250,7 @@ def test_signals(number: signal.Signals, jobs: int, scene: Path, undisturbed: Pa
 
 def copy_of(folder: Path, target: Path) -> Path:
     target.mkdir()
-    (target / NAME).write_bytes((folder / NAME).read_bytes())
+    (target / STORE_FILE).write_bytes((folder / STORE_FILE).read_bytes())
     return target
 
 
@@ -262,14 +262,14 @@ def test_torn_tail(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A store cut at any byte, or with anything after its last record, keeps what is whole and no more."""
-    content = (undisturbed / NAME).read_bytes()
+    content = (undisturbed / STORE_FILE).read_bytes()
     head = content.find(b"\n") + 1
     rng = random.Random(11)
     late = head + (CLASSES - 60) * RECORD
     cuts = [rng.randrange(late, len(content)) for _ in range(2)] + [len(content) - 1, late + 1]
     for number, cut in enumerate(cuts):
         folder = copy_of(undisturbed, tmp_path / f"cut {number}")
-        (folder / NAME).write_bytes(content[:cut])
+        (folder / STORE_FILE).write_bytes(content[:cut])
         whole = (cut - head) // RECORD
         outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
         assert outcome.code == 0
@@ -278,17 +278,17 @@ def test_torn_tail(
         pd.testing.assert_frame_equal(table(folder), table(undisturbed))
     for number, tail in enumerate((b"\0" * 200, rng.randbytes(RECORD))):
         folder = copy_of(undisturbed, tmp_path / f"tail {number}")
-        (folder / NAME).write_bytes(content + tail)
+        (folder / STORE_FILE).write_bytes(content + tail)
         outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
         assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
-        assert (folder / NAME).read_bytes() == content
+        assert (folder / STORE_FILE).read_bytes() == content
 
 
 def test_torn_header(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Killed before the header was whole: nothing was finished, and --resume begins."""
-    for name, content in ((NAME, b'{"jld": "evalua'), ("evaluations.new", b"{"), (NAME, b"")):
+    for name, content in ((STORE_FILE, b'{"jld": "evalua'), ("evaluations.new", b"{"), (STORE_FILE, b"")):
         folder = tmp_path / f"{name} {len(content)}"
         folder.mkdir()
         (folder / name).write_bytes(content)
@@ -365,7 +365,7 @@ def test_another_study_is_refused(
 ) -> None:
     """--resume with another seed, scene or driver names what differs, and leaves the folder as it is."""
     folder = copy_of(undisturbed, tmp_path / "out")
-    content = (folder / NAME).read_bytes()
+    content = (folder / STORE_FILE).read_bytes()
     tries: list[tuple[str, list[str | Path]]] = [
         ("seed", [scene, "--seed", "4"]),
         ("scene", [other_scene(scene, tmp_path)]),
@@ -374,10 +374,10 @@ def test_another_study_is_refused(
     for word, arguments in tries:
         outcome: Outcome = call(monkeypatch, capsys, "explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
         assert (outcome.code, outcome.err.count("\n")) == (2, 1)
-        assert f"{folder / NAME}: it was made with {word} " in outcome.err
+        assert f"{folder / STORE_FILE}: it was made with {word} " in outcome.err
         assert f"expected the same {word} to resume" in outcome.err
-        assert [path.name for path in folder.iterdir()] == [NAME]
-        assert (folder / NAME).read_bytes() == content
+        assert [path.name for path in folder.iterdir()] == [STORE_FILE]
+        assert (folder / STORE_FILE).read_bytes() == content
     outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder)
     assert outcome.code == 2
     assert "--resume" in outcome.err

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from cases import CASES, grid_assembly
 from jld_core import LimitAnalysis, Status
-from jld_core.limit.analysis import Proof
-from jld_core.solvers import ClarabelRoute
+from jld_core.limit import Proof
+from jld_core.solvers import ClarabelSolver
 from noisy import Noisy
 
 NAMES = ["wall", "beam", "arch", "crushable wall", "cantilever", "no friction", "very strong"]
@@ -56,7 +56,7 @@ def test_an_unconverged_solver_is_overruled_or_named(iterations: int) -> None:
     labels = np.random.default_rng(1).random(len(assembly.interfaces)) < 0.6
     truth = LimitAnalysis(assembly).solve(labels)
     hasty = LimitAnalysis(assembly)
-    hasty.route = ClarabelRoute(max_iter=iterations)
+    hasty.route = ClarabelSolver(max_iter=iterations)
     result = hasty.solve(labels)
     assert result.status in (Status.COLLAPSE, Status.UNCERTIFIED)
     if result.status is Status.COLLAPSE:

@@ -10,7 +10,7 @@ from cases_spatial import assembly as spatial_assembly
 from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, Status, solve
 from jld_core.arrays import Bits
-from jld_core.models.rigid_blocks import rigid_blocks, solve_condensed, worth_condensing
+from jld_core.models import rigid_blocks, solve_condensed, worth_condensing
 
 
 def random_segmentation(assembly: Assembly, blocks: int, rng: np.random.Generator) -> Bits:

@@ -11,9 +11,9 @@ import pytest
 
 from cases_spatial import ELL, assembly, box, prism, rotation, scene, split, stools, wall
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.scene.reading import parse_scene
+from jld_core.scene import parse_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SLAB = box("slab", [-5, -5, -1], [9, 9, 0], support=True)

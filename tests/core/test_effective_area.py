@@ -11,12 +11,11 @@ import pytest
 
 import cases_spatial
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene
-from jld_core.geometry.polygons import rectangle_torsion_length
-from jld_core.mechanics.prescribed_friction import FrozenYield
-from jld_core.models.effective_area import change, contact_of, frozen_contact, solve_effective_area
-from jld_core.models.zero_dilation import solve_zero_dilation
-from jld_core.program.template import Template
-from jld_core.solvers.clarabel import ClarabelRoute
+from jld_core.geometry import rectangle_torsion_length
+from jld_core.mechanics import PrescribedFriction
+from jld_core.models import change, contact_of, frozen_contact, solve_effective_area, solve_zero_dilation
+from jld_core.program import Template
+from jld_core.solvers import ClarabelSolver
 from paths import SCENES
 
 FRICTION, WIDTH, DEPTH = 0.7, 1.2, 0.7
@@ -77,7 +76,7 @@ def test_walls_reach_a_fixed_point(live: list[float]) -> None:
     assert solve_zero_dilation(assembly, dry, effective_area=True).status is Status.COLLAPSE
 
 
-def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, FrozenYield, np.random.Generator]:
+def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, PrescribedFriction, np.random.Generator]:
     rng = np.random.default_rng(seed)
     analysis = LimitAnalysis(build_assembly(load_scene(SCENES / "spatial_cubes.json")))
     template, count = analysis.template, len(analysis.assembly.interfaces)
@@ -85,7 +84,7 @@ def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, Frozen
     dry = np.ones(count, dtype=bool)
     areas = contact_of(analysis.assembly, forces, dry) if contact else None
     base = template.yield_set
-    sets = FrozenYield(base, alpha, rng.uniform(0.0, 2.0, count), areas)  # type: ignore[arg-type]
+    sets = PrescribedFriction(base, alpha, rng.uniform(0.0, 2.0, count), areas)  # type: ignore[arg-type]
     return template.renumbered(sets), sets, rng
 
 
@@ -110,7 +109,7 @@ def test_rows_slack_and_dissipation_say_the_same(alpha: float, contact: bool) ->
     objective[: 6 * count] = jumps.ravel()
     # λ is in its own bound only
     objective[-1] = 1.0
-    answer = ClarabelRoute().solve(
+    answer = ClarabelSolver().solve(
         replace(program, structure=structure, data=part.data, rhs=program.rhs[keep], objective=objective)
     )
     forces = answer.point[: 6 * count].reshape(count, 6)

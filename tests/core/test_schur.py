@@ -8,16 +8,13 @@ import pytest
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, solve
-from jld_core.errors import RouteError
-from jld_core.limit.bounds import Prover
-from jld_core.limit.repair import Interior
-from jld_core.mechanics.scaling import scaling_of
-from jld_core.mechanics.yield_spatial import spatial_yield
-from jld_core.models.point_contacts import point_contact_assembly
-from jld_core.program.conic import pack
-from jld_core.program.template import Template
-from jld_core.samples.walls import running_bond
-from jld_core.solvers import LARGE, ClarabelRoute, RawStatus, SchurRoute, make_route
+from jld_core.errors import SolverError
+from jld_core.limit import Prover, Repair
+from jld_core.mechanics import scaling_of, spatial_yield
+from jld_core.models import point_contact_assembly
+from jld_core.program import Template, pack
+from jld_core.samples import running_bond
+from jld_core.solvers import LARGE, ClarabelSolver, RawStatus, SchurSolver, make_solver
 
 SPATIAL = {
     "wall": lambda: assembly(wall(3, 2)),
@@ -125,7 +122,7 @@ def test_opening_by_forces(monkeypatch: pytest.MonkeyPatch) -> None:
     built = build_assembly(running_bond(10))
     template = Template(built)
     monkeypatch.setitem(LARGE, True, 1)
-    opening = Interior(template, Prover(template)).opening()
+    opening = Repair(template, Prover(template)).opening()
     assert opening is not None
     assert opening.margin > 0.1
 
@@ -136,8 +133,8 @@ def test_programs_that_are_no_faces_are_refused_by_name() -> None:
     everything = np.ones((s.shape[0] - s.equalities, s.shape[1]))
     dense = pack(np.vstack([program.matrix.toarray()[: s.equalities], everything]), program.rhs, program.objective,
                  s.equalities, s.linear, s.cones)  # fmt: skip
-    with pytest.raises(RouteError, match="fall apart"):
-        make_route("schur").solve(dense)
+    with pytest.raises(SolverError, match="fall apart"):
+        make_solver("schur").solve(dense)
 
 
 def test_multipliers_and_point_solve_the_program() -> None:
@@ -145,7 +142,7 @@ def test_multipliers_and_point_solve_the_program() -> None:
     built = build_assembly(running_bond(10))
     template = Template(built)
     program = template.program(built.labels, template.precision.margin)
-    answer, other = SchurRoute().solve(program), ClarabelRoute().solve(program)
+    answer, other = SchurSolver().solve(program), ClarabelSolver().solve(program)
     s = program.structure
     assert answer.status is RawStatus.OPTIMAL, answer.note
     np.testing.assert_allclose(program.objective + program.matrix.T @ answer.dual, 0.0, atol=1e-10)

@@ -11,12 +11,10 @@ import pytest
 from cases import CASES, grid_assembly
 from cases_spatial import box, scene
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.relaxation import Relaxation, has_hull
-from jld_core.limit.status import Status
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.exact.conflicts import conflict_of
+from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis, Relaxation, Status, has_hull
+from jld_core.scene import parse_scene
+from jld_explore.drivers import conflict_of
 
 OPEN = 6
 """Faces left undecided: 64 labellings each."""

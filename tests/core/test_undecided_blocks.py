@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 from cases import DOWN, grid_assembly, grid_document
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
-from jld_core.limit.status import Status
-from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.exact.possible_blocks import Polyominoes, polyominoes
-from jld_explore.space.search_space import search_space
+from jld_core.build import build_assembly
+from jld_core.limit import BlockRelaxation, LimitAnalysis, Status, applies_to
+from jld_core.mechanics import PlanarYield
+from jld_core.scene import parse_scene
+from jld_explore.drivers import PossibleBlocks, possible_blocks
+from jld_explore.space import search_space
 
 CASES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -33,7 +31,7 @@ CASES: dict[str, tuple[list[str], dict[str, Any]]] = {
 }
 
 
-def segmentations(blocks: Polyominoes, free: set[int], allowed: np.ndarray) -> Iterator[list[int]]:
+def segmentations(blocks: PossibleBlocks, free: set[int], allowed: np.ndarray) -> Iterator[list[int]]:
     """Choices of allowed blocks that cover every element once."""
     if not free:
         yield []
@@ -53,7 +51,7 @@ class Case:
         scene = parse_scene(grid_document(rows, **options))
         assembly = build_assembly(scene)
         space = search_space(scene, assembly)
-        blocks = polyominoes(space)
+        blocks = possible_blocks(space)
         assert blocks is not None
         self.blocks, self.analysis = blocks, LimitAnalysis(assembly)
         self.relaxation = BlockRelaxation(self.analysis, blocks.members, blocks.inside)
@@ -164,6 +162,6 @@ def test_one_cell_slides_at_its_friction_or_tips() -> None:
 def test_confined_and_crushable_assemblies_have_no_relaxation_by_blocks() -> None:
     for rows, options in ((["#aa#"], {"live": DOWN}), (["aa", "##"], {"crush_inner": 1e5})):
         analysis = LimitAnalysis(grid_assembly(rows, **options))
-        assert not speaks_of(analysis)
+        assert not applies_to(analysis)
         with pytest.raises(TypeError, match="relaxation by blocks"):
             BlockRelaxation(analysis, [(0,), (1,)], [(), ()])

@@ -14,18 +14,14 @@ from numpy.typing import NDArray
 
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, box, stools
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.status import Status
-from jld_core.mechanics.bending import InnerBending
-from jld_core.mechanics.scaling import scaling_of
-from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield
-from jld_core.models.point_contacts import point_contact_assembly
-from jld_core.program.template import Template
-from jld_core.scene.reading import parse_scene
-from jld_core.solvers import ClarabelRoute
-from jld_core.solvers.base import RawStatus
+from jld_core.limit import LimitAnalysis, Status
+from jld_core.mechanics import InnerBending, SpatialYield, scaling_of, spatial_yield
+from jld_core.models import point_contact_assembly
+from jld_core.program import Template
+from jld_core.scene import parse_scene
+from jld_core.solvers import ClarabelSolver, RawStatus
 from reference_spatial import face_constraints, load_factor, make_face
 
 Array = NDArray[np.float64]
@@ -231,7 +227,7 @@ def template(built: Assembly, bending: InnerBending = "paper") -> Template:
 def solved(built: Assembly, bending: InnerBending = "paper") -> float:
     """λ through the program of the package."""
     made = template(built, bending)
-    answer = ClarabelRoute().solve(made.program(built.labels))
+    answer = ClarabelSolver().solve(made.program(built.labels))
     return float(answer.point[-1] * made.scaling.load)
 
 
@@ -301,7 +297,7 @@ def test_program_equals_second_statement(variant: str) -> None:
 def test_variants_that_stand_by_strength_fall_without_it() -> None:
     """The strengths above are at work: kern form and less strength give less, or nothing that stands."""
     built = build_assembly(parse_scene(variant_document("glued")))
-    assert ClarabelRoute().solve(template(built, "kern").program(built.labels)).status is RawStatus.INFEASIBLE
+    assert ClarabelSolver().solve(template(built, "kern").program(built.labels)).status is RawStatus.INFEASIBLE
     with pytest.raises(AssertionError, match="infeasible"):
         load_factor(variant_document("glued"), kern=True)
     soft, softer = (solved(build_assembly(parse_scene(variant_document(name)))) for name in ("soft", "softer"))
@@ -366,10 +362,10 @@ def test_updated_programs_equal_programs_set_up_anew(bending: InnerBending) -> N
         "inner": {"tensile_strength": 9.0, "shear_strength": 12.0, "compressive_strength": 90.0},
     }
     built = build_assembly(parse_scene(scene))
-    made, route = template(built, bending), ClarabelRoute()
+    made, route = template(built, bending), ClarabelSolver()
     for bits in ([1, 1], [0, 1], [1, 0], [0, 0], [1, 1]):
         program = made.program(np.array(bits, dtype=bool))
-        one, two = route.solve(program).point[-1], ClarabelRoute().solve(program).point[-1]
+        one, two = route.solve(program).point[-1], ClarabelSolver().solve(program).point[-1]
         assert one == pytest.approx(two, rel=1e-8)
     assert (route.rebuilds, route.updates) == (1, 4)
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.scene.reading import load_scene, parse_scene
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.scene import load_scene, parse_scene
+from jld_explore.space import SearchSpace, feasible, search_space
 
 ROOT = Path(__file__).parents[2]
 SQUARE = ["ab", "cd", "##"]

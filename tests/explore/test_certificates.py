@@ -10,15 +10,23 @@ import pandas as pd
 import pytest
 
 from cases import DOWN, grid_document
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.status import Status
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
-from jld_explore.evaluation.with_certificates import NAME, Archive, Consultant
+from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis, Status
+from jld_core.scene import parse_scene
+from jld_explore.drivers import Enumeration
+from jld_explore.evaluation import (
+    CERTIFICATES_FILE,
+    Archive,
+    Bounds,
+    CertificateEvaluator,
+    Forces,
+    Mechanism,
+    Pool,
+    Proofs,
+    proofs_of,
+)
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space.search_space import search_space
+from jld_explore.space import search_space
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "wall": (["aaa", "aaa", "###"], {}),
@@ -71,7 +79,7 @@ def test_interrupted_and_resumed(jobs: int, stored: float, archived: float, tmp_
     folder = tmp_path / "part"
     explore(scene, folder, ExploreSettings(pictures=False, driver="enumeration", jobs=jobs, certificates=True))
     # as if it had been killed: the last records are torn off both files; more of the archive where power was lost
-    for name, share in (("evaluations.jld", stored), (NAME, archived)):
+    for name, share in (("evaluations.jld", stored), (CERTIFICATES_FILE, archived)):
         content = (folder / name).read_bytes()
         (folder / name).write_bytes(content[: int(share * len(content))])
     settings = ExploreSettings(pictures=False, driver="enumeration", jobs=jobs, resume=True, certificates=True)
@@ -110,7 +118,7 @@ def test_bounds_that_contradict_each_other_settle_nothing(tmp_path: Path) -> Non
     identity = np.arange(faces)[None]
     archive = Archive(tmp_path, faces)
     archive.close()
-    consultant = Consultant(Pool(faces, identity), template, 1e-6, archive)
+    consultant = CertificateEvaluator(Pool(faces, identity), template, 1e-6, archive)
     low, high = np.array([0.5, 0.5, 0.5 + 1e-13]), np.array([0.5, 0.4, 0.5])
     assert consultant._settled(Bounds(low, high, np.zeros(3, dtype=bool))).tolist() == [True, False, True]
 
@@ -162,7 +170,7 @@ def test_archive_round_trip(tmp_path: Path) -> None:
     archive = Archive(tmp_path, m)
     archive.append(labels, proofs)
     archive.close()
-    with open(tmp_path / NAME, "ab") as file:
+    with open(tmp_path / CERTIFICATES_FILE, "ab") as file:
         file.write(b"torn")
     archive = Archive(tmp_path, m)
     for row, proof in zip(labels, proofs, strict=True):

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import parse_scene
-from jld_explore.space.counts import counts
-from jld_explore.space.labelling import from_string
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_explore.space import SearchSpace, counts, feasible, from_string, search_space
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3

@@ -13,13 +13,11 @@ from hypothesis import strategies as st
 
 from cases import grid_document
 from jld_core.arrays import Bits
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.scene.reading import load_scene, parse_scene
-from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
-from jld_explore.space.labelling import canonical, to_string
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.scene import load_scene, parse_scene
+from jld_explore.drivers import Enumeration, Tally, size_up_to
+from jld_explore.space import SearchSpace, canonical, feasible, search_space, to_string
 
 ROOT = Path(__file__).parents[2]
 DOWN = [{"body": [0, -1]}]

@@ -11,19 +11,12 @@ import pytest
 
 from cases import DOWN, grid_document
 from cases_spatial import box, scene
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.conflicts import Conflict
-from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import polyominoes
-from jld_explore.drivers.exact.record import Record
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_explore.drivers import Conflict, Enumeration, Exact, Formula, Record, possible_blocks
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report.exploration import Exploration
-from jld_explore.space.labelling import canonical
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import search_space
+from jld_explore.report import Exploration
+from jld_explore.space import canonical, feasible, search_space
 
 SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "pairs": (["aaa", "aaa", "###"], {"block_cells": [1, 2]}),
@@ -130,7 +123,7 @@ def test_blocks_need_not_be_listed(name: str, tmp_path: Path, monkeypatch: pytes
     rows, options = SCENES[name]
     if "blocks" in options:
         pytest.skip("blocks are counted where they are listed")
-    monkeypatch.setattr("jld_explore.drivers.exact.driver.polyominoes", lambda space: None)
+    monkeypatch.setattr("jld_explore.drivers.exact.driver.possible_blocks", lambda space: None)
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact")
     assert found.summary["proven"] is True
@@ -145,7 +138,7 @@ def test_formulas_have_the_space_for_models(name: str, listed: bool) -> None:
     space = search_space(scene, build_assembly(scene))
     if not listed and space.search.blocks != [None, None]:
         pytest.skip("blocks are counted where they are listed")
-    formula = Formula(space, polyominoes(space) if listed else None)
+    formula = Formula(space, possible_blocks(space) if listed else None)
     found = set()
     every = np.arange(len(space.fixed))
     while (labels := formula.next()) is not None:
@@ -161,7 +154,7 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
     scene = parse_scene(grid_document(rows, **{**options, "blocks": [None, None], "dry_faces": [None, None]}))
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
-    blocks = polyominoes(space)
+    blocks = possible_blocks(space)
     assert blocks is not None
     free = assembly.elements.free.tolist()
 

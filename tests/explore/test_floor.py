@@ -8,15 +8,21 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.status import Status
-from jld_core.scene.reading import parse_scene
-from jld_explore.evaluation.evaluation import BOUND, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
-from jld_explore.evaluation.pruning import Floor
-from jld_explore.evaluation.ranking import places, standing, worth
+from jld_core.build import build_assembly
+from jld_core.limit import Status
+from jld_core.scene import parse_scene
+from jld_explore.evaluation import (
+    BOUND,
+    Evaluation,
+    Evaluator,
+    EvaluatorSettings,
+    IncumbentFront,
+    places,
+    standing,
+    worth,
+)
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.space.search_space import search_space
+from jld_explore.space import search_space
 
 NAN = float("nan")
 
@@ -27,7 +33,7 @@ def test_floor_is_the_best_with_as_good_a_count() -> None:
     free = np.flatnonzero(space.assembly.free_faces)
     for row, dry in enumerate((0, 1, 2, 3)):
         rows[row, free[:dry]] = True
-    floor = Floor(space)
+    floor = IncumbentFront(space)
     assert floor.below(rows).tolist() == [-np.inf] * 4
     collapse = [Evaluation(Status.COLLAPSE, v, v, v) for v in (5.0, 4.0, 7.0)]
     floor.learn(rows[:3], collapse)
@@ -64,7 +70,7 @@ def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, mon
     settings = ExploreSettings(driver=driver, objective="zero-dilation")
     monkeypatch.setattr("jld_explore.study.PORTION", 16)
     spared = explore(scene, tmp_path / "spared", settings)
-    monkeypatch.setattr(Floor, "below", lambda self, rows: np.full(len(rows), -np.inf))
+    monkeypatch.setattr(IncumbentFront, "below", lambda self, rows: np.full(len(rows), -np.inf))
     solved = explore(scene, tmp_path / "solved", settings)
     assert spared.summary["pruned"] > 0
     assert solved.summary["pruned"] == 0

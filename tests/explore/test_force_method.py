@@ -10,10 +10,8 @@ import pytest
 from cases import CASES, grid_assembly
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.status import Status
-from jld_explore.evaluation.certificates import Pool
-from jld_explore.evaluation.force_method import ForceMethod, Vertex
+from jld_core.limit import LimitAnalysis, Status
+from jld_explore.evaluation import ForceMethod, Pool, Vertex
 
 SIDEWAYS = [{"element": "c0r0", "force": [1, 0]}]
 LINEAR = [name for name, (_, options) in CASES.items() if "crush_dry" not in options]

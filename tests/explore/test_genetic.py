@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.status import Status
-from jld_core.scene.reading import load_scene
-from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation.evaluation import FAILED, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
-from jld_explore.evaluation.ranking import ORDER, objectives, places, standing
-from jld_explore.space.search_space import search_space
+from jld_core.build import build_assembly
+from jld_core.limit import Status
+from jld_core.scene import load_scene
+from jld_explore.drivers import Genetic
+from jld_explore.evaluation import FAILED, ORDER, Evaluation, Evaluator, EvaluatorSettings, objectives, places, standing
+from jld_explore.space import search_space
 from paths import SCENES
 
 BEST = 12.6221788  # of all 6 382 classes, by enumeration

@@ -13,10 +13,9 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from cases import grid_assembly, grid_document
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import parse_scene
-from jld_explore.space import labelling
-from jld_explore.space.labelling import blocks_of, connectivity, slits
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_explore.space import blocks_of, connectivity, labelling, slits
 
 
 def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int]]) -> list[int]:

@@ -13,17 +13,11 @@ from cases import grid_document
 from cases_spatial import box
 from cases_spatial import scene as spatial_scene
 from jld_core.arrays import Bits
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.operators.atom_graph import Dice
-from jld_explore.drivers.operators.segmentations import Segmentations, operators
-from jld_explore.drivers.searcher import Register
-from jld_explore.space.counts import counts
-from jld_explore.space.labelling import blocks_of, canonical, keys
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.scene import parse_scene
+from jld_explore.drivers import BufferedRandom, Enumeration, Register, Segmentations, operators
+from jld_explore.space import SearchSpace, blocks_of, canonical, counts, feasible, keys, search_space
 
 DOWN = [{"body": [0, -1]}]
 
@@ -33,8 +27,8 @@ def space_of(rows: list[str], live: Any = None, **search: Any) -> SearchSpace:
     return search_space(scene, build_assembly(scene))
 
 
-def dice(seed: int = 0) -> Dice:
-    return Dice(np.random.default_rng(seed))
+def rng(seed: int = 0) -> BufferedRandom:
+    return BufferedRandom(np.random.default_rng(seed))
 
 
 SEARCHES: list[dict[str, Any]] = [
@@ -60,7 +54,7 @@ SEARCHES: list[dict[str, Any]] = [
 @pytest.mark.parametrize("search", SEARCHES, ids=str)
 def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
     space = space_of(["aabb", "aabb", "aabb", "#.##"], **search)
-    tools, chance = operators(space), dice()
+    tools, chance = operators(space), rng()
     drawn = tools.draw(200, chance)
     assert feasible(space, drawn).all()
     assert len(drawn) >= 120  # few draws are given up, even where all blocks must be of one size
@@ -96,7 +90,7 @@ def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
         space = space_of(rows, data.draw(st.sampled_from([None, DOWN])), **search)
     except InputError:
         return
-    tools, chance = operators(space), dice(data.draw(st.integers(0, 9)))
+    tools, chance = operators(space), rng(data.draw(st.integers(0, 9)))
     rows_of = tools.draw(30, chance)
     every = Enumeration(space).ask(40)
     if not len(every):
@@ -115,12 +109,12 @@ def test_random_shapes_limits_and_parents(data: st.DataObject) -> None:
 def test_keys_are_written_and_read_back(seed: int, search: dict[str, Any]) -> None:
     space = space_of(["aaaa", "aaaa", "aaaa", "####"], **search)
     tools = operators(space)
-    drawn = tools.draw(5, dice(seed))
+    drawn = tools.draw(5, rng(seed))
     for labels in drawn:
         written = tools.write(labels)
         assert len(written) == tools.keys
         assert np.array_equal(tools.read(written), labels[None])
-    same = dice(seed).reals(tools.keys)
+    same = rng(seed).reals(tools.keys)
     assert np.array_equal(tools.read(same), tools.read(list(same)))
 
 
@@ -130,7 +124,7 @@ def names(space: SearchSpace, labels: Bits) -> list[int]:
 
 def test_what_each_operator_does() -> None:
     space = space_of(["aaaa", "aaaa", "####"])
-    tools, chance = Segmentations(space), dice()
+    tools, chance = Segmentations(space), rng()
     free = len(space.assembly.elements.free)
     labels = np.where(space.candidates, False, space.fixed)
     whole = tools.parts(labels[None])[0]
@@ -159,14 +153,14 @@ def test_what_each_operator_does() -> None:
 def test_children_of_equal_parents_are_their_parents() -> None:
     space = space_of(["aaaa", "aaaa", "aaaa", "####"])
     tools = operators(space)
-    parents = tools.draw(40, dice(1))
-    assert np.array_equal(tools.cross(parents, parents, dice(2)), parents)
+    parents = tools.draw(40, rng(1))
+    assert np.array_equal(tools.cross(parents, parents, rng(2)), parents)
 
 
 def test_every_class_can_be_drawn() -> None:
     space = space_of(["aaa", "aaa", "###"], block_cells=[1, 4])
     known = {key for rows, _ in Enumeration(space).batches() for key in keys(rows)}
-    drawn = canonical(operators(space).draw(6000, dice()), space.group)
+    drawn = canonical(operators(space).draw(6000, rng()), space.group)
     assert set(keys(drawn)) == known
 
 
@@ -174,7 +168,7 @@ def test_register_admits_each_class_once() -> None:
     space = space_of(["aaa", "aaa", "###"], DOWN)
     assert len(space.group) == 2
     register, tools = Register(space), operators(space)
-    rows = tools.draw(300, dice())
+    rows = tools.draw(300, rng())
     broken = np.ones_like(rows[:5])
     broken[:, np.flatnonzero(space.candidates)[1:]] = False
     first = register.admit(np.concatenate([broken, rows]))
@@ -184,7 +178,7 @@ def test_register_admits_each_class_once() -> None:
     assert len(register.admit(rows[:, space.group[1]][::1])) <= len(rows)
     mirrored = np.array([row[space.group[1]] for row in rows])
     assert len(register.admit(mirrored)) == 0
-    assert len(register.admit(tools.draw(500, dice(5)), most=2)) <= 2
+    assert len(register.admit(tools.draw(500, rng(5)), most=2)) <= 2
 
 
 def test_spatial_cubes() -> None:
@@ -194,8 +188,8 @@ def test_spatial_cubes() -> None:
     parsed = parse_scene(spatial_scene(elements, search={"block_cells": [2, 4], "block_extent": [None, 2.0]}))
     space = search_space(parsed, build_assembly(parsed))
     tools = operators(space)
-    drawn = tools.draw(100, dice())
+    drawn = tools.draw(100, rng())
     assert len(drawn) == 100
     assert feasible(space, drawn).all()
-    assert feasible(space, tools.vary(drawn, dice())).all()
-    assert feasible(space, tools.cross(drawn, drawn[::-1], dice())).all()
+    assert feasible(space, tools.vary(drawn, rng())).all()
+    assert feasible(space, tools.cross(drawn, drawn[::-1], rng())).all()

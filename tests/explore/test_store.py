@@ -10,16 +10,13 @@ import pytest
 
 from cases import grid_document
 from jld_core.arrays import Bits
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.limit.status import Status
-from jld_core.scene.reading import load_scene, parse_scene
-from jld_explore.evaluation.evaluation import CERTIFICATE, Evaluation
-from jld_explore.evaluation.records import NAME, Store
+from jld_core.limit import Status
+from jld_core.scene import load_scene, parse_scene
+from jld_explore.evaluation import CERTIFICATE, STORE_FILE, Evaluation, Store
 from jld_explore.report import tables
-from jld_explore.space.counts import counts
-from jld_explore.space.labelling import block_sizes, blocks_of, connectivity, unpack
-from jld_explore.space.search_space import search_space
+from jld_explore.space import block_sizes, blocks_of, connectivity, counts, search_space, unpack
 from paths import SCENES
 
 HEADER = {"scene": "a", "seed": 1}
@@ -45,7 +42,7 @@ def filled(folder: Path, count: int = 6) -> Path:
     store.append(labellings(count)[:2], [1, 2], evaluations(count)[:2])
     store.append(labellings(count)[2:], [1] * (count - 2), evaluations(count)[2:])
     store.close()
-    return folder / NAME
+    return folder / STORE_FILE
 
 
 def test_what_was_written_is_found(tmp_path: Path) -> None:
@@ -69,14 +66,14 @@ def test_torn_at_every_byte(tmp_path: Path) -> None:
     for cut in range(len(content) + 1):
         folder = tmp_path / "torn"
         folder.mkdir(exist_ok=True)
-        (folder / NAME).write_bytes(content[:cut])
+        (folder / STORE_FILE).write_bytes(content[:cut])
         store = Store(folder, HEADER, 11)
         whole = max(0, cut - start) // size
         assert len(store) == whole
         assert store.repaired == (cut - start - whole * size if cut >= start else 0)
         store.append(labellings(6)[whole:], [1, 2, 1, 1, 1, 1][whole:], evaluations(6)[whole:])
         store.close()
-        assert (folder / NAME).read_bytes() == content
+        assert (folder / STORE_FILE).read_bytes() == content
 
 
 def test_torn_and_filled_with_garbage(tmp_path: Path) -> None:
@@ -94,12 +91,12 @@ def test_torn_and_filled_with_garbage(tmp_path: Path) -> None:
 
 def test_another_header_is_refused_by_name(tmp_path: Path) -> None:
     filled(tmp_path)
-    before = (tmp_path / NAME).read_bytes()
+    before = (tmp_path / STORE_FILE).read_bytes()
     with pytest.raises(InputError, match="seed 1, not 2"):
         Store(tmp_path, HEADER | {"seed": 2}, 11)
     with pytest.raises(InputError, match="faces 11, not 12"):
         Store(tmp_path, HEADER, 12)
-    assert (tmp_path / NAME).read_bytes() == before
+    assert (tmp_path / STORE_FILE).read_bytes() == before
 
 
 def test_counts_agree_with_the_blocks() -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cases import grid_document
-from jld_core.build.assemble import build_assembly
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.surrogate import MEMORY, Surrogate
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_core.build import build_assembly
+from jld_core.scene import parse_scene
+from jld_explore.drivers import MEMORY, Enumeration, Surrogate
+from jld_explore.space import SearchSpace, search_space
 
 
 def space_of(rows: list[str]) -> SearchSpace:

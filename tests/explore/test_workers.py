@@ -16,16 +16,13 @@ import pytest
 from cases import grid_document
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.limit.status import Status
-from jld_core.scene.reading import parse_scene
-from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.registry import make_driver
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.evaluator import EvaluatorSettings
-from jld_explore.evaluation.workers import Recipe, Workers, batch_size
-from jld_explore.report.tables import results_table
-from jld_explore.space.search_space import search_space
+from jld_core.build import build_assembly
+from jld_core.limit import Status
+from jld_core.scene import parse_scene
+from jld_explore.drivers import Enumeration, make_driver
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, Workers, WorkerSpec, batch_size
+from jld_explore.report import results_table
+from jld_explore.space import search_space
 from jld_explore.study import StopReason, Study
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
@@ -54,7 +51,7 @@ def values(evaluations: list[Evaluation]) -> list[tuple[str, str]]:
 
 def test_one_job_and_two_agree() -> None:
     assembly, _, rows = wall()
-    recipe = Recipe.of(assembly, EvaluatorSettings())
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings())
     pool = Workers(recipe, 2, rows.shape[1])
     try:
         assert values(everything(pool, rows)) == values(everything(Workers(recipe, 1, rows.shape[1]), rows))
@@ -64,7 +61,7 @@ def test_one_job_and_two_agree() -> None:
 
 def test_threads_give_what_one_gives() -> None:
     assembly, _, rows = wall()
-    recipe = Recipe.of(assembly, EvaluatorSettings(prove=True))
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings(prove=True))
     pool = Workers(recipe, 2, rows.shape[1], quick=True)
     try:
         for some in (rows, rows[:1], rows[:3]):
@@ -76,7 +73,7 @@ def test_threads_give_what_one_gives() -> None:
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_deadline_is_kept_inside_batches(jobs: int) -> None:
     assembly, _, rows = wall()
-    workers = Workers(Recipe.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], quick=jobs > 1)
+    workers = Workers(WorkerSpec.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], quick=jobs > 1)
     try:
         assert [part for part, found in workers.run(rows, time.time() - 1.0) if found] == []
         past = time.time() + 0.05
@@ -92,7 +89,7 @@ def test_a_worker_killed_once_costs_nothing(tmp_path: Path) -> None:
     """Workers killed from outside: their batches are tried again, and all results are those of one job."""
     assembly, _, rows = wall()
     rows = np.concatenate([rows] * 4)
-    recipe = Recipe.of(assembly, EvaluatorSettings())
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings())
     pool, found, killed = Workers(recipe, 2, rows.shape[1]), {}, 0
     try:
         for part, evaluations in pool.run(rows):
@@ -114,7 +111,7 @@ def test_a_worker_killed_once_costs_nothing(tmp_path: Path) -> None:
 def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(way: str) -> None:
     """Its batch is tried twice and given up; all others are evaluated."""
     assembly, _, rows = wall()
-    recipe = Recipe.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
+    recipe = WorkerSpec.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
     pool = Workers(recipe, 2, rows.shape[1], hang=60.0 if way == "dies" else 10.0)
     try:
         found = everything(pool, rows)

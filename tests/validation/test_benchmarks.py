@@ -72,7 +72,7 @@ def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> N
     found = speed_error.measure_all(assembly, assembly, limit=20)
     reference = speed_error.reference_of(found)
     assert reference.half_width < 1e-8
-    assert {one.way.name for one in found} == {way.name for way in speed_routes.ROUTES if way.takes(assembly)}
+    assert {one.way.name for one in found} == {way.name for way in speed_routes.SOLVERS if way.takes(assembly)}
     for one in found:
         if one.way.family in speed_routes.BRACKETED and math.isfinite(one.found.load):
             assert speed_error.certain_error(one, reference)[0] < 1e-3

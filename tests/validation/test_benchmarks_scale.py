@@ -7,8 +7,8 @@ import pytest
 from benchmarks import batched, scale, scale_one
 from benchmarks.common import random_segmentations, wall
 
-from jld_core.program.template import Template
-from jld_core.solvers import ClarabelRoute
+from jld_core.program import Template
+from jld_core.solvers import ClarabelSolver
 
 
 @pytest.mark.parametrize("case", sorted(scale_one.CASES))
@@ -27,7 +27,7 @@ def test_batched() -> None:
     with np.errstate(all="ignore"):
         answers = batched.Batch(template).solve(labellings, *batched.ASKED)
     assert answers.done.mean() > 0.5
-    route = ClarabelRoute(template.precision.residual)
+    route = ClarabelSolver(template.precision.residual)
     for labels, load, done in zip(labellings, answers.points[-1], answers.done, strict=True):
         if done:
             one = route.solve(template.program(labels, template.precision.margin))

@@ -18,7 +18,7 @@ from jld_core import (
     parse_scene,
     solve,
 )
-from jld_core.solvers import ROUTES
+from jld_core.solvers import SOLVERS
 from paths import SCENES
 from transforms import as_elements
 
@@ -48,7 +48,7 @@ def test_wall(name: str, direction: float) -> None:
     assert result.stands_at_zero is True
 
 
-@pytest.mark.parametrize("route", ROUTES)
+@pytest.mark.parametrize("route", SOLVERS)
 def test_every_route_gives_the_same_wall(route: str) -> None:
     scene, assembly = wall("ferris_tinloi_4")
     result: LimitAnalysisResult = solve(assembly, solver=route)

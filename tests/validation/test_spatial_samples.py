@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from cases_spatial import assembly as spatial_assembly
 from cases_spatial import wall as spatial_wall
 from jld_core import Assembly, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.limit.analysis import Proof
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
+from jld_core.limit import Proof
+from jld_core.mechanics import equilibrium_matrix, load_vectors
 from noisy import Noisy
 from paths import SCENES
 from reference_spatial import load_factor

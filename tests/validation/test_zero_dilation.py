@@ -24,11 +24,10 @@ from jld_core import (
     load_scene,
     parse_scene,
 )
-from jld_core.limit.mechanism import face_jumps, flow_rule, work_balance
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.models.zero_dilation import solve_zero_dilation, zero_dilation
-from jld_core.models.zero_dilation_search import Scheme
-from jld_core.samples.gallery import random_wall
+from jld_core.limit import face_jumps, flow_rule, work_balance
+from jld_core.mechanics import equilibrium_matrix, load_vectors
+from jld_core.models import Scheme, solve_zero_dilation, zero_dilation
+from jld_core.samples import random_wall
 from paths import SCENES
 
 WALLS = {"ferris_tinloi_1": 0.638981, "ferris_tinloi_2": 0.562005, "ferris_tinloi_4": 0.263736}

@@ -13,7 +13,7 @@ from jld_core.build.elements import faces_of_pairs
 from jld_core.build.planar import planar_geometry
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
-from jld_core.scene.schema import Contact, Scene
+from jld_core.scene import Contact, Scene
 
 LABELS = {"dry": DRY, "inner": INNER}
 

@@ -8,7 +8,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
 from jld_core.errors import InputError
-from jld_core.scene.schema import Element, Scene
+from jld_core.scene import Element, Scene
 
 
 def collect_elements(

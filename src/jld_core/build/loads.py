@@ -9,7 +9,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements
 from jld_core.errors import InputError
-from jld_core.scene.schema import BodyLoad, PointLoad
+from jld_core.scene import BodyLoad, PointLoad
 
 
 def moment_about(arm: Floats, force: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Strengths
 from jld_core.errors import InputError
-from jld_core.scene.schema import Contact, Dry, Element, Materials, Scene
+from jld_core.scene import Contact, Dry, Element, Materials, Scene
 
 
 def friction(source: Dry | Contact) -> float | None:

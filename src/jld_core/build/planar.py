@@ -9,15 +9,15 @@ import numpy as np
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build.elements import collect_elements, pair_index, refuse_twins
 from jld_core.errors import InputError
-from jld_core.geometry import polygons
-from jld_core.geometry.planar_contacts import (
+from jld_core.geometry import (
     PlanarContact,
     check_polygons,
     find_planar_contacts,
     planar_interfaces,
+    polygons,
     without_repeats,
 )
-from jld_core.scene.schema import Contact, Element, Grid, Scene
+from jld_core.scene import Contact, Element, Grid, Scene
 
 
 def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | None]]:

@@ -9,15 +9,19 @@ from jld_core.arrays import Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build.elements import collect_elements, pair_index, refuse_twins
 from jld_core.errors import InputError
-from jld_core.geometry.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
-from jld_core.geometry.spatial_contacts import (
+from jld_core.geometry import (
+    Faces,
+    Facets,
     SpatialContact,
+    check_overlaps,
+    facets_of,
     find_spatial_contacts,
     given_normals,
     near_pairs,
+    solids,
     spatial_interfaces,
 )
-from jld_core.scene.schema import Contact, Scene
+from jld_core.scene import Contact, Scene
 
 
 def spatial_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | None]]:

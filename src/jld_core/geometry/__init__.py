@@ -1,1 +1,39 @@
 """Polygons, polyhedra, and where they touch. Knows no Assembly."""
+
+from __future__ import annotations
+
+from jld_core.geometry.planar_contacts import (
+    PlanarContact,
+    check_polygons,
+    find_planar_contacts,
+    planar_interfaces,
+    without_repeats,
+)
+from jld_core.geometry.polygons import rectangle_torsion_length
+from jld_core.geometry.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
+from jld_core.geometry.spatial_contacts import (
+    SpatialContact,
+    find_spatial_contacts,
+    given_normals,
+    near_pairs,
+    spatial_interfaces,
+)
+
+__all__ = [
+    "Faces",
+    "Facets",
+    "PlanarContact",
+    "SpatialContact",
+    "check_overlaps",
+    "check_polygons",
+    "facets_of",
+    "find_planar_contacts",
+    "find_spatial_contacts",
+    "given_normals",
+    "near_pairs",
+    "planar_interfaces",
+    "rectangle_torsion_length",
+    "solids",
+    "spatial_interfaces",
+    "without_repeats",
+]

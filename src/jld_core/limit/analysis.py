@@ -12,13 +12,21 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.bounds import Motion, Prover, State, crossed, load_floor, relative_width
-from jld_core.limit.repair import Interior
+from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult
 from jld_core.limit.status import Status
-from jld_core.mechanics.yield_set import require_materials
-from jld_core.program.template import Template
-from jld_core.solvers import ClarabelRoute, HighsRoute, RawStatus, Route, SchurRoute, is_large, make_route
-from jld_core.solvers.base import RawSolution
+from jld_core.mechanics import require_materials
+from jld_core.program import Template
+from jld_core.solvers import (
+    ClarabelSolver,
+    HighsSolver,
+    RawSolution,
+    RawStatus,
+    SchurSolver,
+    Solver,
+    is_large,
+    make_solver,
+)
 
 
 @dataclass
@@ -87,10 +95,10 @@ class LimitAnalysis:
         self.assembly, self.solver = assembly, solver
         self.template = template or Template(assembly)
         self.prover = Prover(self.template)
-        self.route: Route = make_route(
+        self.route: Solver = make_solver(
             solver, tolerance=self.template.precision.residual, structure=self.template.structure
         )
-        self.interior = Interior(self.template, self.prover)
+        self.interior = Repair(self.template, self.prover)
         self.gap, self.margin = gap, self.template.precision.margin if margin is None else margin
         self._floor = load_floor(self.template) / self.template.scaling.load
         self._reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
@@ -134,7 +142,7 @@ class LimitAnalysis:
         nothing = np.zeros(self.template.scaling.face.shape)
         return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
 
-    def _attempt(self, proof: Proof, route: Route, labels: Bits, margin: float) -> RawSolution:
+    def _attempt(self, proof: Proof, route: Solver, labels: Bits, margin: float) -> RawSolution:
         raw = route.solve(self.template.program(labels, margin))
         proof.solves += 1
         proof.route.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
@@ -246,7 +254,7 @@ class LimitAnalysis:
         """A vertex by dual simplex, exact to rounding, where the program is linear."""
         if self.template.structure.cones or self.template.structure.shape[1] > 6000:
             return raw
-        found = self._attempt(proof, HighsRoute(), labels, 0.0)
+        found = self._attempt(proof, HighsSolver(), labels, 0.0)
         return self._repair(proof, found, labels)
 
     def _phase_one(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
@@ -262,10 +270,10 @@ class LimitAnalysis:
         refined = self._refined(self.template.precision.residual)
         return self._repair(proof, self._attempt(proof, refined, labels, 0.0), labels)
 
-    def _refined(self, tolerance: float) -> Route:
+    def _refined(self, tolerance: float) -> Solver:
         if is_large(self.template.structure):
-            return SchurRoute(tolerance, gap=1e-10)
-        return ClarabelRoute(tolerance, iterative_refinement_enable=True)
+            return SchurSolver(tolerance, gap=1e-10)
+        return ClarabelSolver(tolerance, iterative_refinement_enable=True)
 
     def solve(self, labels: Bits | None = None, *, stands: bool = True, harder: bool = True) -> LimitAnalysisResult:
         """Limit analysis of one labelling, in full.

@@ -1,4 +1,4 @@
-"""Programs that repairs of a proof are made with, stated from a template's own (`Interior`)."""
+"""Programs that repairs of a proof are made with, stated from a template's own (`Repair`)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
-from jld_core.program.conic import ConicProgram, Structure, pack
-from jld_core.solvers import ClarabelRoute, auxiliary, is_large
-from jld_core.solvers.base import RawStatus
+from jld_core.program import ConicProgram, Structure, pack
+from jld_core.solvers import ClarabelSolver, RawStatus, auxiliary, is_large
 
 
 def tips_of(structure: Structure) -> Ints:
@@ -62,4 +61,4 @@ def least_multipliers(
     rows = sp.vstack([balance, -identity])
     rhs = np.concatenate([np.zeros(columns), -floor])
     objective = np.concatenate([np.zeros(equalities), floor])
-    return ClarabelRoute().solve(pack(rows, rhs, objective, columns, linear, cones)).point
+    return ClarabelSolver().solve(pack(rows, rhs, objective, columns, linear, cones)).point

@@ -29,9 +29,9 @@ from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
-from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.program.conic import ConicProgram, pack
-from jld_core.solvers import ClarabelRoute, Route
+from jld_core.mechanics import PlanarYield
+from jld_core.program import ConicProgram, pack
+from jld_core.solvers import ClarabelSolver, Solver
 
 _RESIDUAL: Final = 1e-7
 """Asked of the solver: bounds are computed from its answer, so that it need not be exact."""
@@ -87,7 +87,7 @@ class BlockRelaxation:
         self, analysis: LimitAnalysis, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]
     ) -> None:
         opening = analysis.interior.opening()
-        if not speaks_of(analysis) or opening is None:
+        if not applies_to(analysis) or opening is None:
             raise TypeError("no relaxation by blocks is known of this assembly")
         self.template = analysis.template
         self.solves = 0
@@ -95,8 +95,8 @@ class BlockRelaxation:
         self._lay_out(members, inside)
         self._state_program()
         self._open(opening)
-        self._quick = ClarabelRoute(_RESIDUAL)
-        self._careful = ClarabelRoute(_FINE, iterative_refinement_enable=True)
+        self._quick = ClarabelSolver(_RESIDUAL)
+        self._careful = ClarabelSolver(_FINE, iterative_refinement_enable=True)
 
     # --- layout -----------------------------------------------------------------------------------------
 
@@ -244,7 +244,7 @@ class BlockRelaxation:
         # segmentations as strong as the best one known are refuted by a hair
         return self._choose(allowed, threshold, found.bound, self._careful)
 
-    def _choose(self, allowed: Bools, threshold: float, most: float, route: Route) -> Choice:
+    def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
         program, rows, columns = self._program(allowed, threshold, most)
         raw = route.solve(program)
         self.solves += 1
@@ -357,7 +357,7 @@ class BlockRelaxation:
         return excess, np.maximum(slack, 0.0)
 
 
-def speaks_of(analysis: LimitAnalysis) -> bool:
+def applies_to(analysis: LimitAnalysis) -> bool:
     """Whether there is a relaxation by blocks: planar faces without compressive strength, joints that can all open."""
     sets = analysis.template.yield_set
     if not isinstance(sets, PlanarYield):

@@ -18,8 +18,8 @@ import scipy.sparse.linalg as spla
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
-from jld_core.linalg.cholesky import Fronts
-from jld_core.program.template import Template
+from jld_core.linalg import Fronts
+from jld_core.program import Template
 
 _FULL = 20_000  # entries up to which products with a full matrix are the quicker ones
 _DENSE = 200  # equations up to which a stored dense projector beats sparse triangular solves

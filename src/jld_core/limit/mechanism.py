@@ -14,14 +14,18 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.mechanics.bending import InnerBending
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
-from jld_core.mechanics.scaling import scaling_of
-from jld_core.mechanics.yield_planar import planar_yield
-from jld_core.mechanics.yield_set import YieldSet
-from jld_core.mechanics.yield_spatial import spatial_yield
-from jld_core.program.template import Template
+from jld_core.mechanics import (
+    Contact,
+    InnerBending,
+    PrescribedFriction,
+    YieldSet,
+    equilibrium_matrix,
+    load_vectors,
+    planar_yield,
+    scaling_of,
+    spatial_yield,
+)
+from jld_core.program import Template
 
 SMALL: Final = 0.01
 """Share of the largest movement of a mechanism below which a face counts as closed."""
@@ -172,10 +176,10 @@ def yield_set_of(
     )
     none = np.zeros(len(assembly.interfaces))
     if result.friction == "associative":
-        return base if contact is None else FrozenYield(base, 1.0, none, contact)
+        return base if contact is None else PrescribedFriction(base, 1.0, none, contact)
     if result.forces is None:
         raise ValueError("the result holds no forces")
-    return FrozenYield(base, 0.0, np.maximum(result.forces[:, 0] / scaling.face[:, 0], 0.0), contact)
+    return PrescribedFriction(base, 0.0, np.maximum(result.forces[:, 0] / scaling.face[:, 0], 0.0), contact)
 
 
 def flow_rule(result: LimitAnalysisResult, sets: YieldSet | None = None) -> FlowRule:

@@ -19,11 +19,9 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
-from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.mechanics.yield_set import RowPattern, Rows, YieldSet
-from jld_core.mechanics.yield_spatial import SpatialYield
-from jld_core.program.conic import ConicProgram
-from jld_core.solvers import make_route
+from jld_core.mechanics import PlanarYield, RowPattern, Rows, SpatialYield, YieldSet
+from jld_core.program import ConicProgram
+from jld_core.solvers import make_solver
 
 _TINY: Final = 1e-6
 """Margins, relative to the largest jump, that are worth closing by opening all faces a little."""
@@ -36,7 +34,7 @@ _RESIDUAL: Final = 1e-10
 
 
 @dataclass(frozen=True)
-class Refutation:
+class DualBound:
     """Why no labelling that agrees on some faces reaches a load factor.
 
     excess: threshold · b_λ·u + b·u − Σ D, above zero with what rounding may take. cost: (m,) what a face takes from
@@ -59,7 +57,7 @@ class Relaxation:
         self.template = analysis.template
         self._prover, self._interior = analysis.prover, analysis.interior
         self._open = self.template.with_rows(_hull(self.template.yield_set))
-        self._route = make_route("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
+        self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
 
@@ -67,7 +65,7 @@ class Relaxation:
         """The program of a partial labelling: labels (m,) True dry, of no force where undecided (m,)."""
         return self.template.program(labels, self._margin, other=self._open, taken=undecided)
 
-    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> Refutation | None:
+    def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
         """A proof that no labelling that agrees where decided reaches a scaled λ; None where there is none.
 
         labels: (m,) True dry. undecided: (m,). threshold: scaled λ.
@@ -98,7 +96,7 @@ class Relaxation:
         velocity = motion.velocity + share * opening.velocity
         return self._prover.motion(velocity, np.ones(len(motion.jumps), dtype=bool), normalise=False)
 
-    def _weigh(self, motion: Motion, labels: Bits, undecided: Bools, threshold: float) -> Refutation | None:
+    def _weigh(self, motion: Motion, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
         sets, jumps = self.template.yield_set, motion.jumps
         if not usable(motion.velocity):
             return None
@@ -124,7 +122,7 @@ class Relaxation:
         with np.errstate(invalid="ignore"):
             cost = np.where(undecided, 0.0, either - own)
         bound = total / work if work > 0.0 else -np.inf
-        return Refutation(excess, cost, bound)
+        return DualBound(excess, cost, bound)
 
     def _opened(self, motion: Motion, finite: Floats, labels: Bits, undecided: Bools) -> tuple[Motion, Floats]:
         """The motion with just the opening added that margins missed by rounding need, and the margins then."""

@@ -15,17 +15,15 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.auxiliary_programs import least_multipliers, tips_of, with_slack
 from jld_core.limit.bounds import Motion, Prover, State, usable
-from jld_core.program.conic import ConicProgram, Structure, pack
-from jld_core.program.template import Template
-from jld_core.solvers import auxiliary, is_large
-from jld_core.solvers.base import RawSolution
+from jld_core.program import ConicProgram, Structure, Template, pack
+from jld_core.solvers import RawSolution, auxiliary, is_large
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
 _BLUR = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
 _LITTLE = 1e-5  # slack, scaled, that every row can have at once if it can have any
 
 
-class Interior:
+class Repair:
     """Auxiliary programs of one template."""
 
     def __init__(self, template: Template, prover: Prover) -> None:

@@ -29,7 +29,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class FrozenYield:
+class PrescribedFriction:
     """A yield set whose dry friction is μ (α N + (1 − α) N_prev), with torsion about frozen effective areas.
 
     base: the set of associative friction. alpha: α, share of the present N; 1 leaves the friction as it is, 0

@@ -18,16 +18,11 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.geometry.polygons import rectangle_torsion_length
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import State, relative_width
-from jld_core.limit.result import LimitAnalysisResult, number
-from jld_core.limit.status import Status
-from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
-from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.mechanics.yield_spatial import SpatialYield
-from jld_core.program.template import Template
-from jld_core.solvers.proximal import ProximalRoute
+from jld_core.geometry import rectangle_torsion_length
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, State, Status, number, relative_width
+from jld_core.mechanics import Contact, PlanarYield, PrescribedFriction, SpatialYield
+from jld_core.program import Template
+from jld_core.solvers import ProximalSolver
 
 FIXED: Final = 1e-8
 """Change of x / (l/2) and of c_T,e / c_T at which the effective areas count as fixed."""
@@ -42,7 +37,7 @@ _NARROW = 1e-6  # least side of an effective rectangle, relative to the face
 def base_yield(template: Template) -> PlanarYield | SpatialYield:
     """The yield set of associative friction under a template's. Raises TypeError for any other kind."""
     found = template.yield_set
-    if isinstance(found, FrozenYield):
+    if isinstance(found, PrescribedFriction):
         return found.base
     if isinstance(found, PlanarYield | SpatialYield):
         return found
@@ -84,7 +79,7 @@ def frozen_contact(template: Template, contact: Contact) -> Template:
     """The template of associative friction with torsion about given effective areas."""
     base = base_yield(template)
     none = np.zeros(len(template.assembly.interfaces))
-    return template.renumbered(FrozenYield(base, 1.0, none, contact))
+    return template.renumbered(PrescribedFriction(base, 1.0, none, contact))
 
 
 @dataclass(frozen=True)
@@ -154,7 +149,7 @@ def _iterate(analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, w
     """Steps to better forces while areas change much, then steps that hold the forces until areas and forces agree."""
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin = template.precision.margin
-    walk, hold = (ProximalRoute(count, w, template.precision.residual) for w in (weight, _HOLD))
+    walk, hold = (ProximalSolver(count, w, template.precision.residual) for w in (weight, _HOLD))
     prover = copy.copy(analysis.prover)
     contact = contact_of(analysis.assembly, forces.reshape(-1, 6), labels)
     frozen = frozen_contact(template, contact)

@@ -9,7 +9,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly, Interfaces, Strengths
 from jld_core.errors import InputError
-from jld_core.mechanics.bending import local_hulls
+from jld_core.mechanics import local_hulls
 
 
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:

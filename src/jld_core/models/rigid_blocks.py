@@ -20,15 +20,10 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import State, load_floor, relative_width
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
-from jld_core.mechanics.scaling import Scaling, scaling_of
-from jld_core.program.conic import pack
-from jld_core.program.template import Template
-from jld_core.solvers import is_large
-from jld_core.solvers.clarabel import ClarabelRoute
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, State, Status, load_floor, relative_width
+from jld_core.mechanics import Scaling, scaling_of
+from jld_core.program import Template, pack
+from jld_core.solvers import ClarabelSolver, is_large
 
 _STRONG = 300.0  # strength over force scale above which blocks count as rigid until shown otherwise
 _STRONG_LARGE = 4.0  # the same for assemblies that are large for their solver (measured on 2 025 faces)
@@ -249,7 +244,7 @@ def _inner_forces(
     stacked = sp.vstack([wide[rows], wide[linear], cap, wide[conic]])
     rhs = np.concatenate([target[rows], program.rhs[linear], np.ones(len(names)), program.rhs[conic]])
     objective = np.concatenate([np.zeros(len(columns)), -np.ones(len(names))])
-    raw = ClarabelRoute().solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
+    raw = ClarabelSolver().solve(pack(stacked, rhs, objective, len(rows), len(linear) + len(names), sizes))
     own = raw.point[: q * inside.size].reshape(-1, q)
     if not np.all(np.isfinite(own)):
         return None

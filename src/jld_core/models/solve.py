@@ -15,24 +15,19 @@ from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import apart
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
-from jld_core.mechanics.scaling import scaling_of
-from jld_core.mechanics.yield_set import require_materials
-from jld_core.mechanics.yield_spatial import spatial_yield
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status, apart
+from jld_core.mechanics import require_materials, scaling_of, spatial_yield
 from jld_core.models.effective_area import solve_effective_area
 from jld_core.models.point_contacts import point_contact_assembly, resultants_of_faces
 from jld_core.models.rigid_blocks import solve_condensed, worth_condensing
 from jld_core.models.zero_dilation import zero_dilation
 from jld_core.models.zero_dilation_search import Scheme
-from jld_core.program.template import Template
+from jld_core.program import Template
 from jld_core.solvers import is_large
 
 
 @dataclass(frozen=True)
-class Model:
+class SolveOptions:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
     friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py).
@@ -54,11 +49,11 @@ class Model:
 def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
     """Collapse load factor of one labelling, with a two-sided bracket.
 
-    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `Model`.
+    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `SolveOptions`.
     Raises InputError where a material that the labelling needs is missing, or an option has no such value.
     Source: Iannuzzo et al. 2024, eq. (2); METHOD §2–3.
     """
-    model = Model(**options)
+    model = SolveOptions(**options)
     _check(model)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)
@@ -70,7 +65,7 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     return replace(_solved(limit_analysis(assembly, model, reference=own), own, model), contact=model.contact)
 
 
-def _check(model: Model) -> None:
+def _check(model: SolveOptions) -> None:
     """Raise InputError for options that have no such value, or that do not go together."""
     for key, allowed in (
         ("friction", ("associative", "zero-dilation")),
@@ -86,7 +81,7 @@ def _check(model: Model) -> None:
         raise InputError("--effective-area", "points have no area", "--contact convex with it")
 
 
-def _solved(analysis: LimitAnalysis, labels: Bits, model: Model) -> LimitAnalysisResult:
+def _solved(analysis: LimitAnalysis, labels: Bits, model: SolveOptions) -> LimitAnalysisResult:
     if model.friction == "zero-dilation":
         return zero_dilation(analysis, labels, Scheme(effective_area=model.effective_area))
     if model.effective_area:
@@ -110,7 +105,7 @@ def _solved(analysis: LimitAnalysis, labels: Bits, model: Model) -> LimitAnalysi
     return found
 
 
-def limit_analysis(assembly: Assembly, model: Model, reference: Bits | None = None) -> LimitAnalysis:
+def limit_analysis(assembly: Assembly, model: SolveOptions, reference: Bits | None = None) -> LimitAnalysis:
     """A limit analysis of an assembly under convex contact, for any number of labellings."""
     template = None
     if assembly.dimension == 3 and model.inner_bending != "paper":

@@ -24,11 +24,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import relative_width
-from jld_core.limit.mechanism import element_velocities
-from jld_core.limit.result import LimitAnalysisResult, number
-from jld_core.limit.status import Status
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status, element_velocities, number, relative_width
 from jld_core.models.effective_area import require_rectangles
 from jld_core.models.zero_dilation_search import Pair, Run, Scheme
 

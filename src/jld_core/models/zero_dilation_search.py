@@ -12,18 +12,11 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import Motion, Prover, State, load_floor
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
-from jld_core.mechanics.prescribed_friction import Contact, FrozenYield
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Motion, Prover, State, Status, load_floor
+from jld_core.mechanics import Contact, PrescribedFriction
 from jld_core.models.effective_area import FIXED, base_yield, change, contact_of
-from jld_core.program.conic import ConicProgram
-from jld_core.program.template import Template
-from jld_core.solvers import HighsRoute, RawStatus
-from jld_core.solvers.base import RawSolution
-from jld_core.solvers.clarabel import ClarabelRoute
-from jld_core.solvers.proximal import ProximalRoute
+from jld_core.program import ConicProgram, Template
+from jld_core.solvers import ClarabelSolver, HighsSolver, ProximalSolver, RawSolution, RawStatus
 
 VIOLATION: Final = 1e-4
 """Largest (|V| − μN)⁺ over the largest N of a converged run."""
@@ -144,10 +137,10 @@ class Run:
         self.base = base_yield(template)
         residual = template.precision.residual
         # the quadratic programs do not reach what linear ones do, and only the last of them must be exact
-        self.walk = ProximalRoute(self.count, scheme.damping, max(_WALK, residual))
-        self.match = ProximalRoute(self.count, scheme.anchor, max(_MATCH, residual))
-        self.hold = ProximalRoute(self.count, _HOLD, max(_MATCH, residual))
-        self.route = ClarabelRoute(residual)
+        self.walk = ProximalSolver(self.count, scheme.damping, max(_WALK, residual))
+        self.match = ProximalSolver(self.count, scheme.anchor, max(_MATCH, residual))
+        self.hold = ProximalSolver(self.count, _HOLD, max(_MATCH, residual))
+        self.route = ClarabelSolver(residual)
         self.shared: Template = template
         self.floor = load_floor(template) / template.scaling.load
         self.reached = np.zeros(self.count)
@@ -171,9 +164,9 @@ class Run:
         prover.template = template
         return prover
 
-    def frozen(self, alpha: float, previous: Floats, contact: Contact | None) -> tuple[Template, FrozenYield]:
+    def frozen(self, alpha: float, previous: Floats, contact: Contact | None) -> tuple[Template, PrescribedFriction]:
         """The template with friction μ(αN + (1 − α)N_prev); previous: (m,)."""
-        sets = FrozenYield(self.base, alpha, np.maximum(previous, 0.0), contact)
+        sets = PrescribedFriction(self.base, alpha, np.maximum(previous, 0.0), contact)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
 
@@ -369,13 +362,13 @@ class Run:
         labels, template = self.labels, self.analysis.template
         if self.scheme.start == "vertex":
             self.solves += 1
-            raw = HighsRoute().solve(template.program(labels))
+            raw = HighsSolver().solve(template.program(labels))
             if raw.status is RawStatus.OPTIMAL:
                 return raw.point[: self.count]
         # associative forces of a locked assembly may be anything
         if self.scheme.start == "gravity" or associative.status is Status.LOCKED:
             self.solves += 1
-            raw = ProximalRoute(self.count, 1.0, template.precision.residual).solve(
+            raw = ProximalSolver(self.count, 1.0, template.precision.residual).solve(
                 _unloaded(template.program(labels, self.margin)), np.zeros(self.count)
             )
             if raw.status is RawStatus.OPTIMAL:

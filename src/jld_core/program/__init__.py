@@ -1,1 +1,13 @@
 """The conic program of one labelling, and what a relabelling changes in it."""
+
+from __future__ import annotations
+
+from jld_core.program.conic import ConicProgram, Structure, pack
+from jld_core.program.template import Template
+
+__all__ = [
+    "ConicProgram",
+    "Structure",
+    "Template",
+    "pack",
+]

@@ -17,11 +17,16 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools
 from jld_core.assembly import Assembly
-from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.mechanics.scaling import Scaling, scaling_of
-from jld_core.mechanics.yield_planar import planar_yield
-from jld_core.mechanics.yield_set import Rows, YieldSet
-from jld_core.mechanics.yield_spatial import spatial_yield
+from jld_core.mechanics import (
+    Rows,
+    Scaling,
+    YieldSet,
+    equilibrium_matrix,
+    load_vectors,
+    planar_yield,
+    scaling_of,
+    spatial_yield,
+)
 from jld_core.program.conic import ConicProgram, Structure
 from jld_core.tolerances import Precision
 

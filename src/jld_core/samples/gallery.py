@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.scene.reading import parse_scene
-from jld_core.scene.schema import Scene
+from jld_core.scene import Scene, parse_scene
 
 _LEAST = 0.35  # shortest piece of a block, in block lengths; a shorter one joins its neighbour
 

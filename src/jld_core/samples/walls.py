@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from jld_core.samples.gallery import _box
-from jld_core.scene.reading import parse_scene
-from jld_core.scene.schema import Scene
+from jld_core.scene import Scene, parse_scene
 
 
 def running_bond(

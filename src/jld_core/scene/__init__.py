@@ -1,1 +1,20 @@
 """The scene file: its keys, how it is read, and what is said of a wrong one."""
+
+from __future__ import annotations
+
+from jld_core.scene.reading import load_scene, parse_scene
+from jld_core.scene.schema import BodyLoad, Contact, Dry, Element, Grid, Materials, PointLoad, Scene, Search
+
+__all__ = [
+    "BodyLoad",
+    "Contact",
+    "Dry",
+    "Element",
+    "Grid",
+    "Materials",
+    "PointLoad",
+    "Scene",
+    "Search",
+    "load_scene",
+    "parse_scene",
+]

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from typing import Final
 
-from jld_core.errors import InputError, RouteError
-from jld_core.program.conic import ConicProgram, Structure
-from jld_core.solvers.base import RawSolution, RawStatus, Route
-from jld_core.solvers.clarabel import ClarabelRoute
-from jld_core.solvers.highs import HighsRoute
-from jld_core.solvers.schur.interior_point import SchurRoute
+from jld_core.errors import InputError, SolverError
+from jld_core.program import ConicProgram, Structure
+from jld_core.solvers.base import RawSolution, RawStatus, Solver
+from jld_core.solvers.clarabel import ClarabelSolver
+from jld_core.solvers.highs import HighsSolver
+from jld_core.solvers.proximal import ProximalSolver
+from jld_core.solvers.schur import SchurSolver
 
-ROUTES = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
+SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
 
 LARGE: Final = {False: 2000, True: 600}
 """Equations from which `schur` is the faster and more exact one, linear programs and those with cones
 (benchmarks/scale.py)."""
 
 
-def make_route(
+def make_solver(
     name: str, threads: int = 1, tolerance: float | None = None, structure: Structure | None = None
-) -> Route:
+) -> Solver:
     """A fresh route by name: clarabel, schur (large assemblies), highs (dual simplex), highs-ipm, cvxpy (reference).
 
     auto (default) takes clarabel, or schur for programs from `LARGE` equations on. tolerance: residual asked of
@@ -31,16 +32,16 @@ def make_route(
     if name == "auto":
         name = "schur" if structure is not None and is_large(structure) else "clarabel"
     if name == "schur":
-        return SchurRoute(tolerance)
+        return SchurSolver(tolerance)
     if name == "clarabel":
-        return ClarabelRoute(tolerance, threads=threads)
+        return ClarabelSolver(tolerance, threads=threads)
     if name in ("highs", "highs-ipm"):
-        return HighsRoute(name, threads=threads)
+        return HighsSolver(name, threads=threads)
     if name == "cvxpy":
-        from jld_core.solvers.cvxpy import CvxpyRoute  # half a second that every other start would pay
+        from jld_core.solvers.cvxpy import CvxpySolver  # half a second that every other start would pay
 
-        return CvxpyRoute()
-    raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(ROUTES))
+        return CvxpySolver()
+    raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
 
 
 def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
@@ -50,12 +51,12 @@ def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
     """
     if is_large(program.structure):
         try:
-            answer = SchurRoute(gap=gap).solve(program)
-        except RouteError:
-            return ClarabelRoute().solve(program)
+            answer = SchurSolver(gap=gap).solve(program)
+        except SolverError:
+            return ClarabelSolver().solve(program)
         if answer.status is not RawStatus.FAILED:
             return answer
-    return ClarabelRoute().solve(program)
+    return ClarabelSolver().solve(program)
 
 
 def is_large(structure: Structure) -> bool:
@@ -65,14 +66,15 @@ def is_large(structure: Structure) -> bool:
 
 __all__ = [
     "LARGE",
-    "ROUTES",
-    "ClarabelRoute",
-    "HighsRoute",
+    "SOLVERS",
+    "ClarabelSolver",
+    "HighsSolver",
+    "ProximalSolver",
     "RawSolution",
     "RawStatus",
-    "Route",
-    "SchurRoute",
+    "SchurSolver",
+    "Solver",
     "auxiliary",
     "is_large",
-    "make_route",
+    "make_solver",
 ]

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from jld_core.arrays import Floats
-from jld_core.program.conic import ConicProgram
+from jld_core.program import ConicProgram
 
 
 class RawStatus(StrEnum):
@@ -37,10 +37,10 @@ class RawSolution:
     note: str = ""
 
 
-class Route(Protocol):
+class Solver(Protocol):
     """One way to a raw solution. It may keep state between calls, but its answer depends on its argument alone."""
 
     name: str
 
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve; RouteError where this route does not take such a program."""
+        """Solve; SolverError where this route does not take such a program."""

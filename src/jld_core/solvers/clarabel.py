@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.program.conic import ConicProgram, Structure
+from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus
 
 _STATUS = {
@@ -25,8 +25,8 @@ _STATUS = {
 }
 
 
-class ClarabelRoute:
-    """Interior point on the program as it stands; updates and rebuilds are counted.
+class ClarabelSolver:
+    """Repair point on the program as it stands; updates and rebuilds are counted.
 
     The equilibration that a set-up computes stays in force under updates, so a set-up is always made on the
     first program of a structure that this route is given (a template's reference): answers then do not depend

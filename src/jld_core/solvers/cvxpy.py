@@ -8,7 +8,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from jld_core.program.conic import ConicProgram
+from jld_core.program import ConicProgram
 from jld_core.solvers.base import RawSolution, RawStatus
 
 _STATUS = {
@@ -22,7 +22,7 @@ _STATUS = {
 }
 
 
-class CvxpyRoute:
+class CvxpySolver:
     """The program stated in CVXPY and given to the solver it is asked for, built anew each time."""
 
     name = "cvxpy"

@@ -8,8 +8,8 @@ from typing import Any
 import highspy
 import numpy as np
 
-from jld_core.errors import RouteError
-from jld_core.program.conic import ConicProgram
+from jld_core.errors import SolverError
+from jld_core.program import ConicProgram
 from jld_core.solvers.base import RawSolution, RawStatus
 
 _STATUS = {
@@ -22,7 +22,7 @@ _STATUS = {
 }
 
 
-class HighsRoute:
+class HighsSolver:
     """Linear programs only; a fresh model per program, so that answers do not depend on what went before."""
 
     def __init__(self, name: str = "highs", threads: int = 1, tolerance: float = 1e-10) -> None:
@@ -41,7 +41,7 @@ class HighsRoute:
     def solve(self, program: ConicProgram) -> RawSolution:
         s = program.structure
         if s.cones:
-            raise RouteError(f"{self.name} takes linear programs only; this scene needs second-order cones")
+            raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
         start = time.perf_counter()
         model = highspy.HighsLp()
         model.num_col_, model.num_row_ = s.shape[1], s.shape[0]

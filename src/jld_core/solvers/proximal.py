@@ -10,12 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats
-from jld_core.program.conic import ConicProgram, Structure
+from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution
 from jld_core.solvers.clarabel import cones_of, raw_solution
 
 
-class ProximalRoute:
+class ProximalSolver:
     """Clarabel on min q·y + (ε/2)‖F − F₀‖², F the first `count` columns; set up once per structure.
 
     count: columns under the proximal term. weight: ε > 0, for scaled forces of order one. tolerance: residual

@@ -16,7 +16,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit import LimitAnalysisResult
 from jld_core.views import quantities as marks
 from jld_core.views.quantities import Movement
 from jld_core.views.structure import (
@@ -26,7 +26,7 @@ from jld_core.views.structure import (
     SUPPORT,
     TINTS,
     Drawn,
-    Ink,
+    LineStyle,
     element_points,
     extent,
     projection_of,
@@ -199,7 +199,7 @@ def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
     return Line2D([], [], label=label, marker=marker, markersize=size, linestyle="none", **style)
 
 
-def label_handles(assembly: Assembly, labels: Bits, ink: Ink) -> list[Artist]:
+def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Artist]:
     """Legend of dry and inner faces, as present, and of supports."""
     handles: list[Artist] = []
     for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
@@ -249,7 +249,7 @@ def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> li
     return handles + load_handles(drawn)
 
 
-def mechanism_handles(assembly: Assembly, labels: Bits, ink: Ink, drawn: Drawn) -> list[Artist]:
+def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
     """Legend of a picture of a mechanism."""
     handles = label_handles(assembly, labels, ink)
     handles.append(_line("at rest", color="#8A8A8A", linewidth=0.6))

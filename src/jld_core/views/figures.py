@@ -22,9 +22,7 @@ from matplotlib.figure import Figure
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.limit.mechanism import displacement
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
+from jld_core.limit import LimitAnalysisResult, Status, displacement
 from jld_core.views import annotations as furniture
 from jld_core.views import quantities as marks
 from jld_core.views.structure import (
@@ -32,7 +30,7 @@ from jld_core.views.structure import (
     SUPPORT,
     TINTS,
     Drawn,
-    Ink,
+    LineStyle,
     default_ink,
     element_points,
     extent,
@@ -85,7 +83,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     base = default_ink(ax, assembly, labels)
     fills = [PLAIN] * len(assembly.elements)
     if result.forces is None:
-        faded = Ink([FADED] * len(labels), base.widths)
+        faded = LineStyle([FADED] * len(labels), base.widths)
         drawn = paint(ax, assembly, labels, fills, faded)
         furniture.frame(ax, assembly, furniture.draw_loads(ax, assembly, drawn))
         handles = furniture.label_handles(assembly, labels, faded)
@@ -94,7 +92,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
         return drawn
     used = marks.utilisation(result)
     thick = float(base.widths.max(initial=0.5))
-    ink = Ink([tuple(furniture.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
+    ink = LineStyle([tuple(furniture.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
     drawn = paint(ax, assembly, labels, fills, ink)
     covered = furniture.draw_loads(ax, assembly, drawn)
     covered += _draw_face_forces(ax, result, drawn)
@@ -180,7 +178,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink = default_ink(ax, assembly, labels)
     if result.mechanism is None:
-        faded = Ink([FADED] * len(labels), ink.widths)
+        faded = LineStyle([FADED] * len(labels), ink.widths)
         drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)
         furniture.frame(ax, assembly, list(extent(assembly, projection)))
         furniture.legend(ax, furniture.label_handles(assembly, labels, faded))
@@ -191,7 +189,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     def move(element: int, points: Floats) -> Floats:
         return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
-    drawn = paint(ax, assembly, labels, _tints(assembly, labels), Ink(ink.colours, 0.8 * ink.widths), move)
+    drawn = paint(ax, assembly, labels, _tints(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
     drawn["rest"] = _draw_rest(ax, assembly)
     kinds, places = marks.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))

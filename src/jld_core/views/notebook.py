@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.assembly import Assembly
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.program.template import Template
+from jld_core.limit import LimitAnalysisResult
+from jld_core.program import Template
 from jld_core.shown import show_with
 
 LARGEST: Final = 1500

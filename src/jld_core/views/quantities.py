@@ -14,9 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import mechanism
-from jld_core.limit.mechanism import displacement, face_motions
-from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit import LimitAnalysisResult, displacement, face_motions, mechanism
 
 REACH: Final = 0.12
 """Largest displacement drawn, relative to the size of the scene."""

@@ -54,7 +54,7 @@ class Projection:
 
 
 @dataclass(frozen=True)
-class Ink:
+class LineStyle:
     """How the m interfaces are drawn: per interface a colour and a width in points; half the length of the
     ticks on dry faces, scene units, 0 for none."""
 
@@ -96,12 +96,12 @@ def element_points(ax: Axes, assembly: Assembly) -> float:
     return float(72.0 / dots * scale * typical(assembly))
 
 
-def default_ink(ax: Axes, assembly: Assembly, labels: Bits) -> Ink:
+def default_ink(ax: Axes, assembly: Assembly, labels: Bits) -> LineStyle:
     """Thick dark solid dry faces, thin dotted inner ones, as thick as the size of the elements allows."""
     points = element_points(ax, assembly)
     thick, thin = float(np.clip(0.07 * points, 0.5, 2.4)), float(np.clip(0.04 * points, 0.3, 0.9))
     tick = (1.3 * thick + 1.0) / points * typical(assembly) if points > 14.0 else 0.0
-    return Ink([INK if dry else SOFT for dry in labels], np.where(labels, thick, thin), tick)
+    return LineStyle([INK if dry else SOFT for dry in labels], np.where(labels, thick, thin), tick)
 
 
 def paint(
@@ -109,7 +109,7 @@ def paint(
     assembly: Assembly,
     labels: Bits,
     fills: list[str],
-    ink: Ink | None = None,
+    ink: LineStyle | None = None,
     move: Move | None = None,
 ) -> Drawn:
     """The structure on given axes.
@@ -122,7 +122,9 @@ def paint(
     return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
 
 
-def _paint_planar(ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: Ink, move: Move | None) -> Drawn:
+def _paint_planar(
+    ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
+) -> Drawn:
     place = move or (lambda _, points: points)
     shapes = [place(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     support = assembly.elements.support
@@ -227,7 +229,9 @@ def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
     return order
 
 
-def _paint_spatial(ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: Ink, move: Move | None) -> Drawn:
+def _paint_spatial(
+    ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
+) -> Drawn:
     projection, faces, elements = projection_of(assembly), assembly.interfaces, assembly.elements
     place = move or (lambda _, points: points)
     order = painter_order(assembly, projection.toward)

@@ -17,20 +17,17 @@ import typer
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
-from jld_core.build.assemble import build_assembly
-from jld_core.errors import InputError, RouteError
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
-from jld_core.models.solve import solve as solve_assembly
-from jld_core.scene.reading import load_scene
-from jld_core.scene.schema import Scene
-from jld_core.solvers import ROUTES
+from jld_core.build import build_assembly
+from jld_core.errors import InputError, SolverError
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve as solve_assembly
+from jld_core.scene import Scene, load_scene
+from jld_core.solvers import SOLVERS
 from jld_explore.cli import samples
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report import words
-from jld_explore.report.folder import check_folder, check_writable, read_folder, write_pictures, write_text
-from jld_explore.space.search_space import search_space
+from jld_explore.report import check_folder, check_writable, read_folder, words, write_pictures, write_text
+from jld_explore.space import search_space
 from jld_explore.study import Interrupted
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
@@ -122,7 +119,7 @@ def solve(
         Condense,
         typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong."),
     ] = Condense.AUTO,
-    solver: Annotated[str, typer.Option(help="Route: " + ", ".join(ROUTES) + ".")] = "auto",
+    solver: Annotated[str, typer.Option(help="Solver: " + ", ".join(SOLVERS) + ".")] = "auto",
     gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
@@ -146,7 +143,7 @@ def solve(
         )
     except InputError as error:
         raise (error if error.where.startswith("--") else error.within(str(scene))) from None
-    except RouteError as error:
+    except SolverError as error:
         raise InputError("--solver", str(error), "a solver that takes this scene") from None
     if out is not None:
         _write_result(result, out)

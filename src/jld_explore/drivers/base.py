@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from jld_core.arrays import Bits
-from jld_explore.evaluation.evaluation import Evaluation
+from jld_explore.evaluation import Evaluation
 
 
 class Driver(ABC):

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.space.labelling import above, below, representatives
-from jld_explore.space.limits import within_limits
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import SearchSpace, above, below, representatives, within_limits
 
 Names = NDArray[np.unsignedinteger[Any]]
 

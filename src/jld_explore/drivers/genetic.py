@@ -19,9 +19,8 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.ranking import front_counts, objectives, places
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.evaluation import Evaluation, front_counts, objectives, places
+from jld_explore.space import SearchSpace
 
 CROSSING: Final = 0.5
 """Share of children with two parents; the others are changes of one."""
@@ -106,7 +105,7 @@ class Genetic(Searcher):
 
     def _generation(self) -> Bits:
         strangers = self.register.admit(self.draw(max(1, round(NEWCOMERS * self.size))))
-        children = self.register.admit(self._children(self.operators.brood * self.size))
+        children = self.register.admit(self._children(self.operators.offspring_factor * self.size))
         self._room = np.concatenate([self._room, children])
         self._counts = np.concatenate([self._counts, front_counts(self.space, children)])
         wanted = self.size - len(strangers)
@@ -164,7 +163,7 @@ class Genetic(Searcher):
         group = self.space.group
         turned = self._generator.integers(len(group), size=crossed)
         images = np.take_along_axis(second[:crossed], group[turned], axis=1)
-        return self.operators.breed(first[:crossed], images, first[crossed:], self.dice)
+        return self.operators.breed(first[:crossed], images, first[crossed:], self.rng)
 
     def _chosen(self, wanted: int) -> Bits:
         """Take the most promising out of the room; of the others the most promising stay."""

@@ -10,10 +10,8 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.ranking import standing
-from jld_explore.space.labelling import keys
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.evaluation import Evaluation, standing
+from jld_explore.space import SearchSpace, keys
 
 
 @dataclass
@@ -50,7 +48,7 @@ class HillClimb(Searcher):
                 place = climber.place
 
                 def near(count: int, place: Bits = place) -> Bits:
-                    return self.operators.vary(np.repeat(place[None], count, axis=0), self.dice)
+                    return self.operators.vary(np.repeat(place[None], count, axis=0), self.rng)
 
                 rows = self.fresh(near, self.neighbours)
                 climber.stalled += 1

@@ -27,12 +27,10 @@ from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
 
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit.status import Status
+from jld_core.limit import Status
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.ranking import objectives
-from jld_explore.space.labelling import canonical, keys, to_string
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.evaluation import Evaluation, objectives
+from jld_explore.space import SearchSpace, canonical, keys, to_string
 
 FILE: Final = "optuna.sqlite3"
 """Name of the default storage in the folder of a study."""

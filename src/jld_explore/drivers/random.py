@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from jld_core.arrays import Bits
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import SearchSpace
 
 
 class Random(Searcher):

@@ -8,11 +8,11 @@ from typing import Any, Final
 from jld_core.errors import InputError
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.driver import Exact
+from jld_explore.drivers.exact import Exact
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.random import Random
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace
 
 
 def _optuna(space: SearchSpace, seed: int, **options: Any) -> Driver:

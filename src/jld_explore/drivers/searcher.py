@@ -15,11 +15,8 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.operators.atom_graph import Dice
-from jld_explore.drivers.operators.segmentations import Operators, operators
-from jld_explore.space.labelling import canonical, keys
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.drivers.operators import BufferedRandom, Operators, operators
+from jld_explore.space import SearchSpace, canonical, feasible, keys
 
 PATIENCE: Final = 12
 """Proposals tried for each new labelling wanted before a driver looks for them elsewhere."""
@@ -59,7 +56,7 @@ class Searcher(Driver):
 
     def __init__(self, space: SearchSpace, seed: int, size: int) -> None:
         self.space, self.size = space, size
-        self.dice = Dice(np.random.default_rng(seed))
+        self.rng = BufferedRandom(np.random.default_rng(seed))
         self.operators: Operators = operators(space)
         self.register = Register(space)
         self._held = self._none
@@ -103,7 +100,7 @@ class Searcher(Driver):
 
     def draw(self, count: int) -> Bits:
         """Random rows, as `fresh` takes them."""
-        return self.operators.draw(count, self.dice)
+        return self.operators.draw(count, self.rng)
 
     def _remaining(self) -> Iterator[Bits]:
         """What enumeration finds and nobody has proposed, in batches of `size`."""

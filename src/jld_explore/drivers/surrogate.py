@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from jld_core.arrays import Bits, Floats
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace
 
 REACH: Final = 0.1
 """Share of the candidate faces in which labellings differ at which their likeness has fallen to 1 / e."""

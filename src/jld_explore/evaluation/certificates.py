@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit.analysis import Proof
-from jld_core.limit.bounds import Motion, State
-from jld_core.program.template import Template
+from jld_core.limit import Motion, Proof, State
+from jld_core.program import Template
 
 Words = NDArray[np.uint64]
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from jld_core.limit.status import Status
+from jld_core.limit import Status
 from jld_explore.evaluation.certificates import Proofs
 
 SOLVE: Final = "solve"

@@ -10,11 +10,8 @@ from typing import Final
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit.analysis import LimitAnalysis, Proof
-from jld_core.limit.bounds import apart, relative_width
-from jld_core.limit.status import Status
-from jld_core.models.rigid_blocks import solve_condensed, worth_condensing
-from jld_core.models.zero_dilation import zero_dilation
+from jld_core.limit import LimitAnalysis, Proof, Status, apart, relative_width
+from jld_core.models import solve_condensed, worth_condensing, zero_dilation
 from jld_explore.evaluation.certificates import Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, Evaluation
 from jld_explore.evaluation.force_method import ForceMethod

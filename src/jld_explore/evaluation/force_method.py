@@ -1,6 +1,6 @@
 """Both sides of λ of one labelling at a vertex, where they prove as much as possible about other labellings.
 
-The forces and the mechanism that prove one λ are seldom unique. Interior points choose the middle of them, where
+The forces and the mechanism that prove one λ are seldom unique. Repair points choose the middle of them, where
 nothing is exactly at rest and little is exactly free; a linear program chooses those that leave most faces free
 (METHOD §6). It is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x, and the
 redundants x, three for each further face, are all that equilibrium leaves open. With rows G F ≤ h of both labels of
@@ -25,9 +25,8 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit.bounds import Motion, Prover, State, load_floor
-from jld_core.limit.repair import Interior
-from jld_core.program.template import Template
+from jld_core.limit import Motion, Prover, Repair, State, load_floor
+from jld_core.program import Template
 from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, mechanism_of
 
 LARGEST: Final = 64
@@ -59,7 +58,7 @@ class Vertex:
 class ForceMethod:
     """The linear program of one template; `usable` says whether it has one."""
 
-    def __init__(self, template: Template, prover: Prover, interior: Interior) -> None:
+    def __init__(self, template: Template, prover: Prover, interior: Repair) -> None:
         self.template, self.prover, self.interior = template, prover, interior
         assembly, sets = template.assembly, template.yield_set
         faces = len(assembly.interfaces)

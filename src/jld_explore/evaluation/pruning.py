@@ -11,13 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
-from jld_core.limit.status import Status
+from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.ranking import front_counts
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace
 
 
-class Floor:
+class IncumbentFront:
     """The largest λ known for each count of the scene's front. space: whose front."""
 
     def __init__(self, space: SearchSpace) -> None:

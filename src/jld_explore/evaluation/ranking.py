@@ -13,10 +13,9 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.limit.status import Status
+from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, Evaluation
-from jld_explore.space.counts import counts
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace, counts
 
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
 """Statuses, the best first."""

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit.status import Status
+from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
 
-NAME = "evaluations.jld"
+STORE_FILE = "evaluations.jld"
 SYNC = 0.2
 """Seconds after which what was written is waited for until the disk has it: a wait costs as much as some solves."""
 
@@ -56,7 +56,7 @@ class Store:
     """
 
     def __init__(self, folder: Path, header: dict[str, Any], faces: int) -> None:
-        self.path = folder / NAME
+        self.path = folder / STORE_FILE
         self.first: Callable[[], None] | None = None
         self.faces = faces
         self.type = record_type(faces)

@@ -20,14 +20,13 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit.bounds import crossed, load_floor
-from jld_core.limit.status import Status
-from jld_core.program.template import Template
+from jld_core.limit import Status, crossed, load_floor
+from jld_core.program import Template
 from jld_explore.evaluation.certificates import FEW, ROUND, Bounds, Forces, Mechanism, Pool, Proofs, unknown
 from jld_explore.evaluation.evaluation import CERTIFICATE, Evaluation
 from jld_explore.evaluation.force_method import LARGEST
 
-NAME: Final = "certificates.jld"
+CERTIFICATES_FILE: Final = "certificates.jld"
 _MANY: Final = 512
 """Labellings asked together that speak for those to come: fewer do not say what forces will be good for."""
 
@@ -40,7 +39,7 @@ Settle = Callable[[Bits, list[Evaluation]], list[Evaluation]]
 """Take in labellings (k, m) that certificates settled; what is on record of them wins."""
 
 
-class Consultant:
+class CertificateEvaluator:
     """Evaluates labellings with a pool.
 
     pool: what is known. template: of the assembly. gap: width of a bracket that counts as solved. archive: where
@@ -139,7 +138,7 @@ class Archive:
     """
 
     def __init__(self, folder: Path, faces: int) -> None:
-        self.path, self.faces = folder / NAME, faces
+        self.path, self.faces = folder / CERTIFICATES_FILE, faces
         self._bytes = (faces + 7) // 8
         self._known: dict[bytes, Proofs] = {}
         good = self._read() if self.path.exists() else 0

@@ -46,7 +46,7 @@ _own = threading.local()  # a cluster's workers may run several threads, and an 
 
 
 @dataclass(frozen=True)
-class Recipe:
+class WorkerSpec:
     """What a worker needs to make its evaluator: a pickle of assembly and settings, and its digest."""
 
     content: bytes
@@ -54,7 +54,7 @@ class Recipe:
     parent: int
 
     @classmethod
-    def of(cls, assembly: Assembly, settings: EvaluatorSettings) -> Recipe:
+    def of(cls, assembly: Assembly, settings: EvaluatorSettings) -> WorkerSpec:
         content = pickle.dumps((assembly, settings))
         return cls(content, hashlib.sha256(content).hexdigest(), os.getpid())
 
@@ -65,7 +65,7 @@ def batch_size(faces: int, asked: int) -> int:
 
 
 def evaluate_batch(
-    recipe: Recipe,
+    recipe: WorkerSpec,
     number: int,
     labellings: Bits,
     deadline: float | None = None,
@@ -100,7 +100,7 @@ class Workers:
     hung.
     """
 
-    def __init__(self, recipe: Recipe, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False) -> None:
+    def __init__(self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False) -> None:
         self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
         self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"

@@ -1,1 +1,29 @@
 """A finished study: tables, front, pictures, words."""
+
+from __future__ import annotations
+
+from jld_explore.report.exploration import Exploration
+from jld_explore.report.folder import (
+    check_folder,
+    check_writable,
+    read_folder,
+    write_pictures,
+    write_tables,
+    write_text,
+)
+from jld_explore.report.front import on_front
+from jld_explore.report.tables import results_table
+from jld_explore.report.words import assembly
+
+__all__ = [
+    "Exploration",
+    "assembly",
+    "check_folder",
+    "check_writable",
+    "on_front",
+    "read_folder",
+    "results_table",
+    "write_pictures",
+    "write_tables",
+    "write_text",
+]

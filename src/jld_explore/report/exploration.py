@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from jld_core.assembly import Assembly
-from jld_core.scene.schema import Scene
+from jld_core.scene import Scene
 from jld_core.shown import Shown
 from jld_explore.study import StopReason
 

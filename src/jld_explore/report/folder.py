@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from jld_core.build.assemble import build_assembly
+from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.models.solve import solve
-from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.optimum import front as proven_front
-from jld_explore.drivers.exact.optimum import front_of_all
-from jld_explore.evaluation.records import NAME
+from jld_core.models import solve
+from jld_explore.drivers import Exact, front_of_all
+from jld_explore.drivers import front as proven_front
+from jld_explore.evaluation import STORE_FILE
 from jld_explore.report import tables
 from jld_explore.report.exploration import Exploration
-from jld_explore.space.labelling import from_string
+from jld_explore.space import from_string
 from jld_explore.study import StopReason, Study, versions
 
 if TYPE_CHECKING:
@@ -32,8 +31,10 @@ def check_folder(folder: Path, resume: bool) -> None:
         return
     if not resume:
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
-    if not any(folder.glob(NAME.partition(".")[0] + ".*")):
-        raise InputError(str(folder), f"nothing to go on with: no {NAME} in it", "a folder written by jld explore")
+    if not any(folder.glob(STORE_FILE.partition(".")[0] + ".*")):
+        raise InputError(
+            str(folder), f"nothing to go on with: no {STORE_FILE} in it", "a folder written by jld explore"
+        )
 
 
 def check_writable(folder: Path) -> None:
@@ -109,7 +110,7 @@ def read_folder(folder: Path) -> Exploration:
     """A finished study read back from its folder. Raises InputError where a file is missing."""
     from jld_core.scene.reading import load_scene
 
-    for name in (NAME, "scene.json", "results.parquet", "summary.json"):
+    for name in (STORE_FILE, "scene.json", "results.parquet", "summary.json"):
         if not (folder / name).exists():
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")

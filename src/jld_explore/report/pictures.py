@@ -20,11 +20,10 @@ from matplotlib.ticker import MaxNLocator
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
+from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame
-from jld_core.views.structure import INK, PLAIN, SOFT, Ink, element_points, extent, paint, projection_of
+from jld_core.views.structure import INK, PLAIN, SOFT, LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.exploration import Exploration
 
 DOTS: Final = "#7C9CBF"
@@ -167,7 +166,7 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
     share = np.mean([labels_of(text, assembly) for text in best["labelling"]], axis=0)
     between = assembly.free_faces
     thick = float(np.clip(0.11 * element_points(ax, assembly), 0.8, 5.0))
-    ink = Ink(
+    ink = LineStyle(
         [tuple(SHARE(float(s))) if free else INK for s, free in zip(share, between, strict=True)],
         np.where(between, thick * (0.15 + 0.85 * share), 0.6),
     )

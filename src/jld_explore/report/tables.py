@@ -9,14 +9,10 @@ import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
-from jld_core.limit.status import Status
-from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE
-from jld_explore.evaluation.ranking import ORDER
-from jld_explore.evaluation.records import Store, settled, statuses
+from jld_core.limit import Status
+from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Store, settled, statuses
 from jld_explore.report.front import on_front
-from jld_explore.space.counts import counts
-from jld_explore.space.labelling import unpack
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace, counts, unpack
 
 CONVERGENCE: Final = "convergence.csv"
 

@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
-from jld_core.limit.result import LimitAnalysisResult
-from jld_core.limit.status import Status
-from jld_core.scene.schema import Scene
-from jld_core.views.notebook import facts_of_assembly, facts_of_result
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.scene import Scene
+from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report.exploration import Exploration
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:

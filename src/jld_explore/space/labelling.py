@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry.planar_contacts import find_planar_contacts
+from jld_core.geometry import find_planar_contacts
 
 Packed = NDArray[np.uint8]
 """Labellings as bits, (k, ceil(m / 8)): rows sort as the 0/1 strings do."""

@@ -8,10 +8,10 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly
-from jld_core.build.elements import faces_of_pairs
+from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
-from jld_core.mechanics.yield_set import require_materials
-from jld_core.scene.schema import Scene, Search
+from jld_core.mechanics import require_materials
+from jld_core.scene import Scene, Search
 from jld_explore.space.labelling import BlockSizes, Connectivity, above, below, block_sizes, blocks_of, connectivity
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
 

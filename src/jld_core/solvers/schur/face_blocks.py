@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.errors import RouteError
-from jld_core.program.conic import Structure
+from jld_core.errors import SolverError
+from jld_core.program import Structure
 from jld_core.solvers.schur.nesterov_todd import Cones
 
 _WIDE = 100  # entries from which a column borders the system instead of belonging to a face
@@ -61,11 +61,11 @@ class Blocks:
 def blocks_of(structure: Structure) -> Blocks:
     """Blocks of a structure.
 
-    Raises RouteError where it has cones of several sizes, or columns do not fall apart into small blocks.
+    Raises SolverError where it has cones of several sizes, or columns do not fall apart into small blocks.
     """
     sizes = set(structure.cones)
     if len(sizes) > 1:
-        raise RouteError("the Schur route takes cones of one size only")
+        raise SolverError("the Schur route takes cones of one size only")
     size = sizes.pop() if sizes else 1
     cones = Cones(structure.linear, len(structure.cones), size)
     equalities, (rows, columns) = structure.equalities, structure.shape
@@ -93,7 +93,7 @@ def blocks_of(structure: Structure) -> Blocks:
     face_column = np.flatnonzero(touched & ~apart)
     border = np.flatnonzero(apart)
     if len(border) > 8 or own.max(initial=0) > _MOST:
-        raise RouteError("the columns of this program do not fall apart into faces")
+        raise SolverError("the columns of this program do not fall apart into faces")
     faces, column_face = np.unique(part[face_column], return_inverse=True)
     row_part = part[columns + head]
     place = np.minimum(np.searchsorted(faces, row_part), max(len(faces) - 1, 0))
@@ -103,7 +103,7 @@ def blocks_of(structure: Structure) -> Blocks:
     border_index = np.full(columns, -1)
     border_index[border] = np.arange(len(border))
     if np.any(row_face[first:] < 0):
-        raise RouteError("a cone of this program belongs to no face")
+        raise SolverError("a cone of this program belongs to no face")
     in_edge, in_loose = apart[column] & ~yields, apart[column] & yields & loose
     laid = _Layout(face_column, column_face, row_face, equalities, first, columns)
     return Blocks(

@@ -16,7 +16,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.program.conic import ConicProgram, Structure
+from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus
 from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 from jld_core.solvers.schur.system import SchurSystem
@@ -36,12 +36,12 @@ class _Iterate:
     kappa: float = 1.0
 
 
-class SchurRoute:
+class SchurSolver:
     """Schur-complement interior point; the analysis of a structure is kept for the programs that follow.
 
     tolerance: relative residuals; None leaves it to the kind of program. gap: relative duality gap. most:
     iterations. Takes programs whose columns fall apart into faces, all cones of one size (every template's), and
-    raises RouteError for others.
+    raises SolverError for others.
     """
 
     name = "schur"

@@ -8,7 +8,7 @@ With W the scaling of the cones, E the equations and G the yield rows of a progr
 
 H = GᵀW⁻²G has one small block per face, so that A H⁻¹ Aᵀ couples elements that touch: it is factored by sparse
 Cholesky, its pattern analysed once. Columns that border the blocks are eliminated last. Source: METHOD §8;
-Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
+Wright, Primal-Dual Repair-Point Methods (SIAM 1997), ch. 11.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats, Ints
-from jld_core.errors import RouteError
-from jld_core.linalg.cholesky import Factor, Fronts
-from jld_core.program.conic import ConicProgram, Structure
+from jld_core.errors import SolverError
+from jld_core.linalg import Factor, Fronts
+from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.schur.face_blocks import Blocks, Family, blocks_of, filled
 from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 
@@ -29,7 +29,7 @@ _PASSES = 3  # of iterative refinement, at most
 
 
 class SchurSystem:
-    """Systems of all programs of one structure. Raises RouteError where it does not fall apart into faces."""
+    """Systems of all programs of one structure. Raises SolverError where it does not fall apart into faces."""
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
@@ -65,7 +65,7 @@ class SchurSystem:
         matrix = program.matrix
         edge = self.structure.equalities
         if blocks.idle.size and abs(matrix[:, blocks.idle]).sum() > 0.0:
-            raise RouteError("a column of this program has no yield row to hold it")
+            raise SolverError("a column of this program has no yield row to hold it")
         self._equations, self._yields = sp.csr_array(matrix[:edge]), sp.csr_array(matrix[edge:])
         self._equations_t, self._yields_t = sp.csr_array(matrix[:edge].T), sp.csr_array(matrix[edge:].T)
         count = len(blocks.border)

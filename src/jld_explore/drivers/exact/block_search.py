@@ -14,14 +14,12 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.block_relaxation import BlockRelaxation, speaks_of
-from jld_core.limit.relaxation import Relaxation
+from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
 from jld_explore.drivers.exact.block_tree import Node, Tree
 from jld_explore.drivers.exact.conflicts import Conflict
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.possible_blocks import Polyominoes
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.space import SearchSpace
 
 _CLOSER: Final = 0.25
 """Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
@@ -48,7 +46,7 @@ class BlockSearch:
     """The tree of one space, if it has one. relaxation: face by face, to look at single labellings."""
 
     def __init__(
-        self, analysis: LimitAnalysis, space: SearchSpace, blocks: Polyominoes | None, relaxation: Relaxation
+        self, analysis: LimitAnalysis, space: SearchSpace, blocks: PossibleBlocks | None, relaxation: Relaxation
     ) -> None:
         self._analysis, self._space, self._relaxation = analysis, space, relaxation
         self._blocks = blocks
@@ -60,7 +58,7 @@ class BlockSearch:
     def plant(self, least: float, root: float) -> None:
         """Begin a tree where it promises more than conflicts of faces. least, root: scaled λ to reach, and bound."""
         blocks = self._blocks
-        if blocks is None or not math.isfinite(root) or not speaks_of(self._analysis):
+        if blocks is None or not math.isfinite(root) or not applies_to(self._analysis):
             return
         if len(blocks) > _LISTED * len(self._space.assembly.elements.free):
             return

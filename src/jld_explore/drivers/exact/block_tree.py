@@ -20,10 +20,10 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit.block_relaxation import BlockRelaxation, Choice
+from jld_core.limit import BlockRelaxation, Choice
 from jld_explore.drivers.exact.conflicts import Conflict
-from jld_explore.drivers.exact.possible_blocks import Polyominoes
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.space import SearchSpace
 
 _TRIED: Final = 4
 """Faces tried at a node at the most, before one is decided."""
@@ -72,7 +72,7 @@ class Tree:
     """
 
     def __init__(
-        self, relaxation: BlockRelaxation, space: SearchSpace, blocks: Polyominoes, threshold: float, most: float
+        self, relaxation: BlockRelaxation, space: SearchSpace, blocks: PossibleBlocks, threshold: float, most: float
     ) -> None:
         self._relaxation, self._space, self._blocks = relaxation, space, blocks
         self._lay_out(space, blocks)
@@ -84,7 +84,7 @@ class Tree:
         self._count = 0
         self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root)
 
-    def _lay_out(self, space: SearchSpace, blocks: Polyominoes) -> None:
+    def _lay_out(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
         """Which blocks cover an element (n, p), hold a face (c, p), touch an end of it without holding it (c, p)."""
         free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
         covers = np.zeros((len(space.assembly.elements), len(blocks)), dtype=bool)

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit.relaxation import Refutation, Relaxation
+from jld_core.limit import DualBound, Relaxation
 
 _TRIES: Final = 2
 """Single faces tried in vain, the most promising first, before a conflict is taken as it is."""
@@ -50,7 +50,7 @@ class _Shrinking:
         self._candidates = candidates
         self.decided = candidates.copy()
         self.bound = threshold
-        self._found: Refutation | None = None
+        self._found: DualBound | None = None
 
     def solved(self) -> bool:
         """Refute what is decided now."""

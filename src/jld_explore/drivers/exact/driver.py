@@ -28,23 +28,18 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import load_floor
-from jld_core.limit.relaxation import Relaxation, has_hull
-from jld_core.limit.status import Status
+from jld_core.limit import LimitAnalysis, Relaxation, Status, has_hull, load_floor
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch
 from jld_explore.drivers.exact.conflicts import Conflict, conflict_of
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.optimum import PROVEN, Best
-from jld_explore.drivers.exact.possible_blocks import polyominoes
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.exact.record import Record, key_of
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.space.counts import counts
-from jld_explore.space.labelling import canonical
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import SearchSpace, canonical, counts
 
 _STEP: Final = 5e-7
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
@@ -75,7 +70,7 @@ class Exact(Driver):
         analysis = LimitAnalysis(space.assembly)
         self._template = analysis.template
         self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
-        self._blocks = polyominoes(space)
+        self._blocks = possible_blocks(space)
         by_blocks = space.search.blocks != [None, None] or (aim == "front" and count == "blocks")
         covered = has_hull(analysis.template.yield_set) and not (by_blocks and self._blocks is None)
         self._everything = None if covered else Enumeration(space)

@@ -18,9 +18,8 @@ from pysat.card import CardEnc, EncType
 from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
-from jld_explore.drivers.exact.possible_blocks import BlockLimits, Polyominoes
-from jld_explore.space.labelling import blocks_of
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.drivers.exact.possible_blocks import BlockLimits, PossibleBlocks
+from jld_explore.space import SearchSpace, blocks_of
 
 _SOLVER: Final = "cadical195"
 
@@ -32,7 +31,7 @@ class Formula:
     the front is to be, None for any.
     """
 
-    def __init__(self, space: SearchSpace, blocks: Polyominoes | None, count: int | None = None) -> None:
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, count: int | None = None) -> None:
         self.space, self.blocks = space, blocks
         self._solver = Solver(_SOLVER)
         candidates = np.flatnonzero(space.candidates)
@@ -86,7 +85,7 @@ class Formula:
 
     # --- what a segmentation is -------------------------------------------------------------------------
 
-    def _list(self, blocks: Polyominoes) -> None:
+    def _list(self, blocks: PossibleBlocks) -> None:
         graph = self.space.graph
         around: dict[int, set[int]] = {}
         for face, (a, b) in enumerate(zip(graph.a.tolist(), graph.b.tolist(), strict=True)):

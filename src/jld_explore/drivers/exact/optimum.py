@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import pandas as pd
 
-from jld_core.limit.status import Status
+from jld_core.limit import Status
 
 PROVEN: Final = 1e-6
 """Relative distance of bound and incumbent at which the optimum is proven."""

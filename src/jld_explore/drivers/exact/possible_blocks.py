@@ -12,16 +12,14 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Ints
-from jld_explore.space.labelling import above, below
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace, above, below, feasible
 
 MOST: Final = 20_000
 """Blocks above which they are not listed."""
 
 
 @dataclass(frozen=True)
-class Polyominoes:
+class PossibleBlocks:
     """p possible blocks. members: elements of each, ascending. inside: faces with both sides in it."""
 
     members: tuple[tuple[int, ...], ...]
@@ -38,7 +36,7 @@ class Polyominoes:
         return labels
 
 
-def polyominoes(space: SearchSpace) -> Polyominoes | None:
+def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     """The possible blocks of a space; None where there are too many, or blocks that hold a support.
 
     Raises nothing; a space without any gives an empty tuple.
@@ -81,7 +79,7 @@ def polyominoes(space: SearchSpace) -> Polyominoes | None:
             continue
         members.append(tuple(sorted(block)))
         inside.append(tuple(sorted(links)))
-    return Polyominoes(tuple(members), tuple(inside))
+    return PossibleBlocks(tuple(members), tuple(inside))
 
 
 def is_member(space: SearchSpace, labels: Bits) -> bool:

@@ -16,18 +16,18 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.program.template import Template
+from jld_core.program import Template
 from jld_explore.drivers.exact.conflicts import Conflict
-from jld_explore.drivers.exact.possible_blocks import Polyominoes
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.space import SearchSpace
 
-NAME: Final = "conflicts.jld"
+CONFLICTS_FILE: Final = "conflicts.jld"
 
 _EVERY: Final = 0.5
 """Seconds between two waits for the disk."""
 
 
-def key_of(template: Template, space: SearchSpace, blocks: Polyominoes | None) -> bytes:
+def key_of(template: Template, space: SearchSpace, blocks: PossibleBlocks | None) -> bytes:
     """What conflicts depend on: the numbers of the programs, which faces are free, which blocks there can be."""
     pattern = template.yield_set.pattern
     numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
@@ -40,7 +40,7 @@ class Record:
     """Conflicts of a study in its folder. faces: m. key: of fixed length. `known`: those that were there."""
 
     def __init__(self, folder: Path, faces: int, key: bytes) -> None:
-        path = folder / NAME
+        path = folder / CONFLICTS_FILE
         self._faces, self._bytes = faces, (faces + 7) // 8
         self._size = 2 * self._bytes + 12
         content = path.read_bytes() if path.exists() else b""

@@ -17,8 +17,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Ints
-from jld_explore.space.labelling import ROUNDING
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import ROUNDING, SearchSpace
 
 Parts = list[int]
 """The name of the part of each atom, (atoms,); names are any integers."""
@@ -28,7 +27,7 @@ Item = TypeVar("Item")
 _BLOCK = 4096
 
 
-class Dice:
+class BufferedRandom:
     """Random choices from a numpy Generator, drawn in blocks: one call of it costs as much as an operator.
 
     generator: for those who draw many numbers at once.

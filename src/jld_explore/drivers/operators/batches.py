@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_explore.drivers.operators.atom_graph import AtomGraph, Limits
-from jld_explore.space.labelling import blocks_of
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace, blocks_of
 
 NEAR: Final = 0.5
 """Threshold between keys that ask for a joint and keys that ask for none."""
@@ -52,36 +51,36 @@ class Batches:
         # (pairs, atoms): which atom lies at either end, to find the atoms along a line by one product
         self._ends = [np.eye(count, dtype=np.float32)[end] for end in (self._p, self._q)]
 
-    def draw(self, count: int, dice: np.random.Generator) -> Bits:
+    def draw(self, count: int, rng: np.random.Generator) -> Bits:
         """Random segmentations; a random threshold spreads the number of blocks."""
-        keys = dice.random((count, len(self._p)))
-        return self.read(keys, dice.random((count, 1)))
+        keys = rng.random((count, len(self._p)))
+        return self.read(keys, rng.random((count, 1)))
 
-    def cross(self, first: Bits, second: Bits, dice: np.random.Generator) -> Floats:
+    def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
         """Keys of one child of each couple: what both have stays, and between them one is followed in a patch, the
         other outside; or either at random."""
         one, two = first[:, self._face], second[:, self._face]
-        noise, count = dice.random(one.shape), len(one)
-        scattered = dice.random(one.shape) < dice.random((count, 1))
-        patch = np.where(dice.random((count, 1)) < 0.7, self._patch(count, dice), scattered)
+        noise, count = rng.random(one.shape), len(one)
+        scattered = rng.random(one.shape) < rng.random((count, 1))
+        patch = np.where(rng.random((count, 1)) < 0.7, self._patch(count, rng), scattered)
         apart = np.where(np.where(patch, one, two), 0.55, 0.25) + 0.2 * noise
         return np.asarray(np.where(one == two, np.where(one, 0.95, 0.0) + 0.05 * noise, apart))
 
-    def vary(self, parents: Bits, dice: np.random.Generator) -> Floats:
+    def vary(self, parents: Bits, rng: np.random.Generator) -> Floats:
         """Keys of one change of each parent at a random joint: the blocks beside it are cut anew, now and then
         with a third one, or an atom crosses it, or all atoms along the straight line of the joint between them."""
         cut, count = parents[:, self._face], len(parents)
         name = blocks_of(self.space.graph, parents)[:, self.graph.first]
         rows = np.arange(count)
-        joint = np.argmax(np.where(cut, dice.random(cut.shape), -1.0), axis=1)
-        turn = dice.random(count) < 0.5
+        joint = np.argmax(np.where(cut, rng.random(cut.shape), -1.0), axis=1)
+        turn = rng.random(count) < 0.5
         here = np.where(turn, self._q[joint], self._p[joint])
         there = np.where(turn, self._p[joint], self._q[joint])
         old, new = name[rows, here][:, None], name[rows, there][:, None]
-        keys = np.where(cut, 0.75, 0.25) + 0.1 * (dice.random(cut.shape) - 0.5)
-        kind = dice.random((count, 1))
-        inside = self._region(name, (name == old) | (name == new), dice)
-        loose = np.clip(dice.random(cut.shape) - dice.random((count, 1)) + NEAR, 0.0, 1.0)
+        keys = np.where(cut, 0.75, 0.25) + 0.1 * (rng.random(cut.shape) - 0.5)
+        kind = rng.random((count, 1))
+        inside = self._region(name, (name == old) | (name == new), rng)
+        loose = np.clip(rng.random(cut.shape) - rng.random((count, 1)) + NEAR, 0.0, 1.0)
         moving = self._moving(name, cut, old, new, joint, here, kind[:, 0] < 0.75)
         mp, mq = moving[:, self._p], moving[:, self._q]
         joined = (mp & (mq | (name[:, self._q] == new))) | (mq & (name[:, self._p] == new))
@@ -89,14 +88,14 @@ class Batches:
         recut = np.where(inside[:, self._p] & inside[:, self._q], loose, keys)
         return np.asarray(np.where(kind < 0.5, recut, moved))
 
-    def _region(self, name: Ints, inside: Bools, dice: np.random.Generator) -> Bools:
+    def _region(self, name: Ints, inside: Bools, rng: np.random.Generator) -> Bools:
         """(k, atoms) two blocks, and in two rows of five a third one that touches them."""
         rows = np.arange(len(name))
         touching = inside[:, self._p] != inside[:, self._q]
-        pair = np.argmax(np.where(touching, dice.random(touching.shape), -1.0), axis=1)
+        pair = np.argmax(np.where(touching, rng.random(touching.shape), -1.0), axis=1)
         outer = np.where(inside[rows, self._p[pair]], self._q[pair], self._p[pair])
         third = name == name[rows, outer][:, None]
-        more = touching.any(axis=1) & (dice.random(len(name)) < 0.4)
+        more = touching.any(axis=1) & (rng.random(len(name)) < 0.4)
         return np.asarray(inside | (third & more[:, None]))
 
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
@@ -109,13 +108,13 @@ class Batches:
         alone[np.arange(len(name)), here] = True
         return np.asarray(np.where(single[:, None], alone, line > 0.0))
 
-    def _patch(self, count: int, dice: np.random.Generator) -> Bools:
+    def _patch(self, count: int, rng: np.random.Generator) -> Bools:
         """(k, pairs) the pairs on one side of a random plane, or in a box around a random pair."""
-        centre = self._middle[dice.integers(len(self._middle), size=count)]
+        centre = self._middle[rng.integers(len(self._middle), size=count)]
         away = self._middle - centre[:, None]
-        side = np.einsum("kpd,kd->kp", away, dice.normal(size=centre.shape)) > 0.0
-        near = abs(away).max(axis=2) <= 0.6 * self._span * dice.random((count, 1))
-        return np.asarray(np.where(dice.random((count, 1)) < 0.5, side, near))
+        side = np.einsum("kpd,kd->kp", away, rng.normal(size=centre.shape)) > 0.0
+        near = abs(away).max(axis=2) <= 0.6 * self._span * rng.random((count, 1))
+        return np.asarray(np.where(rng.random((count, 1)) < 0.5, side, near))
 
     def read(self, keys: Floats, threshold: float | Floats = NEAR) -> Bits:
         """Labellings (≤ k, m) of keys (k, pairs); threshold: one, or (k, 1), for all pairs."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import inf
 
-from jld_explore.drivers.operators.atom_graph import AtomGraph, Dice, Limits
+from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, Limits
 
 _State = tuple[float, int, int]
 """Cost, cells open before a child was added, cells of the child that joined (−1: cut off)."""
@@ -83,11 +83,11 @@ class Cutter:
             found.append(piece)
         return found
 
-    def cut(self, members: list[int], dice: Dice, threshold: float) -> list[list[int]] | None:
+    def cut(self, members: list[int], rng: BufferedRandom, threshold: float) -> list[list[int]] | None:
         """Cut a region at random; a higher threshold leaves larger parts. None where no cut is allowed."""
         inside = set(members)
         keyed = [
-            (dice.real(), number, a, b) for a in members for b, number in self.graph.links[a] if a < b and b in inside
+            (rng.real(), number, a, b) for a in members for b, number in self.graph.links[a] if a < b and b in inside
         ]
         keyed.sort()
         return self.assemble(members, keyed, threshold)

@@ -13,18 +13,16 @@ from math import inf
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_explore.drivers.operators.atom_graph import Dice, Parts, atom_graph, limits_of
+from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.cutting import Cutter
 from jld_explore.drivers.operators.repair import Repair
-from jld_explore.space.labelling import blocks_of
-from jld_explore.space.limits import feasible
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace, blocks_of, feasible
 
 
-class LooseBits:
+class FreeBits:
     """Operators on the labellings of a search space that allows slits."""
 
-    brood = 2
+    offspring_factor = 2
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
@@ -42,64 +40,64 @@ class LooseBits:
         self._counted = space.assembly.free_faces.tolist()
         self.keys = len(self._faces)
 
-    def draw(self, count: int, dice: Dice) -> Bits:
+    def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Random bits, each row with its own share of dry faces, repaired."""
         rows = np.repeat(self.space.fixed[None], count, axis=0)
         for row in rows:
-            share = dice.real()
-            row[self._faces] = [key < share for key in dice.reals(self.keys)]
-        return self._mended(rows, dice)
+            share = rng.real()
+            row[self._faces] = [key < share for key in rng.reals(self.keys)]
+        return self._mended(rows, rng)
 
-    def vary(self, parents: Bits, dice: Dice) -> Bits:
+    def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
         """One random bit of each parent flipped, now and then more."""
         rows = parents.copy()
         for row in rows:
-            face = dice.pick(self._faces)
+            face = rng.pick(self._faces)
             row[face] = not row[face]
-            while dice.real() < 0.35:
-                face = dice.pick(self._faces)
+            while rng.real() < 0.35:
+                face = rng.pick(self._faces)
                 row[face] = not row[face]
-        return self._mended(rows, dice)
+        return self._mended(rows, rng)
 
-    def cross(self, first: Bits, second: Bits, dice: Dice) -> Bits:
+    def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
         """Each bit from either parent."""
         rows = first.copy()
         for row, other in zip(rows, second, strict=True):
-            take = [face for face in self._faces if dice.real() < 0.5]
+            take = [face for face in self._faces if rng.real() < 0.5]
             row[take] = other[take]
-        return self._mended(rows, dice)
+        return self._mended(rows, rng)
 
     def read(self, keys: list[float]) -> Bits:
         """The labelling with the faces dry whose key is above one half, repaired."""
         row = self.space.fixed.copy()
         row[self._faces] = np.asarray(keys) > 0.5
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
-        return self._mended(row[None], Dice(seed))
+        return self._mended(row[None], BufferedRandom(seed))
 
     def write(self, labelling: Bits) -> list[float]:
         """Keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
 
-    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+    def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple, and one change of each single parent."""
-        return np.concatenate([self.cross(first, second, dice), self.vary(single, dice)])
+        return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
-    def _mended(self, rows: Bits, dice: Dice) -> Bits:
+    def _mended(self, rows: Bits, rng: BufferedRandom) -> Bits:
         good = feasible(self.space, rows)
         if good.all():
             return rows
         parts: list[Parts] = blocks_of(self.space.graph, rows)[:, self.graph.first].tolist()
         kept = [
-            row if fine else self._mend(row, part, dice)
+            row if fine else self._mend(row, part, rng)
             for row, part, fine in zip(rows, parts, good.tolist(), strict=True)
         ]
         found = [row for row in kept if row is not None]
         mended = np.array(found, dtype=bool).reshape(len(found), rows.shape[1])
         return mended[feasible(self.space, mended)]
 
-    def _mend(self, row: Bits, part: Parts, dice: Dice) -> Bits | None:
+    def _mend(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
         """A row close to one that breaks a limit; None, or a row that still breaks one, if none was found."""
-        new = self._repair(part, dice)
+        new = self._repair(part, rng)
         if new is None:
             return None
         root = list(range(len(self.graph)))
@@ -118,7 +116,7 @@ class LooseBits:
             if new[a] == new[b]:
                 inside.append(face)
         # fixed inner faces are inside atoms; inner faces of the row come first, then what lacks to one piece
-        for face in sorted(dice.shuffled(inside), key=lambda f: bool(row[f])):
+        for face in sorted(rng.shuffled(inside), key=lambda f: bool(row[f])):
             p, q = (find(a) for a in self._ends[face])
             if p != q:
                 root[p] = q
@@ -126,7 +124,7 @@ class LooseBits:
                 out[face] = False
         least, most = self.limits.dry
         dry = sum(1 for face, counted in enumerate(self._counted) if counted and out[face])
-        spare = [face for face in dice.shuffled(inside) if self._counted[face] and face not in bridges]
+        spare = [face for face in rng.shuffled(inside) if self._counted[face] and face not in bridges]
         for face in spare:
             if dry > most and out[face]:
                 out[face], dry = False, dry - 1

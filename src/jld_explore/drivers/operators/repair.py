@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from math import inf
 
-from jld_explore.drivers.operators.atom_graph import AtomGraph, Dice, Limits, Parts
+from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, Limits, Parts
 from jld_explore.drivers.operators.cutting import Cutter
 
 _TRIES = 4
@@ -25,7 +25,7 @@ class Repair:
         """Whether there are limits on the numbers of parts or of dry faces."""
         return self._counted_parts or self._counted_dry
 
-    def __call__(self, part: Parts, dice: Dice, doubtful: list[int] | None = None) -> Parts | None:
+    def __call__(self, part: Parts, rng: BufferedRandom, doubtful: list[int] | None = None) -> Parts | None:
         """The partition with every limit kept, or None where that was not found.
 
         part: (atoms,) names; parts may be in several pieces, which become parts of their own. doubtful: names
@@ -35,17 +35,17 @@ class Repair:
         for _ in range(6 + len(self.graph) // 2):
             bad = groups.bad()
             if bad is not None:
-                if not self._mend(groups, bad, dice):
+                if not self._mend(groups, bad, rng):
                     return None
                 continue
             fault = self._fault(groups)
             if fault is None:
                 return groups.part
-            if not fault(groups, dice):
+            if not fault(groups, rng):
                 return None
         return None
 
-    def _fault(self, groups: Groups) -> Callable[[Groups, Dice], bool] | None:
+    def _fault(self, groups: Groups) -> Callable[[Groups, BufferedRandom], bool] | None:
         """What to do about the numbers of parts and of dry faces."""
         if self._counted_parts:
             least, most = self.limits.parts
@@ -63,29 +63,31 @@ class Repair:
                 return self._divide
         return None
 
-    def _mend(self, groups: Groups, bad: int, dice: Dice) -> bool:
+    def _mend(self, groups: Groups, bad: int, rng: BufferedRandom) -> bool:
         """Make a part that is too small or too large into allowed ones, together with its neighbours."""
         members = groups[bad]
         if self.cutter.fits(members):
-            for other in dice.shuffled(groups.around([bad])):
+            for other in rng.shuffled(groups.around([bad])):
                 if self.cutter.fits(members + groups[other]):
                     groups.replace([bad, other], [members + groups[other]])
                     return True
         region = [bad]
         for _ in range(_TRIES):
-            if self._recut(groups, region, dice, lambda pieces: True):
+            if self._recut(groups, region, rng, lambda pieces: True):
                 return True
             around = groups.around(region)
             if not around:
                 return False
-            region.append(dice.pick(around))
+            region.append(rng.pick(around))
         return False
 
-    def _recut(self, groups: Groups, region: list[int], dice: Dice, wanted: Callable[[list[list[int]]], bool]) -> bool:
+    def _recut(
+        self, groups: Groups, region: list[int], rng: BufferedRandom, wanted: Callable[[list[list[int]]], bool]
+    ) -> bool:
         """Cut the union of some parts anew into allowed parts that are wanted."""
         members = [a for name in region for a in groups[name]]
         for _ in range(_TRIES):
-            pieces = self.cutter.cut(members, dice, dice.real())
+            pieces = self.cutter.cut(members, rng, rng.real())
             if pieces is None or not all(self.cutter.enough(piece) for piece in pieces):
                 continue
             if all(self.cutter.fits(piece) for piece in pieces) and wanted(pieces):
@@ -93,25 +95,27 @@ class Repair:
                 return True
         return False
 
-    def _join(self, groups: Groups, dice: Dice) -> bool:
+    def _join(self, groups: Groups, rng: BufferedRandom) -> bool:
         """Fewer parts: two that touch become one, else three that touch become two."""
-        names = dice.shuffled(list(groups))
+        names = rng.shuffled(list(groups))
         for name in names:
-            for other in dice.shuffled(groups.around([name])):
+            for other in rng.shuffled(groups.around([name])):
                 if self.cutter.fits(groups[name] + groups[other]):
                     groups.replace([name, other], [groups[name] + groups[other]])
                     return True
-        return self._regroup(groups, names, dice, lambda before, after: after < before)
+        return self._regroup(groups, names, rng, lambda before, after: after < before)
 
-    def _divide(self, groups: Groups, dice: Dice) -> bool:
+    def _divide(self, groups: Groups, rng: BufferedRandom) -> bool:
         """More parts: one becomes several, else two that touch become three."""
-        names = dice.shuffled(list(groups))
+        names = rng.shuffled(list(groups))
         for name in names:
-            if len(groups[name]) > 1 and self._recut(groups, [name], dice, lambda pieces: len(pieces) > 1):
+            if len(groups[name]) > 1 and self._recut(groups, [name], rng, lambda pieces: len(pieces) > 1):
                 return True
-        return self._regroup(groups, names, dice, lambda before, after: after > before)
+        return self._regroup(groups, names, rng, lambda before, after: after > before)
 
-    def _regroup(self, groups: Groups, names: list[int], dice: Dice, better: Callable[[int, int], bool]) -> bool:
+    def _regroup(
+        self, groups: Groups, names: list[int], rng: BufferedRandom, better: Callable[[int, int], bool]
+    ) -> bool:
         """Cut parts that touch anew where that brings their number, or their dry faces, the wanted way."""
         for name in names[: 2 * _TRIES]:
             region = [name]
@@ -119,7 +123,7 @@ class Repair:
                 around = groups.around(region)
                 if not around:
                     break
-                region.append(dice.pick(around))
+                region.append(rng.pick(around))
                 before, dry = len(region), groups.dry()
 
                 def wanted(pieces: list[list[int]], before: int = before, dry: int = dry) -> bool:
@@ -127,7 +131,7 @@ class Repair:
                         return True
                     return len(pieces) == before and better(dry, groups.dry_after(pieces))
 
-                if self._recut(groups, region, dice, wanted):
+                if self._recut(groups, region, rng, wanted):
                     return True
         return False
 

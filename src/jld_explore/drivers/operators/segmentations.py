@@ -16,13 +16,12 @@ from typing import Final, Protocol
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_explore.drivers.operators.atom_graph import Dice, Parts, atom_graph, limits_of
+from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.batches import NEAR, Batches
 from jld_explore.drivers.operators.cutting import Cutter
-from jld_explore.drivers.operators.free_bits import LooseBits
+from jld_explore.drivers.operators.free_bits import FreeBits
 from jld_explore.drivers.operators.repair import Repair
-from jld_explore.space.labelling import blocks_of
-from jld_explore.space.search_space import SearchSpace
+from jld_explore.space import SearchSpace, blocks_of
 
 _TREES: Final = 6
 """Spanning trees tried for one set of keys."""
@@ -46,19 +45,19 @@ class Operators(Protocol):
     keys: int
     """Number of keys that `read` takes."""
 
-    brood: int
+    offspring_factor: int
     """Children that are cheap enough to be made for each one that is evaluated."""
 
-    def draw(self, count: int, dice: Dice) -> Bits:
+    def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Random labellings."""
 
-    def vary(self, parents: Bits, dice: Dice) -> Bits:
+    def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
         """One child of each parent, a small change away."""
 
-    def cross(self, first: Bits, second: Bits, dice: Dice) -> Bits:
+    def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple."""
 
-    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+    def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple, and one change of each single parent."""
 
     def read(self, keys: list[float]) -> Bits:
@@ -70,7 +69,7 @@ class Operators(Protocol):
 
 def operators(space: SearchSpace) -> Operators:
     """The operators of a search space: on segmentations, or on loose bits where slits are allowed."""
-    return Segmentations(space) if space.search.segmentation else LooseBits(space)
+    return Segmentations(space) if space.search.segmentation else FreeBits(space)
 
 
 class Segmentations:
@@ -87,9 +86,9 @@ class Segmentations:
         self.keys = len(self.graph.pairs)
         whole = self._sound and self.keys > 0 and not any(self.graph.walls)
         self._batches = Batches(space, self.graph, self.limits) if whole else None
-        self.brood = _BROOD if whole else LooseBits.brood
+        self.offspring_factor = _BROOD if whole else FreeBits.offspring_factor
         self._every = list(range(len(self.graph)))
-        self._moves: list[Callable[[Parts, Dice], Parts | None]] = [
+        self._moves: list[Callable[[Parts, BufferedRandom], Parts | None]] = [
             self.split, self.merge, self.move, self.move, self.shift, self.recut, self.recut,
         ]  # fmt: skip
 
@@ -104,42 +103,42 @@ class Segmentations:
         found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
         return found
 
-    def draw(self, count: int, dice: Dice) -> Bits:
+    def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Random segmentations: random keys, and a random threshold that spreads the number of blocks."""
         if self._batches is not None:
-            found = self._batches.draw(_SPARE * count, dice.generator)
+            found = self._batches.draw(_SPARE * count, rng.generator)
             if len(found) >= _RARE * _SPARE * count:
                 for _ in range(_ROUNDS):
                     if len(found) >= count:
                         break
-                    found = np.concatenate([found, self._batches.draw(_SPARE * count, dice.generator)])
+                    found = np.concatenate([found, self._batches.draw(_SPARE * count, rng.generator)])
                 return found[:count]
-        return self.labels([part for _ in range(count) if (part := self.random(dice)) is not None])
+        return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
-    def vary(self, parents: Bits, dice: Dice) -> Bits:
+    def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
         """One change of each parent, now and then two or three."""
-        return self.labels([child for part in self.parts(parents) if (child := self.change(part, dice)) is not None])
+        return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
-    def cross(self, first: Bits, second: Bits, dice: Dice) -> Bits:
+    def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple, by overlaying their joints."""
         couples = zip(self.parts(first), self.parts(second), strict=True)
-        return self.labels([child for p, q in couples if (child := self.overlay(p, q, dice)) is not None])
+        return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
 
-    def breed(self, first: Bits, second: Bits, single: Bits, dice: Dice) -> Bits:
+    def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple and one change of each single parent, many at a time where limits allow it."""
         if self._batches is not None:
-            crossed = self._batches.cross(first, second, dice.generator)
-            changed = self._batches.vary(single, dice.generator)
+            crossed = self._batches.cross(first, second, rng.generator)
+            changed = self._batches.vary(single, rng.generator)
             found = self._batches.read(np.concatenate([crossed, changed]))
             if len(found) >= _RARE * (len(first) + len(single)):
                 return found
-        return np.concatenate([self.cross(first, second, dice), self.vary(single, dice)])
+        return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: list[float]) -> Bits:
         """The segmentation of one key for each pair of neighbouring atoms: cut where keys are above NEAR."""
         # what the keys leave open is repaired by chance that is the same for the same keys
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
-        part = self._assemble(keys, NEAR, Dice(seed))
+        part = self._assemble(keys, NEAR, BufferedRandom(seed))
         return self.labels([] if part is None else [part])
 
     def write(self, labelling: Bits) -> list[float]:
@@ -147,21 +146,21 @@ class Segmentations:
         part = self.parts(labelling[None])[0]
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
-    def random(self, dice: Dice) -> Parts | None:
+    def random(self, rng: BufferedRandom) -> Parts | None:
         """A random segmentation."""
         low, high = self.limits.parts
-        threshold = dice.real()
+        threshold = rng.real()
         if (low, high) != (-inf, inf):
             most = len(self.graph)
-            wanted = max(low, 1.0) + dice.real() * (min(high, most) - max(low, 1.0))
+            wanted = max(low, 1.0) + rng.real() * (min(high, most) - max(low, 1.0))
             threshold = 1.0 - (wanted - 1.0) / max(most - 1.0, 1.0)
-        return self._assemble(dice.reals(self.keys), threshold, dice)
+        return self._assemble(rng.reals(self.keys), threshold, rng)
 
-    def _assemble(self, keys: list[float], threshold: float, dice: Dice) -> Parts | None:
+    def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
         pieces = None
         for tries in range(_TREES):
             if tries:  # no cuts of that tree are allowed: others, ever farther from these keys, may have some
-                keys = [0.7 * key + 0.3 * dice.real() for key in keys]
+                keys = [0.7 * key + 0.3 * rng.real() for key in keys]
             pairs = zip(keys, self.graph.pairs, strict=True)
             keyed = sorted([(key, n, a, b) for n, (key, (a, b)) in enumerate(pairs)])
             pieces = self.cutter.assemble(self._every, keyed, threshold)
@@ -175,68 +174,68 @@ class Segmentations:
         for name, members in enumerate(pieces):
             for a in members:
                 part[a] = name
-        return part if sound else self.repair(part, dice)
+        return part if sound else self.repair(part, rng)
 
-    def change(self, part: Parts, dice: Dice) -> Parts | None:
+    def change(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """A partition one random change away, now and then two or three."""
-        child: Parts | None = dice.pick(self._moves)(part, dice)
-        while child is not None and dice.real() < 0.25:
-            child = dice.pick(self._moves)(child, dice)
+        child: Parts | None = rng.pick(self._moves)(part, rng)
+        while child is not None and rng.real() < 0.25:
+            child = rng.pick(self._moves)(child, rng)
         return child
 
-    def split(self, part: Parts, dice: Dice) -> Parts | None:
+    def split(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """One block becomes two or more."""
-        name = part[dice.below(len(part))]
+        name = part[rng.below(len(part))]
         members = [a for a, other in enumerate(part) if other == name]
         if len(members) < 2:
             return None
-        pieces = self.cutter.cut(members, dice, 0.5 + 0.5 * dice.real())
-        return None if pieces is None or len(pieces) < 2 else self._with(part, pieces, dice)
+        pieces = self.cutter.cut(members, rng, 0.5 + 0.5 * rng.real())
+        return None if pieces is None or len(pieces) < 2 else self._with(part, pieces, rng)
 
-    def merge(self, part: Parts, dice: Dice) -> Parts | None:
+    def merge(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """Two blocks beside a random joint become one, and are cut again where that is too large."""
-        joint = self._joint(part, dice)
+        joint = self._joint(part, rng)
         if joint is None:
             return None
         old, new = part[joint[0]], part[joint[1]]
-        return self.repair([new if name == old else name for name in part], dice, [new])
+        return self.repair([new if name == old else name for name in part], rng, [new])
 
-    def recut(self, part: Parts, dice: Dice) -> Parts | None:
+    def recut(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """The union of two or three blocks that touch is cut anew."""
-        joint = self._joint(part, dice)
+        joint = self._joint(part, rng)
         if joint is None:
             return None
         names = {part[joint[0]], part[joint[1]]}
-        if dice.real() < 0.3:
+        if rng.real() < 0.3:
             links = self.graph.links
             more = [part[b] for a, name in enumerate(part) if name in names for b, _ in links[a]]
             more = [name for name in more if name not in names]
             if more:
-                names.add(dice.pick(more))
+                names.add(rng.pick(more))
         members = [a for a, name in enumerate(part) if name in names]
-        pieces = self.cutter.cut(members, dice, dice.real())
-        return None if pieces is None else self._with(part, pieces, dice)
+        pieces = self.cutter.cut(members, rng, rng.real())
+        return None if pieces is None else self._with(part, pieces, rng)
 
-    def move(self, part: Parts, dice: Dice) -> Parts | None:
+    def move(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """One atom crosses a joint."""
-        joint = self._joint(part, dice)
+        joint = self._joint(part, rng)
         if joint is None:
             return None
         child = list(part)
         child[joint[0]] = part[joint[1]]
-        return self.repair(child, dice, [part[joint[0]], part[joint[1]]])
+        return self.repair(child, rng, [part[joint[0]], part[joint[1]]])
 
-    def shift(self, part: Parts, dice: Dice) -> Parts | None:
+    def shift(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """A joint line moves by one atom: the atoms along one straight part of a joint cross it, or all
         atoms along the joint between two blocks, or all along one straight line through the structure."""
-        joint = self._joint(part, dice)
+        joint = self._joint(part, rng)
         if joint is None:
             return None
         a, b, pair = joint
         old, new = part[a], part[b]
         lines, links = self.graph.lines, self.graph.links
-        way = dice.below(3)
-        line = dice.pick(lines[pair])
+        way = rng.below(3)
+        line = rng.pick(lines[pair])
         child = list(part)
         doubtful = {old: None, new: None}
         if way == 2:
@@ -252,54 +251,54 @@ class Segmentations:
                     part[d] == new and (way == 1 or line in lines[number]) for d, number in links[c]
                 ):
                     child[c] = new
-        return self.repair(child, dice, list(doubtful))
+        return self.repair(child, rng, list(doubtful))
 
     def _side(self, a: int, b: int) -> bool:
         """Which of two neighbours lies first along the axes; the same along a straight line of faces."""
         first, second = self.graph.corner[a], self.graph.corner[b]
         return first < second
 
-    def overlay(self, first: Parts, second: Parts, dice: Dice) -> Parts | None:
+    def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
         """Cross two parents: their joints laid over each other leave fragments, which are merged again.
 
         A joint of both stays where limits allow it, a face inside both stays inside. Between, the child
         follows one parent inside a random patch and the other outside, or either at random.
         """
-        patch = self._patch(dice) if dice.real() < 0.7 else None
-        bias = dice.real()
+        patch = self._patch(rng) if rng.real() < 0.7 else None
+        bias = rng.real()
         keys = []
         for a, b in self.graph.pairs:
             one, two = first[a] != first[b], second[a] != second[b]
             if one == two:
-                keys.append(0.95 + 0.05 * dice.real() if one else 0.05 * dice.real())
+                keys.append(0.95 + 0.05 * rng.real() if one else 0.05 * rng.real())
             elif patch is not None:
                 follow = one if patch[a] and patch[b] else two
-                keys.append((0.55 if follow else 0.25) + 0.2 * dice.real())
+                keys.append((0.55 if follow else 0.25) + 0.2 * rng.real())
             else:
-                keys.append(0.1 + 0.8 * (dice.real() * 0.5 + (0.5 if dice.real() < bias else 0.0)))
-        return self._assemble(keys, NEAR, dice)
+                keys.append(0.1 + 0.8 * (rng.real() * 0.5 + (0.5 if rng.real() < bias else 0.0)))
+        return self._assemble(keys, NEAR, rng)
 
-    def _patch(self, dice: Dice) -> list[bool]:
+    def _patch(self, rng: BufferedRandom) -> list[bool]:
         """A random connected half or so of the atoms."""
         count = len(self.graph)
-        wanted = max(1, int(count * (0.2 + 0.6 * dice.real())))
+        wanted = max(1, int(count * (0.2 + 0.6 * rng.real())))
         inside = [False] * count
-        queue = [dice.below(count)]
+        queue = [rng.below(count)]
         inside[queue[0]] = True
         for a in queue:
-            for b, _ in dice.shuffled(self.graph.links[a]):
+            for b, _ in rng.shuffled(self.graph.links[a]):
                 if not inside[b] and len(queue) < wanted:
                     inside[b] = True
                     queue.append(b)
         return inside
 
-    def _joint(self, part: Parts, dice: Dice) -> tuple[int, int, int] | None:
+    def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
         """A random pair of neighbours in different parts, in random direction, with its number."""
         pairs = self.graph.pairs
         if not pairs:
             return None
         for _ in range(8):
-            number = dice.below(len(pairs))
+            number = rng.below(len(pairs))
             a, b = pairs[number]
             if part[a] != part[b]:
                 break
@@ -307,14 +306,14 @@ class Segmentations:
             joints = [n for n, (p, q) in enumerate(pairs) if part[p] != part[q]]
             if not joints:
                 return None
-            number = dice.pick(joints)
+            number = rng.pick(joints)
             a, b = pairs[number]
-        return (a, b, number) if dice.real() < 0.5 else (b, a, number)
+        return (a, b, number) if rng.real() < 0.5 else (b, a, number)
 
-    def _with(self, part: Parts, pieces: list[list[int]], dice: Dice) -> Parts | None:
+    def _with(self, part: Parts, pieces: list[list[int]], rng: BufferedRandom) -> Parts | None:
         """The partition with some atoms cut into new pieces."""
         child, fresh = list(part), max(part) + 1
         for number, piece in enumerate(pieces):
             for a in piece:
                 child[a] = fresh + number
-        return child if self._sound else self.repair(child, dice, list(range(fresh, fresh + len(pieces))))
+        return child if self._sound else self.repair(child, rng, list(range(fresh, fresh + len(pieces))))

@@ -1,0 +1,130 @@
+"""The direction in which the wings depend on one another: no import against it, no circle of files, wings by their face."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ROOT / "src"
+
+# each line may use those below it, and what stands beside it in its own line only where listed later
+ORDER = [
+    ["jld_explore.cli", "jld_explore.__main__"],
+    ["jld_explore"],
+    ["jld_explore.explore"],
+    ["jld_explore.report"],
+    ["jld_explore.study"],
+    ["jld_explore.drivers"],
+    ["jld_explore.evaluation"],
+    ["jld_explore.space"],
+    ["jld_core"],
+    ["jld_core.models", "jld_core.views"],
+    ["jld_core.limit"],
+    ["jld_core.solvers"],
+    ["jld_core.program"],
+    ["jld_core.mechanics", "jld_core.build"],
+    ["jld_core.geometry", "jld_core.samples"],
+    ["jld_core.scene", "jld_core.assembly", "jld_core.linalg"],
+    ["jld_core.shown", "jld_core.arrays", "jld_core.errors", "jld_core.tolerances", "jld_core._version"],
+]
+FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing in wings}
+
+# rooms that load what is slow are named by whoever needs them, when it is needed
+MODULES = {path: ".".join(path.relative_to(SOURCES).with_suffix("").parts) for path in sorted(SOURCES.rglob("*.py"))}
+
+
+def wing_of(module: str) -> str:
+    """The wing that a module stands in: its longest listed prefix; the package itself only for its own face."""
+    parts = module.split(".")
+    named = [".".join(parts[:k]) for k in range(2, len(parts) + 1) if ".".join(parts[:k]) in FLOOR]
+    return named[0] if named else module.removesuffix(".__init__")
+
+
+def imports(path: Path) -> Iterator[tuple[str, int, bool]]:
+    """Every module that a file imports, lazily or not: name, line, whether at the top of the file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top = set(map(id, tree.body))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: a relative import"
+            module = node.module or ""
+            for alias in node.names:
+                full = f"{module}.{alias.name}"
+                yield (full if _is_module(full) else module), node.lineno, id(node) in top
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node.lineno, id(node) in top
+
+
+def _is_module(name: str) -> bool:
+    place = SOURCES.joinpath(*name.split("."))
+    return place.with_suffix(".py").exists() or (place / "__init__.py").exists()
+
+
+@pytest.mark.parametrize("path", MODULES, ids=MODULES.values())
+def test_imports_run_downwards(path: Path) -> None:
+    here = wing_of(MODULES[path])
+    for module, line, _ in imports(path):
+        if module.split(".")[0] not in ("jld_core", "jld_explore") or module == here:
+            continue
+        there = wing_of(module)
+        if there == here:
+            continue
+        assert here in FLOOR, f"{MODULES[path]} stands in no wing of ORDER"
+        assert FLOOR[there] < FLOOR[here], f"{path}:{line}: {here} may not use {there}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=MODULES.values())
+def test_other_wings_are_entered_by_their_face(path: Path) -> None:
+    here = wing_of(MODULES[path])
+    for module, line, at_top in imports(path):
+        there = wing_of(module)
+        if there in FLOOR and there != here and at_top and module != there:
+            # a wing's module may be named as a whole where it is a set of functions
+            assert _is_module(module), f"{path}:{line}"
+            text = path.read_text(encoding="utf-8").splitlines()[line - 1]
+            assert text.startswith(f"from {there} import"), f"{path}:{line}: {there} has a face, name it: {text}"
+
+
+def test_no_circle_of_files() -> None:
+    graph: dict[str, set[str]] = {}
+    for folder in (SOURCES, ROOT / "studies", ROOT / "benchmarks"):
+        root = SOURCES if folder == SOURCES else ROOT
+        for path in sorted(folder.rglob("*.py")):
+            name = ".".join(path.relative_to(root).with_suffix("").parts)
+            graph[name] = {module for module, _, _ in imports(path)}
+    # a face hands names on; the circle that counts is one of rooms
+    rooms = {name: {m for m in used if m in graph and m != name} for name, used in graph.items()}
+    done: set[str] = set()
+    while len(done) < len(rooms):
+        free = {name for name, used in rooms.items() if name not in done and used <= done}
+        assert free, "a circle among " + ", ".join(sorted(set(rooms) - done))
+        done |= free
+
+
+@pytest.mark.parametrize("wing", sorted(set(FLOOR)))
+def test_a_face_lists_what_it_hands_on(wing: str) -> None:
+    module = importlib.import_module(wing)
+    if wing.endswith("__main__") or not str(module.__file__).endswith("__init__.py") or wing == "jld_explore.cli":
+        return
+    assert sorted(module.__all__) == list(module.__all__)
+    for name in module.__all__:
+        assert getattr(module, name) is not None
+
+
+def test_public_names() -> None:
+    import jld_core
+    import jld_explore
+
+    core = """Scene load_scene parse_scene Assembly build_assembly SolveOptions solve LimitAnalysis LimitAnalysisResult
+    Status InputError SolverError samples views solvers"""
+    explore = (
+        "explore ExploreSettings Exploration read_folder SearchSpace search_space Driver Evaluation Progress StopReason"
+    )
+    assert sorted(jld_core.__all__) == sorted(core.split())
+    assert sorted(jld_explore.__all__) == sorted(explore.split())
