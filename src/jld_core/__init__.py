@@ -1,7 +1,7 @@
 """One assembly, one labelling → λ, with proof.
 
-`load_scene` and `parse_scene` give a `Scene`, `build_assembly` an `Assembly`, `solve` (with `SolveOptions`) or, for many
-labellings of one assembly, `LimitAnalysis` a `LimitAnalysisResult` with its `Status`. What goes wrong is an
+`load_scene` and `parse_scene` give a `Scene`, `build_assembly` an `Assembly`, `solve` (with `SolveOptions`) or, for
+many labellings of one assembly, `LimitAnalysis` a `LimitAnalysisResult` with its `Status`. What goes wrong is an
 `InputError` or a `SolverError`. `samples` are parametric scenes, `views` draw, `solvers` are the ways to a raw answer.
 """
 

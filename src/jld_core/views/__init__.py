@@ -1,7 +1,5 @@
 """Assemblies and results, drawn and shown."""
 
-from __future__ import annotations
-
 from jld_core.views.notebook import facts_of_assembly, facts_of_result
 
 __all__ = [

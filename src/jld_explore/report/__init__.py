@@ -12,11 +12,13 @@ from jld_explore.report.folder import (
     write_text,
 )
 from jld_explore.report.front import on_front
+from jld_explore.report.notebook import ExplorationView
 from jld_explore.report.tables import results_table
 from jld_explore.report.words import assembly
 
 __all__ = [
     "Exploration",
+    "ExplorationView",
     "assembly",
     "check_folder",
     "check_writable",
