@@ -15,11 +15,11 @@ from jld_core.samples.gallery import (
     t_block,
     wall_with_opening,
 )
-from jld_core.samples.walls import planar_running_bond, running_bond
 from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_core.samples.stone import Stone
 from jld_core.samples.vaults import dome, vault
-from jld_core.scene.reading import Scene
+from jld_core.samples.walls import planar_running_bond, running_bond
+from jld_core.scene import Scene
 
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "arch": arch,

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.assembly import Floats
+from jld_core.arrays import Floats
 from jld_core.errors import InputError
 
 BONDS: Final = ("running", "third", "stack", "english", "flemish")

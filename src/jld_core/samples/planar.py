@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Floats
+from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.samples import bonds
 from jld_core.samples.stone import Stone, cap, check, choose, count, materials, scene_of, steps
-from jld_core.scene.reading import Scene, parse_scene
+from jld_core.scene import Scene, parse_scene
 
 _RINGS: Final = ("stack", "running")
 

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Floats
+from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.scene.reading import Scene, parse_scene
+from jld_core.scene import Scene, parse_scene
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from jld_core.errors import InputError
 from jld_core.samples.stone import Stone, cap, check, choose, count, scene_of, steps, swept
-from jld_core.scene.reading import Scene
+from jld_core.scene import Scene
 
 
 def vault(

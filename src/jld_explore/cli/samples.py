@@ -13,8 +13,8 @@ import typer
 
 from jld_core.errors import InputError
 from jld_core.samples import KINDS, Stone
-from jld_core.scene.reading import Scene
-from jld_explore.explore import write_text
+from jld_core.scene import Scene
+from jld_explore.report import write_text
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
 
