@@ -1,0 +1,196 @@
+"""An assembly on the bench: its springs, its loads and its state, and the ways in which it is moved."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from jld_core import Assembly
+from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.errors import InputError
+from jld_experiment.kernel import march
+from jld_experiment.settings import REST, Joints, Settings
+from jld_experiment.subcontacts import SubContacts, sub_contacts
+from jld_experiment.system import System, system_of
+
+SETTLE = 20.0  # slowest periods in which the dead loads are put on
+PATIENCE = 600.0  # slowest periods after which something that still moves is said to creep
+FAR = 1e3  # elastic movements beyond which it falls
+
+
+class Standing(StrEnum):
+    """What an assembly does under loads that stay."""
+
+    RESTS = "rests"
+    CREEPS = "creeps"
+    FALLS = "falls"
+
+
+@dataclass
+class State:
+    """What changes: movements and velocities (n, q) about the centroids; of sub-contacts (s,) elastic overlap,
+    compressive stress, shear stress (s, d − 1), and whether they are broken."""
+
+    moved: Floats
+    velocity: Floats
+    overlap: Floats
+    pressure: Floats
+    shear: Floats
+    broken: Bools
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """One labelling of an assembly, ready to be loaded. law: (m, 8), columns as in `kernel`. brittle, gaps: (m,).
+    largest: force that out-of-balance forces are compared with."""
+
+    assembly: Assembly
+    labels: Bits
+    points: SubContacts
+    system: System
+    law: Floats
+    brittle: Bools
+    gaps: Bools
+    largest: float
+    settings: Settings
+
+    def fresh(self) -> State:
+        """Without any load."""
+        n, q = len(self.assembly.elements), self.assembly.freedoms
+        s = len(self.points.face)
+        shear = np.zeros((s, self.assembly.dimension - 1))
+        zero = np.zeros((n, q))
+        return State(zero, zero.copy(), np.zeros(s), np.zeros(s), shear, np.zeros(s, dtype=bool))
+
+    def march(
+        self,
+        state: State,
+        steps: int,
+        *,
+        dead: tuple[float, float] = (1.0, 1.0),
+        load_factor: float = 0.0,
+        rate: tuple[float, float] | None = None,
+    ) -> tuple[float, float, float]:
+        """Some steps: mean of λ, largest out-of-balance force over `largest`, largest speed. State is changed."""
+        system = self.system
+        factor, worst, speed = march(
+            steps,
+            rate is not None,
+            dead,
+            load_factor,
+            rate or (0.0, 0.0),
+            self.settings.damping,
+            self.assembly.dead,
+            self.assembly.live,
+            system.inverse,
+            system.radius,
+            state.moved,
+            state.velocity,
+            system.ends,
+            system.frame,
+            self.points.first,
+            self.points.place,
+            self.law,
+            self.brittle,
+            self.gaps,
+            state.overlap,
+            state.pressure,
+            state.shear,
+            state.broken,
+        )
+        return factor, worst / self.largest, speed
+
+    def settle(self) -> tuple[State, Standing]:
+        """The dead loads, put on within 20 slowest periods, and rest waited for."""
+        state, period = self.fresh(), self.system.period
+        self.march(state, max(1, round(SETTLE * period)), dead=(0.0, 1.0))
+        return state, self.rest(state, 0.0)
+
+    def rest(self, state: State, load_factor: float) -> Standing:
+        """Wait for rest under a load factor: it rests, falls (far away and still going), or creeps."""
+        period = max(1, round(self.system.period))
+        limit = FAR * (self.system.sag + abs(load_factor) * self.most_moved)
+        for _ in range(int(PATIENCE)):
+            _, worst, _ = self.march(state, period, load_factor=load_factor)
+            if worst <= REST:
+                return Standing.RESTS
+            size = float(np.abs(state.moved[:, : self.assembly.dimension]).max())
+            if not size <= limit:
+                return Standing.FALLS
+        return Standing.CREEPS
+
+    @property
+    def most_moved(self) -> float:
+        """Largest elastic movement under the live loads with λ = 1."""
+        return self.system.swing
+
+    def resultants(self, state: State) -> Floats:
+        """(m, q) of all faces, as in limit analysis: planar N, V, M; spatial N, V1, V2, M1, M2, MT."""
+        place, face, count = self.points.place, self.points.face, len(self.labels)
+        area = place[:, -1]
+        normal, shear = state.pressure * area, state.shear * area[:, None]
+        if self.assembly.dimension == 2:
+            columns = [normal, shear[:, 0], -place[:, 0] * normal]
+        else:
+            x1, x2 = place[:, 0], place[:, 1]
+            torsion = x1 * shear[:, 1] - x2 * shear[:, 0]
+            columns = [normal, shear[:, 0], shear[:, 1], x2 * normal, -x1 * normal, torsion]
+        return np.column_stack([np.bincount(face, weights=column, minlength=count) for column in columns])
+
+
+def copied(state: State) -> State:
+    """A state to go on from without losing this one."""
+    return copy.deepcopy(state)
+
+
+def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Settings) -> Specimen:
+    """Put an assembly under one labelling on the bench.
+
+    Raises InputError where a material that a face needs is missing.
+    """
+    points = sub_contacts(assembly, labels, settings.scheme, settings.segments)
+    kn, ks = _springs(assembly, labels, joints)
+    law = _law(assembly, labels, joints, kn, ks)
+    system = system_of(assembly, points, kn, ks, settings.step)
+    brittle = ~labels & (joints.inner == "brittle")
+    gaps = labels & (settings.gaps == "free")
+    d = assembly.dimension
+    forces = np.linalg.norm(assembly.dead[:, :d], axis=1)
+    largest = float(forces.max()) or float(np.linalg.norm(assembly.live[:, :d], axis=1).max())
+    return Specimen(assembly, labels, points, system, law, brittle, gaps, largest, settings)
+
+
+def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, Floats]:
+    """(m,) normal and shear springs per area."""
+    normal = joints.normal_stiffness
+    if normal is None:
+        load = assembly.total_dead or assembly.total_live
+        normal = 1e6 * load / (float(assembly.interfaces.area.mean()) * assembly.size)
+    shear = normal if joints.shear_stiffness is None else joints.shear_stiffness
+    ratio = np.where(labels, 1.0, joints.inner_ratio)
+    return normal * ratio, shear * ratio
+
+
+def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
+    """(m, 8) the law of every face; tension is cut where the cone of friction ends."""
+    strengths = assembly.strengths
+    friction = np.where(labels, strengths.friction, 0.0)
+    cohesion = np.where(labels, 0.0, strengths.shear)
+    tension = np.where(labels, 0.0, strengths.tension)
+    crushing = np.where(labels, strengths.crush_dry, strengths.crush_inner)
+    lacking = np.flatnonzero(np.isnan(friction + cohesion + tension))
+    if lacking.size:
+        face = int(lacking[0])
+        faces, ids = assembly.interfaces, assembly.elements.ids
+        name, pair = "dry" if labels[face] else "inner", f"{ids[faces.a[face]]}–{ids[faces.b[face]]}"
+        raise InputError(f"materials.{name}", "missing", f"this material, since face {pair} is {name}")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tension = np.where(friction > 0.0, np.minimum(tension, cohesion / friction), tension)
+    dilation = friction if joints.dilation == "friction" else np.where(labels, joints.dilation, 0.0)
+    residual = np.full(len(labels), joints.residual_friction)
+    return np.ascontiguousarray(
+        np.column_stack([kn, ks, friction, dilation, cohesion, tension, crushing, residual])
+    )

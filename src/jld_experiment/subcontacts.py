@@ -1,0 +1,156 @@
+"""Where the sub-contacts of every face lie, and how much of its area each carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core import Assembly
+from jld_core.assembly import Bits, Floats, Ints
+from jld_core.errors import InputError
+
+SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
+
+
+@dataclass(frozen=True)
+class SubContacts:
+    """Points of all m faces, one after the other.
+
+    first: (m + 1,) where those of each face begin. place: (s, 2) coordinate along e1 and area (planar), or (s, 3)
+    coordinates along e1 and e2 and area (spatial). face: (s,) the face of each.
+    """
+
+    first: Ints
+    place: Floats
+    face: Ints
+
+
+def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -> SubContacts:
+    """Points and areas by one of four schemes.
+
+    trapezoid: ends of equal segments, each with its tributary area, as in distinct-element codes. simpson: ends and
+    middles of the segments, weights 1 : 4 : 1. midpoint: middles. limit: the points at which a normal force exhausts
+    a face in limit analysis: dry ±l/2, inner ±l/6 (kern of a rectangle); segments are then without effect.
+    On a spatial rectangle the schemes are products along e1 and e2; on other polygons trapezoid and limit put the
+    points at the corners (limit, inner: a third of the way from the centroid), midpoint at the centroids of the
+    triangles between centroid and edges, simpson adds the middles of the edges; areas integrate the moments of the
+    polygon to first order, by least change of the tributary areas.
+    Raises InputError for a scheme without such a name, or fewer than one segment.
+    """
+    if scheme not in SCHEMES:
+        raise InputError("--scheme", f"no scheme is named {scheme!r}", " or ".join(SCHEMES))
+    if segments < 1 or (scheme == "midpoint" and segments < 2):
+        raise InputError("--segments", f"{segments} give a face no resistance to rotation", "a larger number")
+    faces, rows, counts = assembly.interfaces, [], []
+    for face in range(len(faces)):
+        if assembly.dimension == 2:
+            points = _line(scheme, segments, bool(labels[face]))
+            part = np.column_stack([points[:, 0] * faces.l1[face], points[:, 1] * faces.area[face]])
+        elif faces.rectangle[face]:
+            points = _line(scheme, segments, bool(labels[face]))
+            first, second = np.repeat(points, len(points), axis=0), np.tile(points, (len(points), 1))
+            part = np.column_stack(
+                [
+                    first[:, 0] * faces.l1[face],
+                    second[:, 0] * faces.l2[face],
+                    first[:, 1] * second[:, 1] * faces.area[face],
+                ]
+            )
+        else:
+            part = _polygon(assembly, face, scheme, segments, bool(labels[face]))
+        rows.append(part)
+        counts.append(len(part))
+    first_of = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return SubContacts(first_of, np.concatenate(rows), np.repeat(np.arange(len(faces)), counts))
+
+
+def _line(scheme: str, segments: int, dry: bool) -> Floats:
+    """(k, 2) places on a line from −1/2 to 1/2, and weights that add up to one."""
+    if scheme == "limit":
+        end = 0.5 if dry else 1.0 / 6.0
+        return np.array([[-end, 0.5], [end, 0.5]])
+    ends = np.linspace(-0.5, 0.5, segments + 1)
+    middles = 0.5 * (ends[:-1] + ends[1:])
+    if scheme == "midpoint":
+        return np.column_stack([middles, np.full(segments, 1.0 / segments)])
+    tributary = np.full(segments + 1, 1.0 / segments)
+    tributary[[0, -1]] *= 0.5
+    if scheme == "trapezoid":
+        return np.column_stack([ends, tributary])
+    places = np.concatenate([ends, middles])
+    weights = np.concatenate([tributary / 3.0, np.full(segments, 2.0 / (3.0 * segments))])
+    order = np.argsort(places, kind="stable")
+    return np.column_stack([places[order], weights[order]])
+
+
+def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: bool) -> Floats:
+    """(k, 3) points of a polygon that is no rectangle, in its frame about its centroid, and areas."""
+    faces = assembly.interfaces
+    arm = faces.polygon[face] - faces.origin[face]
+    corners = np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])
+    after = np.roll(corners, -1, axis=0)
+    triangle = 0.5 * np.abs(corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0])
+    share = triangle * float(faces.area[face]) / float(triangle.sum())
+    if scheme == "limit":
+        tributary = 0.5 * (share + np.roll(share, 1))
+        points, areas = (corners if dry else corners / 3.0), tributary
+    elif scheme == "midpoint":
+        parts = [_triangle_middles(c, a, segments) for c, a in zip(corners, after, strict=True)]
+        points = np.concatenate(parts)
+        areas = np.repeat(share / segments**2, segments**2)
+    else:
+        # nodes of a fan of triangles, each split into segments² equal ones, with the tributary areas
+        points, areas = _fan(corners, share, segments, scheme == "simpson")
+    return np.column_stack([points, _balanced(points, areas)])
+
+
+def _triangle_middles(one: Floats, two: Floats, segments: int) -> Floats:
+    """(segments², 2) centroids of the equal triangles into which (0, one, two) is split."""
+    found = []
+    for i in range(segments):
+        for j in range(segments - i):
+            found.append(((i + 1 / 3) * one + (j + 1 / 3) * two) / segments)
+            if i + j < segments - 1:
+                found.append(((i + 2 / 3) * one + (j + 2 / 3) * two) / segments)
+    return np.array(found)
+
+
+def _fan(corners: Floats, share: Floats, segments: int, middles: bool) -> tuple[Floats, Floats]:
+    """Nodes and areas of a fan of triangles about the centroid: thirds to the corners of every small triangle, or to
+    the middles of its sides, which integrates squares exactly."""
+    points, areas = [], []
+    count = len(corners)
+    for k in range(count):
+        one, two = corners[k], corners[(k + 1) % count]
+        small = share[k] / segments**2
+        for i in range(segments):
+            for j in range(segments - i):
+                for up in (True, False):
+                    if not up and i + j >= segments - 1:
+                        continue
+                    at = [(i, j), (i + 1, j), (i, j + 1)] if up else [(i + 1, j + 1), (i + 1, j), (i, j + 1)]
+                    nodes = [(a * one + b * two) / segments for a, b in at]
+                    if middles:
+                        nodes = [0.5 * (nodes[x] + nodes[(x + 1) % 3]) for x in range(3)]
+                    points += nodes
+                    areas += [small / 3.0] * 3
+    return _merged(np.array(points), np.array(areas))
+
+
+def _merged(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
+    """Nodes that coincide, as one."""
+    size = float(np.abs(points).max())
+    keys = np.round(points / size, 9)
+    order = np.lexsort(keys.T[::-1])
+    fresh = np.concatenate([[True], np.any(np.diff(keys[order], axis=0) != 0.0, axis=1)])
+    group = np.cumsum(fresh) - 1
+    return points[order][fresh], np.bincount(group, weights=areas[order])
+
+
+def _balanced(points: Floats, areas: Floats) -> Floats:
+    """Areas changed as little as possible so that their first moments about the centroid vanish."""
+    rows = np.vstack([np.ones(len(areas)), points.T])
+    off = rows @ areas - np.array([areas.sum(), 0.0, 0.0])
+    return np.asarray(areas - areas * (rows.T @ np.linalg.solve((rows * areas) @ rows.T, off)))

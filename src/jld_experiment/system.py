@@ -1,0 +1,124 @@
+"""Springs, masses and periods of an assembly before anything yields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core import Assembly
+from jld_core.assembly import Floats, Ints
+from jld_experiment.subcontacts import SubContacts
+
+
+@dataclass(frozen=True)
+class System:
+    """An assembly of rigid elements on springs, with masses that make one the share `step` of the critical step.
+
+    ends: (m, 2) elements a and b. frame: (m, 6) planar or (m, 15) spatial, as the kernel wants it. inverse: (n, 2) one
+    over mass and inertia, 0 on supports. radius: (n,) √(inertia/mass). period: steps in the slowest period. reach:
+    elastic movement live·u under the live loads with λ = 1. sag, swing: largest elastic movement of an element under the
+    dead loads, and under the live loads with λ = 1.
+    """
+
+    ends: Ints
+    frame: Floats
+    inverse: Floats
+    radius: Floats
+    period: float
+    reach: float
+    sag: float
+    swing: float
+
+
+def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, step: float) -> System:
+    """Elastic system of all faces closed. kn, ks: (m,) springs per area. step: share of the critical step."""
+    elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
+    ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
+    count = len(elements)
+    stiffness = np.zeros((count, q, count, q))
+    jumps = jump_matrices(assembly)
+    for face, (a, b) in enumerate(ends):
+        part = points.place[points.first[face] : points.first[face + 1]]
+        spring = _spring(part, float(kn[face]), float(ks[face]))
+        block = np.einsum("ji,jk,kl->il", jumps[face], spring, jumps[face])
+        for i, x in enumerate((a, b)):
+            for j, y in enumerate((a, b)):
+                stiffness[x, :, y, :] += block[i * q : (i + 1) * q, j * q : (j + 1) * q]
+    own = stiffness[np.arange(count), :, np.arange(count), :]
+    mass = np.einsum("ijj->i", own[:, :d, :d]) / d
+    inertia = np.einsum("ijj->i", own[:, d:, d:]) / (q - d)
+    free = elements.free
+    scaled = np.repeat(np.column_stack([mass, inertia])[free] ** -0.5, (d, q - d), axis=1).ravel()
+    matrix = stiffness[free][:, :, free].reshape(q * len(free), q * len(free))
+    values = np.linalg.eigvalsh(matrix * scaled[:, None] * scaled)
+    # a step of one is stable up to ω = 2
+    factor = float(values[-1]) / (2.0 * step) ** 2
+    inverse = np.zeros((count, 2))
+    inverse[free] = np.column_stack([1.0 / mass, 1.0 / inertia])[free] / factor
+    live, dead = (load[free].ravel() for load in (assembly.live, assembly.dead))
+    moved = np.linalg.solve(matrix, np.column_stack([live, dead]))
+    radius = np.ones(count)
+    radius[free] = np.sqrt(inertia[free] / mass[free])
+    return System(
+        ends=ends,
+        frame=_frame(assembly),
+        inverse=inverse,
+        radius=radius,
+        period=float(2.0 * np.pi * np.sqrt(factor / values[0])),
+        reach=float(live @ moved[:, 0]),
+        sag=float(np.abs(moved[:, 1].reshape(-1, q)[:, :d]).max()),
+        swing=float(np.abs(moved[:, 0].reshape(-1, q)[:, :d]).max()),
+    )
+
+
+def jump_matrices(assembly: Assembly) -> Floats:
+    """(m, q, 2q) jumps (opening, slips, turns, as conjugate to the resultants) from the movements of a and b."""
+    faces, q, d = assembly.interfaces, assembly.freedoms, assembly.dimension
+    found = np.zeros((len(faces), q, 2 * q))
+    axes = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
+    turns = [faces.e1, faces.e2, faces.normal]
+    for place, element, sign in ((0, faces.a, -1.0), (q, faces.b, 1.0)):
+        arm = faces.origin - assembly.elements.centroid[element]
+        for j, axis in enumerate(axes):
+            found[:, j, place : place + d] = sign * axis
+            if d == 2:
+                found[:, j, place + 2] = sign * (arm[:, 0] * axis[:, 1] - arm[:, 1] * axis[:, 0])
+            else:
+                found[:, j, place + 3 : place + 6] = sign * np.cross(arm, axis)
+        for j in range(q - d):
+            if d == 2:
+                found[:, 2, place + 2] = sign
+            else:
+                found[:, 3 + j, place + 3 : place + 6] = sign * turns[j]
+    return found
+
+
+def _spring(place: Floats, kn: float, ks: float) -> Floats:
+    """(q, q) stiffness of one face in its jumps."""
+    if place.shape[1] == 2:
+        s, area = place.T
+        opening, slip = np.column_stack([np.ones_like(s), 0 * s, -s]), np.column_stack([0 * s, np.ones_like(s), 0 * s])
+        rows, weights = [opening, slip], [kn * area, ks * area]
+    else:
+        x1, x2, area = place.T
+        one, none = np.ones_like(x1), np.zeros_like(x1)
+        rows = [
+            np.column_stack([one, none, none, x2, -x1, none]),
+            np.column_stack([none, one, none, none, none, -x2]),
+            np.column_stack([none, none, one, none, none, x1]),
+        ]
+        weights = [kn * area, ks * area, ks * area]
+    return np.asarray(sum((row * w[:, None]).T @ row for row, w in zip(rows, weights, strict=True)))
+
+
+def _frame(assembly: Assembly) -> Floats:
+    """Normals and arms of all faces, one row each, as the kernels read them."""
+    faces, centroid = assembly.interfaces, assembly.elements.centroid
+    near, far = faces.origin - centroid[faces.a], faces.origin - centroid[faces.b]
+    if assembly.dimension == 3:
+        return np.ascontiguousarray(np.hstack([faces.normal, faces.e1, faces.e2, near, far]))
+    columns = [faces.normal]
+    for arm in (near, far):
+        columns += [(arm[:, 0] * axis[:, 1] - arm[:, 1] * axis[:, 0])[:, None] for axis in (faces.normal, faces.e1)]
+    return np.ascontiguousarray(np.hstack(columns))
