@@ -159,7 +159,7 @@ def march(
     steps: int,
     push: bool,
     dead_ends: tuple[float, float],
-    load_factor: float,
+    factor_ends: tuple[float, float],
     rate_ends: tuple[float, float],
     damping: float,
     dead: Floats,
@@ -182,8 +182,8 @@ def march(
 ) -> tuple[float, float, float]:
     """Advance by a number of steps under dead loads and either a live load factor or a live velocity.
 
-    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ = load_factor.
-    dead_ends, rate_ends: share of the dead loads and rate, from the first step to the last, linear. damping: share of
+    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ runs as factor_ends says.
+    dead_ends, factor_ends, rate_ends: share of the dead loads, λ and rate, from the first step to the last, linear. damping: share of
     the out-of-balance force that acts against the movement, forces and moments apart, so that no direction is
     preferred. dead, live: (n, q) loads. inverse: (n, 2) one over mass and over inertia, 0 on supports. radius: (n,)
     by which moments are compared with forces. moved, velocity: (n, q) state, changed in place; the rest as in
@@ -212,7 +212,7 @@ def march(
             spatial_forces(
                 velocity, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken
             )
-        factor = load_factor
+        factor = factor_ends[0] + (factor_ends[1] - factor_ends[0]) * share
         if push:
             rate = rate_ends[0] + (rate_ends[1] - rate_ends[0]) * share
             given, speed = 0.0, 0.0

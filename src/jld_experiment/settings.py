@@ -55,33 +55,32 @@ class Settings:
 
     scheme, segments: of sub-contacts on a face, see `sub_contacts`. gaps: a joint that opened closes without
     resistance ("free"), or is plastic like everything else ("plastic", for proofs against λ). moving: follow the
-    geometry (planar). periods: slowest periods of the faster of two pushes; the other takes `slower` times as long.
-    length: of the push, in elastic movements at the load where it ends up. damping: local, 0.1–0.9. step: share of the
-    critical step. records: points of a curve. stop: end a push when the load has fallen to this share of its highest.
+    geometry, with new contacts where corners meet other faces (planar).
+
+    A push is measured in elastic movements, live·u at the load it ends at if nothing yielded. periods: slowest periods
+    for one of them in the faster of two pushes; the other takes `slower` times as long. hasten: elastic movements after
+    which the rate grows with the distance. length: at which a push ends at the latest. records: points of a curve
+    in a slowest period. damping: local, share of the out-of-balance force. step: share of the critical step.
     """
 
     scheme: Literal["trapezoid", "simpson", "midpoint", "limit"] = "trapezoid"
     segments: int = 4
     gaps: Literal["free", "plastic"] = "free"
     moving: bool = False
-    periods: float = 500.0
+    periods: float = 150.0
     slower: float = 2.0
-    length: float = 8.0
+    hasten: float = 8.0
+    length: float = 100.0
+    records: float = 2.0
     damping: float = 0.5
     step: float = 0.5
-    records: int = 400
-    stop: float = 0.5
 
     def __post_init__(self) -> None:
         for name, low, high in (("damping", 0.0, 1.0), ("step", 0.0, 0.9)):
             if not low < getattr(self, name) < high:
                 raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", f"a number between {low} and {high}")
-        for name in ("periods", "length"):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", "a number above 0")
-        if self.records < 20:
-            raise InputError("settings.records", f"{self.records!r}", "20 or more")
-        if not self.slower > 1.0:
-            raise InputError("settings.slower", f"{self.slower!r}", "a number above 1")
+        for name, low in (("periods", 0.0), ("hasten", 0.0), ("length", 0.0), ("records", 0.0), ("slower", 1.0)):
+            if not getattr(self, name) > low:
+                raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", f"a number above {low:g}")
         if self.gaps not in ("free", "plastic"):
             raise InputError("settings.gaps", f"no kind of gaps is named {self.gaps!r}", "free or plastic")

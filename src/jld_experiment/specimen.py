@@ -71,7 +71,7 @@ class Specimen:
         steps: int,
         *,
         dead: tuple[float, float] = (1.0, 1.0),
-        load_factor: float = 0.0,
+        load_factor: tuple[float, float] = (0.0, 0.0),
         rate: tuple[float, float] | None = None,
     ) -> tuple[float, float, float]:
         """Some steps: mean of λ, largest out-of-balance force over `largest`, largest speed. State is changed."""
@@ -112,20 +112,15 @@ class Specimen:
     def rest(self, state: State, load_factor: float) -> Standing:
         """Wait for rest under a load factor: it rests, falls (far away and still going), or creeps."""
         period = max(1, round(self.system.period))
-        limit = FAR * (self.system.sag + abs(load_factor) * self.most_moved)
+        limit = FAR * (self.system.sag + abs(load_factor) * self.system.swing)
         for _ in range(int(PATIENCE)):
-            _, worst, _ = self.march(state, period, load_factor=load_factor)
+            _, worst, _ = self.march(state, period, load_factor=(load_factor, load_factor))
             if worst <= REST:
                 return Standing.RESTS
             size = float(np.abs(state.moved[:, : self.assembly.dimension]).max())
             if not size <= limit:
                 return Standing.FALLS
         return Standing.CREEPS
-
-    @property
-    def most_moved(self) -> float:
-        """Largest elastic movement under the live loads with λ = 1."""
-        return self.system.swing
 
     def resultants(self, state: State) -> Floats:
         """(m, q) of all faces, as in limit analysis: planar N, V, M; spatial N, V1, V2, M1, M2, MT."""

@@ -1,0 +1,132 @@
+"""One assembly, one labelling → the curve of λ over the movement of the live loads, and its collapse load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core import Assembly
+from jld_core.assembly import Bits, Bools, Floats
+from jld_core.errors import InputError
+from jld_experiment.driving import Push, push, scout
+from jld_experiment.settings import RATE_ERROR, Joints, Settings
+from jld_experiment.specimen import Specimen, Standing, specimen_of
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What an experiment showed.
+
+    standing: under the dead loads alone. distance, load_factor, unbalanced: (k,) of the slower push: live·u in scene
+    units (work of the live loads at λ = 1), λ, and the largest out-of-balance force over the largest dead load on
+    an element. faster: (k', 2) distance and λ of the faster push. reach: live·u at λ = 1 if nothing yields. collapse:
+    record of the collapse load, the largest λ before the first fall by a tenth of the highest. rising: had nothing
+    given way when the push ended? at_collapse, at_end: (n, q) movements since the dead loads stood. cracked: (m,)
+    share of the area of each face that had broken at collapse. Arrays are empty where the dead loads alone bring it down.
+    """
+
+    assembly: Assembly
+    labels: Bits
+    joints: Joints
+    settings: Settings
+    standing: Standing
+    distance: Floats
+    load_factor: Floats
+    unbalanced: Floats
+    faster: Floats
+    reach: float
+    collapse: int
+    collapse_load: float
+    rate_error: float
+    rising: bool
+    at_collapse: Floats
+    at_end: Floats
+    cracked: Floats
+    periods: float
+
+    @property
+    def stands(self) -> bool:
+        """Does it stand under the dead loads?"""
+        return self.standing is Standing.RESTS
+
+    @property
+    def certified(self) -> bool:
+        """Did two rates give the same collapse load, to RATE_ERROR?"""
+        return self.stands and not self.rising and self.rate_error <= RATE_ERROR
+
+
+def run_experiment(
+    assembly: Assembly,
+    labels: Bits | None = None,
+    *,
+    joints: Joints | None = None,
+    settings: Settings | None = None,
+) -> Curve:
+    """Load one labelling of an assembly until it comes down, twice, at two rates.
+
+    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. The assembly is settled under its dead
+    loads, then live·u is made to grow at a constant rate and λ is read off as the multiplier of that constraint. The
+    collapse load comes from the slower push, `rate_error` is the relative difference of the two.
+    Raises InputError where a material that the labelling needs is missing, or a setting is of no use.
+    """
+    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    joints, settings = joints or Joints(), settings or Settings()
+    specimen = specimen_of(assembly, own, joints, settings)
+    settled, standing = specimen.settle()
+    if standing is not Standing.RESTS:
+        return _nothing(specimen, joints, standing, settled.moved)
+    scale = scout(specimen, settled)
+    if not 0.0 < scale < np.inf:
+        return _nothing(specimen, joints, standing, settled.moved, rising=scale > 0.0)
+    fast = push(specimen, settled, scale, settings.periods)
+    slow = push(specimen, settled, scale, settings.periods * settings.slower)
+    found = slow.load_factor[slow.collapse]
+    area = specimen.points.place[:, -1]
+    broken = np.bincount(specimen.points.face, weights=area * slow.at_collapse.broken, minlength=len(own))
+    return Curve(
+        assembly=assembly,
+        labels=own,
+        joints=joints,
+        settings=settings,
+        standing=standing,
+        distance=slow.distance,
+        load_factor=slow.load_factor,
+        unbalanced=slow.unbalanced,
+        faster=np.column_stack([fast.distance, fast.load_factor]),
+        reach=specimen.system.reach,
+        collapse=slow.collapse,
+        collapse_load=float(found),
+        rate_error=float(abs(fast.load_factor[fast.collapse] / found - 1.0)),
+        rising=fast.rising or slow.rising,
+        at_collapse=slow.at_collapse.moved - settled.moved,
+        at_end=slow.at_end.moved - settled.moved,
+        cracked=broken / assembly.interfaces.area,
+        periods=fast.periods + slow.periods,
+    )
+
+
+def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floats, rising: bool = False) -> Curve:
+    """A curve without a push: it does not stand, has no strength at all, or nothing in it can give way."""
+    none = np.zeros(0)
+    load = 0.0 if standing is Standing.RESTS and not rising else np.nan
+    return Curve(
+        assembly=specimen.assembly,
+        labels=specimen.labels,
+        joints=joints,
+        settings=specimen.settings,
+        standing=standing,
+        distance=none,
+        load_factor=none,
+        unbalanced=none,
+        faster=np.zeros((0, 2)),
+        reach=specimen.system.reach,
+        collapse=0,
+        collapse_load=load,
+        rate_error=0.0,
+        rising=rising,
+        at_collapse=moved,
+        at_end=moved,
+        cracked=np.zeros(len(specimen.labels)),
+        periods=0.0,
+    )
