@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jld_core.assembly import Floats
+from jld_core.assembly import Floats, Ints
 from jld_experiment.settings import FALL
 from jld_experiment.specimen import Specimen, Standing, State, copied
 
@@ -18,13 +18,14 @@ ENDLESS = 1e6  # times the load at which the scout starts; still rising there, n
 
 @dataclass(frozen=True)
 class Push:
-    """One push. distance, load_factor, unbalanced: (k,) live·u, λ as the mean of each record, largest out-of-balance
-    force of each. at_collapse, at_end: states. periods: slowest periods it took. rising: had the load neither
-    fallen nor come to a plateau when it ended?"""
+    """One push. distance, load_factor, unbalanced, broken: (k,) live·u, λ as the mean of each record, largest out-of-
+    balance force of each, sub-contacts broken by then. at_collapse, at_end: states. periods: slowest periods it
+    took. rising: had the load neither fallen nor come to a plateau when it ended?"""
 
     distance: Floats
     load_factor: Floats
     unbalanced: Floats
+    broken: Ints
     at_collapse: State
     at_end: State
     periods: float
@@ -95,7 +96,7 @@ def push(specimen: Specimen, settled: State, scale: float, periods: float, endle
         factor, worst, _ = specimen.march(state, steps, rate=(speed, target))
         distance += 0.5 * (speed + target) * steps + 0.5 * (target - speed)
         speed = target
-        rows.append((distance, factor, worst))
+        rows.append((distance, factor, worst, float(state.broken.sum())))
         if factor > highest and not fell:
             best = copied(state)
         if factor > highest:
@@ -118,7 +119,7 @@ def push(specimen: Specimen, settled: State, scale: float, periods: float, endle
     spent = len(rows) * steps / system.period
     if rising:
         rising = _still_rising(table)
-    return Push(table[:, 0], table[:, 1], table[:, 2], best, state, spent, rising)
+    return Push(table[:, 0], table[:, 1], table[:, 2], table[:, 3].astype(np.int64), best, state, spent, rising)
 
 
 def _still_rising(table: Floats) -> bool:

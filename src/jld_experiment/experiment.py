@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.assembly import Bits, Bools, Floats
-from jld_core.errors import InputError
-from jld_experiment.driving import Push, push, scout
+from jld_core.assembly import Bits, Floats
+from jld_experiment.driving import push, scout
 from jld_experiment.settings import RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of
 
@@ -20,10 +19,11 @@ class Curve:
 
     standing: under the dead loads alone. distance, load_factor, unbalanced: (k,) of the slower push: live·u in scene
     units (work of the live loads at λ = 1), λ, and the largest out-of-balance force over the largest dead load on
-    an element. faster: (k', 2) distance and λ of the faster push. reach: live·u at λ = 1 if nothing yields. collapse:
-    record of the collapse load, the largest λ before the first fall by a tenth of the highest. rising: had nothing
-    given way when the push ended? at_collapse, at_end: (n, q) movements since the dead loads stood. cracked: (m,)
-    share of the area of each face that had broken at collapse. Arrays are empty where the dead loads alone bring it down.
+    an element. faster: (k', 2) distance and λ of the faster push. reach: live·u at λ = 1 if nothing yields.
+    collapse: record of the collapse load, the largest λ before the first fall by a tenth of the highest. rising:
+    had nothing given way when the push ended? at_collapse, at_end: (n, q) movements since the dead loads stood.
+    cracked: (m,) share of the area of each face that had broken in the end. first_crack: λ at which a brittle face
+    first gave way, NaN where none did. Arrays are empty where the dead loads alone bring it down.
     """
 
     assembly: Assembly
@@ -43,6 +43,7 @@ class Curve:
     at_collapse: Floats
     at_end: Floats
     cracked: Floats
+    first_crack: float
     periods: float
 
     @property
@@ -83,7 +84,8 @@ def run_experiment(
     slow = push(specimen, settled, scale, settings.periods * settings.slower)
     found = slow.load_factor[slow.collapse]
     area = specimen.points.place[:, -1]
-    broken = np.bincount(specimen.points.face, weights=area * slow.at_collapse.broken, minlength=len(own))
+    broken = np.bincount(specimen.points.face, weights=area * slow.at_end.broken, minlength=len(own))
+    first = np.flatnonzero(slow.broken > int(settled.broken.sum()))
     return Curve(
         assembly=assembly,
         labels=own,
@@ -102,6 +104,7 @@ def run_experiment(
         at_collapse=slow.at_collapse.moved - settled.moved,
         at_end=slow.at_end.moved - settled.moved,
         cracked=broken / assembly.interfaces.area,
+        first_crack=float(slow.load_factor[first[0]]) if first.size else np.nan,
         periods=fast.periods + slow.periods,
     )
 
@@ -128,5 +131,6 @@ def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floa
         at_collapse=moved,
         at_end=moved,
         cracked=np.zeros(len(specimen.labels)),
+        first_crack=np.nan,
         periods=0.0,
     )

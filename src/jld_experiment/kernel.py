@@ -182,12 +182,13 @@ def march(
 ) -> tuple[float, float, float]:
     """Advance by a number of steps under dead loads and either a live load factor or a live velocity.
 
-    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ runs as factor_ends says.
-    dead_ends, factor_ends, rate_ends: share of the dead loads, λ and rate, from the first step to the last, linear. damping: share of
-    the out-of-balance force that acts against the movement, forces and moments apart, so that no direction is
-    preferred. dead, live: (n, q) loads. inverse: (n, 2) one over mass and over inertia, 0 on supports. radius: (n,)
-    by which moments are compared with forces. moved, velocity: (n, q) state, changed in place; the rest as in
-    `planar_forces`. Returns the mean of λ, the largest out-of-balance force and the largest speed.
+    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ runs as
+    factor_ends says. dead_ends, factor_ends, rate_ends: share of the dead loads, λ and rate, from the first step
+    to the last, linear. damping: share of the out-of-balance force that acts against the movement, forces and
+    moments apart, so that no direction is preferred. dead, live: (n, q) loads. inverse: (n, 2) one over mass and
+    over inertia, 0 on supports. radius: (n,) by which moments are compared with forces. moved, velocity: (n, q)
+    state, changed in place; the rest as in `planar_forces`. Returns the mean of λ, the largest out-of-balance
+    force and the largest speed.
     """
     count, q = velocity.shape
     d = 2 if q == 3 else 3

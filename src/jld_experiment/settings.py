@@ -42,7 +42,9 @@ class Joints:
             if value is not None and not (value > 0.0 and math.isfinite(value)):
                 raise InputError(f"--{name.replace('_', '-')}", f"{value!r} is no stiffness", "a number above 0")
         if self.dilation != "friction" and not (isinstance(self.dilation, (int, float)) and self.dilation >= 0.0):
-            raise InputError("--dilation", f"{self.dilation!r} is no dilation", "0, friction, or the tangent of an angle")
+            raise InputError(
+                "--dilation", f"{self.dilation!r} is no dilation", "0, friction, or the tangent of an angle"
+            )
         if self.inner not in ("plastic", "brittle"):
             raise InputError("--inner", f"no law of inner faces is named {self.inner!r}", "brittle or plastic")
         if not (self.residual_friction >= 0.0 and math.isfinite(self.residual_friction)):

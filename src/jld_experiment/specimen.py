@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.assembly import Bits, Bools, Floats, Ints
+from jld_core.assembly import Bits, Bools, Floats
 from jld_core.errors import InputError
 from jld_experiment.kernel import march
 from jld_experiment.settings import REST, Joints, Settings
@@ -186,6 +186,4 @@ def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Float
         tension = np.where(friction > 0.0, np.minimum(tension, cohesion / friction), tension)
     dilation = friction if joints.dilation == "friction" else np.where(labels, joints.dilation, 0.0)
     residual = np.full(len(labels), joints.residual_friction)
-    return np.ascontiguousarray(
-        np.column_stack([kn, ks, friction, dilation, cohesion, tension, crushing, residual])
-    )
+    return np.ascontiguousarray(np.column_stack([kn, ks, friction, dilation, cohesion, tension, crushing, residual]))

@@ -146,7 +146,7 @@ def _merged(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
     order = np.lexsort(keys.T[::-1])
     fresh = np.concatenate([[True], np.any(np.diff(keys[order], axis=0) != 0.0, axis=1)])
     group = np.cumsum(fresh) - 1
-    return points[order][fresh], np.bincount(group, weights=areas[order])
+    return points[order][fresh], np.bincount(group, weights=areas[order]).astype(float)
 
 
 def _balanced(points: Floats, areas: Floats) -> Floats:

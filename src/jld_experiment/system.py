@@ -17,8 +17,8 @@ class System:
 
     ends: (m, 2) elements a and b. frame: (m, 6) planar or (m, 15) spatial, as the kernel wants it. inverse: (n, 2) one
     over mass and inertia, 0 on supports. radius: (n,) √(inertia/mass). period: steps in the slowest period. reach:
-    elastic movement live·u under the live loads with λ = 1. sag, swing: largest elastic movement of an element under the
-    dead loads, and under the live loads with λ = 1.
+    elastic movement live·u under the live loads with λ = 1. sag, swing: largest elastic movement of an element
+    under the dead loads, and under the live loads with λ = 1.
     """
 
     ends: Ints
@@ -49,17 +49,18 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     mass = np.einsum("ijj->i", own[:, :d, :d]) / d
     inertia = np.einsum("ijj->i", own[:, d:, d:]) / (q - d)
     free = elements.free
-    scaled = np.repeat(np.column_stack([mass, inertia])[free] ** -0.5, (d, q - d), axis=1).ravel()
+    masses = np.column_stack([mass, inertia])[free]
+    scaled = np.repeat(masses**-0.5, (d, q - d), axis=1).ravel()
     matrix = stiffness[free][:, :, free].reshape(q * len(free), q * len(free))
     values = np.linalg.eigvalsh(matrix * scaled[:, None] * scaled)
     # a step of one is stable up to ω = 2
     factor = float(values[-1]) / (2.0 * step) ** 2
     inverse = np.zeros((count, 2))
-    inverse[free] = np.column_stack([1.0 / mass, 1.0 / inertia])[free] / factor
+    inverse[free] = 1.0 / (factor * masses)
     live, dead = (load[free].ravel() for load in (assembly.live, assembly.dead))
     moved = np.linalg.solve(matrix, np.column_stack([live, dead]))
     radius = np.ones(count)
-    radius[free] = np.sqrt(inertia[free] / mass[free])
+    radius[free] = np.sqrt(masses[:, 1] / masses[:, 0])
     return System(
         ends=ends,
         frame=_frame(assembly),
