@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jld_core.assembly import Floats, Ints
+from jld_core.arrays import Floats, Ints
 from jld_experiment.settings import FALL
 from jld_experiment.specimen import Specimen, Standing, State, copied
 

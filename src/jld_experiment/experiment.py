@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_experiment.driving import push, scout
 from jld_experiment.settings import RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.assembly import Bools, Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_experiment.compiled import compiled
 from jld_experiment.laws import contact_stress
 

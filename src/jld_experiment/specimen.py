@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.assembly import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
 from jld_experiment.kernel import march
 from jld_experiment.settings import REST, Joints, Settings

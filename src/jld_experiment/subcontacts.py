@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.assembly import Bits, Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.assembly import Floats, Ints
+from jld_core.arrays import Floats, Ints
 from jld_experiment.subcontacts import SubContacts
 
 

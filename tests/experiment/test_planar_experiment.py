@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
-from jld_core.assembly import Bits, Floats
+from jld_core.arrays import Bits, Floats
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.samples.gallery import leonardo_flat_arch, stacked_cubes
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
