@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -329,3 +330,16 @@ def test_flagship_group() -> None:
 def test_groups_of_large_scenes_are_found_at_once() -> None:
     space = grid_space(["a" * 17] * 17 + ["#" * 17], DOWN)
     assert len(space.group) == 2
+
+
+def test_symmetries_of_a_large_grid_take_no_table_of_pairs() -> None:
+    """10 000 cells: a table of pairs alone would be 800 MB."""
+    rows = ["a" * 100] * 100 + ["#" * 100]
+    scene = parse_scene(grid_document(rows, live=[{"body": [0, -1]}]))
+    assembly = build_assembly(scene)
+    tracemalloc.start()
+    space = search_space(scene, assembly)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(space.group) == 2
+    assert peak < 200e6

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
@@ -55,29 +56,35 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
     """Orthogonal matrices that may map the assembly onto itself, from few elements that are rare."""
     elements, d = assembly.elements, assembly.dimension
     reach = tolerances.SYMMETRY * assembly.size
-    points, alike = elements.centroid - elements.centroid.mean(axis=0), _alike(assembly)
+    points, kind = elements.centroid - elements.centroid.mean(axis=0), _kinds(assembly)
     if np.linalg.matrix_rank(points, tol=1e-3 * assembly.size) < d - 1:
         points = np.concatenate(elements.shape) - elements.centroid.mean(axis=0)
-        owner = np.repeat(np.arange(len(elements)), [len(s) for s in elements.shape])
-        alike = alike[np.ix_(owner, owner)]
+        kind = np.repeat(kind, [len(s) for s in elements.shape])
     radius = np.linalg.norm(points, axis=1)
-    alike = alike & (abs(radius[:, None] - radius) <= reach)
+    # those that may take one another's place stand side by side: of one kind and at one distance from the centre
+    order = np.lexsort((radius, kind))
+    key = (radius + 4.0 * radius.max() * kind)[order]
+    first, last = np.searchsorted(key, key - reach, "left"), np.searchsorted(key, key + reach, "right")
+    rivals = np.empty(len(points), dtype=np.int64)
+    rivals[order] = last - first
+    place_of = np.empty(len(points), dtype=np.int64)
+    place_of[order] = np.arange(len(points))
     # an anchor near the centre would magnify rounding; the rarest of the others leaves least to try
-    order = np.lexsort((-radius, alike.sum(axis=1) + len(points) * (radius < 1e-3 * radius.max())))
-    anchors = [int(order[0])]
+    rarest = np.lexsort((-radius, rivals + len(points) * (radius < 1e-3 * radius.max())))
+    anchors = [int(rarest[0])]
     if d == 3:
-        away = np.linalg.norm(np.cross(points[order], points[anchors[0]]), axis=1)
+        away = np.linalg.norm(np.cross(points[rarest], points[anchors[0]]), axis=1)
         limit = 1e-3 * radius.max() * radius[anchors[0]]
-        anchors.append(int(order[np.flatnonzero(away > limit)[0]]))
+        anchors.append(int(rarest[np.flatnonzero(away > limit)[0]]))
     base = _frame(points[anchors])
-    places = [np.flatnonzero(alike[anchor]) for anchor in anchors]
+    places = [np.sort(order[first[place_of[anchor]] : last[place_of[anchor]]]) for anchor in anchors]
     matrices = []
     for images in np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, d - 1):
         gram = points[images] @ points[images].T - points[anchors] @ points[anchors].T
         if abs(gram).max() > 4.0 * reach * radius.max():
             continue
-        for last in (1.0, -1.0):
-            matrix = _frame(points[images]).T @ np.diag([1.0] * (d - 1) + [last]) @ base
+        for last_sign in (1.0, -1.0):
+            matrix = _frame(points[images]).T @ np.diag([1.0] * (d - 1) + [last_sign]) @ base
             near = np.round(matrix)
             matrix = near if abs(matrix - near).max() < reach / radius.max() else matrix
             if abs(matrix - np.eye(d)).max() > 1e-6:
@@ -95,13 +102,18 @@ def _frame(vectors: Floats) -> Floats:
     return np.array([first, second, np.cross(first, second)])
 
 
-def _alike(assembly: Assembly) -> Bools:
-    """(n, n) True for elements of equal volume, number of corners and support flag."""
+def _kinds(assembly: Assembly) -> Ints:
+    """(n,) number of the kind of each element: of one volume, number of corners and support flag."""
     elements = assembly.elements
-    kind = 2 * np.array([len(s) for s in elements.shape]) + elements.support
-    volume = elements.volume
-    close = abs(volume[:, None] - volume) <= 10.0 * tolerances.SYMMETRY * np.maximum.outer(volume, volume)
-    return np.asarray(close & (kind[:, None] == kind))
+    order = np.argsort(elements.volume, kind="stable")
+    volume = elements.volume[order]
+    # volumes that differ by rounding are one; a step above it begins another
+    step = np.diff(volume, prepend=volume[:1]) > 10.0 * tolerances.SYMMETRY * volume
+    size = np.empty(len(volume), dtype=np.int64)
+    size[order] = np.cumsum(step)
+    corners = np.array([len(s) for s in elements.shape])
+    table = np.column_stack([size, corners, elements.support])
+    return np.asarray(np.unique(table, axis=0, return_inverse=True)[1].reshape(-1), dtype=np.int64)
 
 
 def _image(
@@ -114,7 +126,8 @@ def _image(
     if search.block_extent != [None, None] and abs(matrix).max(axis=1).min() < 1.0 - 1e-9:
         return "it turns the bounding boxes that block_extent limits"
     moved = (elements.centroid - centre) @ matrix.T + centre
-    to = _nearest(moved, elements.centroid, _alike(assembly), reach)
+    kind = _kinds(assembly)
+    to = _nearest(moved, elements.centroid, kind, kind, reach)
     if to is None or not _same_corners(elements.shape, elements.shape, to, matrix, centre, reach):
         return "its elements are not mapped onto elements of the same shape"
     if not _same_loads(assembly, to, matrix):
@@ -126,7 +139,11 @@ def _image(
     pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)
     pair_to = np.minimum(to[faces.a], to[faces.b]) * count + np.maximum(to[faces.a], to[faces.b])
     moved = (faces.origin - centre) @ matrix.T + centre
-    face_to = _nearest(moved, faces.origin, pair_to[:, None] == pair, reach)
+    names, number = np.unique(pair, return_inverse=True)
+    number_to = np.minimum(np.searchsorted(names, pair_to), len(names) - 1)
+    if not np.array_equal(names[number_to], pair_to):
+        return "its interfaces are not mapped onto interfaces"
+    face_to = _nearest(moved, faces.origin, number_to, number, reach)
     if face_to is None or not _same_corners(faces.polygon, faces.polygon, face_to, matrix, centre, reach):
         return "its interfaces are not mapped onto interfaces"
     sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
@@ -140,13 +157,19 @@ def _image(
     return to, face_to
 
 
-def _nearest(moved: Floats, points: Floats, allowed: Bools, reach: float) -> Ints | None:
-    """(n,) the allowed point each moved one falls on; None unless it is one to one."""
-    distance = np.linalg.norm(moved[:, None] - points, axis=2)
-    to = np.argmin(np.where(allowed, distance, np.inf), axis=1)
-    every = np.arange(len(points))
-    fits = np.all(allowed[every, to]) and np.all(distance[every, to] <= reach) and len(np.unique(to)) == len(points)
-    return to if fits else None
+def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
+    """(n,) the point of its kind that each moved one falls on; None unless it is one to one.
+
+    moved, points: (n, d). kind_to: (n,) kind wanted of each moved point; kind: (n,) kind of each point.
+    """
+    if not len(points):
+        return np.zeros(0, dtype=np.int64)
+    # a coordinate of its own keeps kinds further apart than any two places
+    apart = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
+    tree = cKDTree(np.column_stack([points, apart * kind]))
+    distance, to = tree.query(np.column_stack([moved, apart * kind_to]), distance_upper_bound=2.0 * reach)
+    fits = np.all(distance <= reach) and len(np.unique(to)) == len(points)
+    return np.asarray(to, dtype=np.int64) if fits else None
 
 
 def _same_corners(
