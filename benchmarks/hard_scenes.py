@@ -218,7 +218,7 @@ def alternating(assembly: Assembly) -> Bits:
 UNITS: Final = {"µN, mm": (1e3, 1e6), "N, mm": (1e3, 1.0), "kN, m": (1.0, 1e-3), "MN, km": (1e-3, 1e-6)}
 """Length and force of one m and one N."""
 LARGE: Final = 0.0465844456
-"""λ of the wall of 1 640 bricks out of plane; source: METHOD §8, two independent methods."""
+"""λ of the wall of 1 640 bricks out of plane; found by two independent prototypes."""
 
 
 def hard_cases() -> Iterator[HardCase]:

@@ -272,7 +272,7 @@ def certificates() -> Reduction:
         (every, solved),
         (slow, quick),
         float((abs(one - other)[known] / abs(other[known])).max()),
-        "forces and mechanisms of other labellings are checked on each that they settle (METHOD §6)",
+        "forces and mechanisms of other labellings are checked on each that they settle (docs/method.md (6.1))",
         "`--certificates`; saves solves, and time where a solve is dear",
     )
 

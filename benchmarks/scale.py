@@ -35,7 +35,7 @@ TARGETS: Final = {
 }
 """Seconds and relative width of the bracket that were asked for, by case and blocks."""
 KNOWN: Final = {("out of plane", 1640): 0.0465844456, ("out of plane", 3660): 0.0301996}
-"""λ of prototypes, by case and blocks (METHOD §8)."""
+"""λ of earlier prototypes (scaled Clarabel and a Schur-complement method), by case and blocks."""
 
 Found = dict[str, Any]
 

@@ -20,7 +20,7 @@ def stated(assembly: Assembly, labels: Bits, solver: str = "CLARABEL", **options
     """λ of one labelling, NaN where the solver has none. Planar faces, or spatial ones that are rectangles.
 
     labels: (m,) True dry. solver: a name CVXPY knows. options: of that solver; default its own tolerances.
-    Source: Iannuzzo et al. 2024, eq. (2)–(7), with the corrections of METHOD §2.
+    Source: Iannuzzo et al. 2024, eq. (2)–(7), as docs/method.md (2.1) to (2.7).
     """
     unit = assembly.total_dead
     forces, load = cp.Variable((len(assembly.interfaces), assembly.freedoms)), cp.Variable()

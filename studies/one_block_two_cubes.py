@@ -1,6 +1,6 @@
 """One block and two cubes (section 3.2): λ by direction, and the map of mechanisms over (μ, τA/W).
 
-Source: Iannuzzo et al. 2024, section 3.2, Figures 3 and 4; λ in closed form from METHOD §2 and REFERENCE_VALUES.
+Source: Iannuzzo et al. 2024, section 3.2, Figures 3 and 4; λ in closed form from docs/method.md (2.2) to (2.7).
 """
 
 from __future__ import annotations

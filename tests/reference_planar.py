@@ -1,4 +1,4 @@
-"""The static problem of METHOD §2 stated a second time, in CVXPY and in scene units, from geometry alone.
+"""The static problem, docs/method.md (2.1), stated a second time, in CVXPY and in scene units, from geometry alone.
 
 Nothing of equilibrium.py, scaling.py or yield_sets.py is used: a fault there cannot hide here.
 """

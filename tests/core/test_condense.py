@@ -1,4 +1,4 @@
-"""Rigid blocks, cracked on demand, give the full model's λ and brackets (METHOD §7)."""
+"""Rigid blocks, cracked on demand, give the full model's λ and brackets (docs/method.md (7.2))."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def test_volumes_and_centroids_equal_those_given(name: str) -> None:
 
 
 def test_normals_come_from_faces_not_from_centroids() -> None:
-    """METHOD §1: the difference of centroids points the wrong way on some interfaces of the shelf."""
+    """docs/method.md, section 1: the difference of centroids points the wrong way on some interfaces of the shelf."""
     faces = (built := build_assembly(parse_scene(document("shelf")))).interfaces
     apart = built.elements.centroid[faces.b] - built.elements.centroid[faces.a]
     assert np.sum(np.einsum("ij,ij->i", apart, faces.normal) < 0.0) == 6

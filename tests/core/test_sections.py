@@ -55,13 +55,13 @@ def torsion_length_by_quadrature(polygon: Array) -> float:
     "polygon", [rectangle(1, 1), rectangle(3, 0.2), TRIANGLE, PENTAGON, disc(7), disc(24, 2.5)], ids=len
 )
 def test_torsion_length_equals_quadrature(polygon: Array) -> None:
-    """METHOD §2: c_T = (1/A) ∫ r dA about the centroid; 1e-12 relative."""
+    """docs/method.md (1.4): c_T = (1/A) ∫ r dA about the centroid; 1e-12 relative."""
     far = polygon + np.array([3.0, -7.0])
     assert polygons.torsion_length(far[None])[0] == pytest.approx(torsion_length_by_quadrature(polygon), rel=1e-12)
 
 
 def test_torsion_length_of_rectangles_in_closed_form() -> None:
-    """METHOD §2: the unit square has 0.382598."""
+    """docs/method.md (1.5): the unit square has 0.382598."""
     a, b = np.array([1.0, 2.0, 50.0]), np.array([1.0, 0.3, 0.01])
     stack = np.array([rectangle(x, y) for x, y in zip(a, b, strict=True)])
     closed = polygons.rectangle_torsion_length(a, b)
@@ -109,7 +109,7 @@ def test_area_centroid_and_second_moments(polygon: Array) -> None:
 
 @pytest.mark.parametrize("polygon", [TRIANGLE, PENTAGON, NOTCHED, disc(9)], ids=len)
 def test_hull_rows_hold_the_centre_of_pressure(polygon: Array) -> None:
-    """METHOD §1: x1 = −M2/N, x2 = M1/N, within the hull exactly where all rows are ≥ 0."""
+    """docs/method.md (1.3): x1 = −M2/N, x2 = M1/N, within the hull exactly where all rows are ≥ 0."""
     local = polygon - polygons.centroid(polygon[None])
     outline = polygons.hull(local)
     assert shapely.Polygon(outline).equals(shapely.Polygon(local).convex_hull)

@@ -1,4 +1,4 @@
-"""Bounds on partial labellings against every labelling they speak of (METHOD §6)."""
+"""Bounds on partial labellings against every labelling they speak of (docs/method.md (6.3), (6.4))."""
 
 from __future__ import annotations
 

@@ -308,7 +308,7 @@ def test_variants_that_stand_by_strength_fall_without_it() -> None:
 
 @pytest.mark.parametrize(("bending", "expected"), [("paper", np.sqrt(2.0) / 3.0), ("kern", np.sqrt(2.0) / 6.0)])
 def test_uncoupled_bending_against_kern(bending: InnerBending, expected: float) -> None:
-    """METHOD §2: two cubes loaded at 45°, inner joint without tensile strength: 0.471 against 0.236."""
+    """docs/method.md (2.6): two cubes loaded at 45°, inner joint without tensile strength: 0.471 against 0.236."""
     blocks = [box("top", [0, 0, 1], [1, 1, 2]), box("low", [0, 0, 0], [1, 1, 1])]
     built = assembly(
         [*blocks, box("s", [-1, -1, -1], [2, 2, 0], support=True)],

@@ -34,7 +34,7 @@ def grid_space(rows: list[str], live: Any = None, **search: Any) -> SearchSpace:
 
 
 def in_space(space: SearchSpace, labels: tuple[bool, ...]) -> bool:
-    """The rules of SCENE.md, one labelling at a time, in plain Python."""
+    """The rules of docs/scene.md, one labelling at a time, in plain Python."""
     assembly, search = space.assembly, space.search
     elements, faces = assembly.elements, assembly.interfaces
     name = list(range(len(elements)))

@@ -108,7 +108,7 @@ def test_two_spatial_cubes(friction: float, shear: float, tension: float) -> Non
 
 
 def test_bending_forms_differ_on_the_diagonal() -> None:
-    """METHOD §2: two cubes loaded at 45°, σt = 0: √2/3 by the paper's uncoupled form, half of it by the kern."""
+    """docs/method.md (2.6): two cubes at 45°, σt = 0: √2/3 by the paper’s uncoupled form, half of it by the kern."""
     turn = (np.sqrt(0.5), np.sqrt(0.5))
     loads = {"friction": 5.0, "tension": 0.0, "shear": 9.0, "base": "dry"}
     assert stack(2, turn, **loads).load_factor == pytest.approx(np.sqrt(2) / 3, rel=1e-7)

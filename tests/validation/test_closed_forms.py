@@ -1,4 +1,4 @@
-"""Closed forms of REFERENCE_VALUES and METHOD §2; relative tolerance 1e-8 unless said otherwise."""
+"""Closed forms from docs/method.md (2.2) to (2.11); relative tolerance 1e-8 unless said otherwise."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_crushing(label: str) -> None:
 
 
 def test_eccentric_crushing_of_a_joint() -> None:
-    """METHOD §2, dry with σc: a force at eccentricity e is carried by the strip l − 2e, N = σc t (l − 2e)."""
+    """docs/method.md (2.10): a force at eccentricity e is carried by the strip l − 2e, N = σc t (l − 2e)."""
     side, crush, off = 0.1, 4e5, 0.02
     document = {
         "grid": {"cell": [side, side], "thickness": side, "rows": ["a", "#"]},
@@ -157,7 +157,7 @@ def test_overhang_is_unstable() -> None:
 
 
 def test_an_overhang_that_stands_only_under_load() -> None:
-    """METHOD §3: a see-saw stands for λ in [λ1 > 0, λ2] only; λ2 is reported, and that it falls at zero."""
+    """docs/method.md (3.15): a see-saw stands for λ in [λ1 > 0, λ2] only; λ2 is reported, and that it falls at zero."""
     document = {
         "elements": [
             {"id": "beam", "polygon": [[0, 1], [4, 1], [4, 2], [0, 2]], "weight": 1.0},

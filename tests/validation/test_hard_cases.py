@@ -1,7 +1,7 @@
 """Hard cases: each ends with a bracket no wider than 1e-6 or an honest status, none with a wrong number.
 
 The cases themselves stand in benchmarks/hard_scenes.py, which draws up a table of them too. Expected values are closed
-forms (METHOD, REFERENCE_VALUES) or the independent CVXPY statement.
+forms (`test_closed_forms`) or the independent CVXPY statement.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Collapse without dilation: the given walls, random walls, closed forms, and the certificate itself (METHOD §4).
+"""Collapse without dilation: the given walls, random walls, closed forms, the certificate (docs/method.md (4.3)).
 
 Sources: Gilbert, Casapulla, Ahmed, Computers & Structures 84 (2006) 873–887; walls of Ferris & Tin-Loi 2001 with
-the local minima of a public MPEC solver as lower ends of the plausible range (REFERENCE_VALUES).
+the local minima of a public MPEC solver as lower ends of the plausible range.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def wall(name: str) -> Assembly:
 
 
 def certify(result: LimitAnalysisResult) -> None:
-    """Everything METHOD §4 asks of a planar solution, from the result's own forces and mechanism alone."""
+    """All that docs/method.md (4.3) to (4.5) ask of a planar solution, from its own forces and mechanism alone."""
     assembly = result.assembly
     assert result.forces is not None
     assert result.mechanism is not None

@@ -55,7 +55,7 @@ def torsion_length(polygons: Floats) -> Floats:
 
     The triangle from the centroid to an edge at signed distance d, its ends at s0 and s1 along the edge, has
     ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)] from s0 to s1.
-    Source: METHOD §2.
+    Source: docs/method.md (1.6).
     """
     p = polygons - centroid(polygons)[:, None]
     edge = np.roll(p, -1, axis=1) - p
@@ -76,7 +76,7 @@ def _radial(d: Floats, s: Floats) -> Floats:
 
 
 def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
-    """c_T (n,) of rectangles l1 × l2 in closed form; the unit square has 0.382598. Source: METHOD §2."""
+    """c_T (n,) of rectangles l1 × l2 in closed form; the unit square has 0.382598: docs/method.md (1.5)."""
     diagonal = np.hypot(l1, l2)
     ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
     return np.asarray(diagonal / 6.0 + ends)
@@ -193,7 +193,7 @@ def hull_rows(hull_: Floats) -> Floats:
     """Rows (h, 3) on (N, M1, M2), all ≥ 0 when the centre of pressure lies within the hull, one per edge.
 
     hull_: (h, 2) counter-clockwise about the section's centroid. With x1 = −M2/N, x2 = M1/N the condition
-    a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: METHOD §2.
+    a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
     """
     edge = np.roll(hull_, -1, axis=0) - hull_
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
@@ -206,7 +206,7 @@ def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
     positive.
 
     hull_: (h, 2) about the centroid; moments: (2, 2) full tensor, so that e1, e2 need not be principal.
-    σ(x) A = N + A x·S⁻¹(−M2, M1); the kern form of an inner face asks for rows ≥ −σt A. Source: METHOD §2.
+    σ(x) A = N + A x·S⁻¹(−M2, M1); the kern form of an inner face asks for rows ≥ −σt A: docs/method.md (2.6).
     """
     slope = area_ * np.linalg.solve(moments, hull_.T).T
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])

@@ -57,7 +57,7 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
 
     facets: of all elements, in their order; pairs: elements a < b worth looking at, sorted, each (p,).
     A contact in several parts, or with a hole, is several interfaces.
-    Source: METHOD §1, normals from element faces.
+    Source: docs/method.md (1.1), normals from element faces.
     """
     one, two = _opposite_facets(facets, *pairs)
     if not len(one):
@@ -309,7 +309,7 @@ def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
     """Local frames and sections: origin at the centroid, e1 along the longest edge, e2 = n × e1.
 
     contacts: m of them. Returns Interfaces of dimension 3; sizes of rectangles are the means of opposite
-    sides, of other polygons extents along e1 and e2. Source: METHOD §1, §2.
+    sides, of other polygons extents along e1 and e2. Source: docs/method.md (1.2), (2.2).
     """
     count = len(contacts)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 3)

@@ -3,7 +3,7 @@
 Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one.
 The **relaxation by blocks** gives every block forces of its own: on the faces around it in x_p times the dry set, on
 those inside in x_p times the inner one, in equilibrium under x_p times its weight and its share of λ; the forces on a
-face agree on both sides, and the shares agree on all elements (METHOD §6, formulation P). It is much tighter than
+face agree on both sides, and the shares agree on all elements (docs/method.md (6.5), (6.6)). It is much tighter than
 face by face (`undecided`) where blocks are of a few elements, as it knows that a block is one body.
 
 Its dual is a mechanism for every block: velocities u of each element of each block, and a velocity w of each face,

@@ -1,4 +1,4 @@
-"""Two-sided bounds on λ computed by us from whatever a solver returned (METHOD §3).
+"""Two-sided bounds on λ computed by us from whatever a solver returned (docs/method.md (3.3)).
 
 A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set; an upper bound is the
 work balance of velocities whose dissipation is finite on every face. Neither needs the solver to be right: its
@@ -271,7 +271,7 @@ def usable(vector: Floats) -> bool:
 
 
 def relative_width(low: float, high: float, floor: float) -> float:
-    """Width of a bracket over max(|lo|, |hi|, floor); inf where an end is missing (METHOD §3)."""
+    """Width of a bracket over max(|lo|, |hi|, floor); inf where an end is missing (docs/method.md (3.13))."""
     if not (np.isfinite(low) and np.isfinite(high)):
         return np.inf
     size = max(abs(low), abs(high), floor)

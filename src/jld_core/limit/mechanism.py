@@ -1,4 +1,4 @@
-"""What a mechanism does at every face, and whether it balances: jumps, flow rules, work (METHOD §3, §4).
+"""What a mechanism does at every face, and whether it balances: jumps, flow rules, work (docs/method.md (3.1), (4.5)).
 
 m interfaces, n elements, d = 2 or 3, q resultants per interface. Nothing here solves anything.
 """

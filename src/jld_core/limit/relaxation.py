@@ -1,6 +1,6 @@
 """Faces whose label is not decided: what bounds λ over all labellings that agree on the faces that are.
 
-The relaxation of an **undecided** face is the closed hull of its dry and its inner set (METHOD §6). Without a bound
+The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3). Without a bound
 on N that is their sum, and the sum is the dry set moved to N = −σtA and widened in shear by τA: the rows of a dry
 face with other right-hand sides. With compressive strengths the rows enclose the hull.
 

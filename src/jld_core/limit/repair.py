@@ -213,7 +213,7 @@ class Repair:
         return self.prover.motion(motion.velocity + share * opening.velocity, labels, normalise=False)
 
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Repair a motion of a confined assembly by facial reduction (METHOD §3).
+        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
 
         Where a self-stress lies inside the recession cone of a row, no finite dissipation lets that row's
         multiplier be other than zero; the motion is projected on the jumps that the other rows allow, then

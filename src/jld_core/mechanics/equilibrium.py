@@ -14,7 +14,7 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
 
     Column q·f + j is resultant j of interface f — planar (N, V, M), spatial (N, V1, V2, M1, M2, MT) — acting
     as +F on element b and −F on element a. Scene units. Supports have no rows.
-    Source: Iannuzzo et al. 2024, eq. (2); METHOD §1.
+    Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (1.1), (1.2).
     """
     faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
     count = len(faces)

@@ -34,7 +34,7 @@ class PrescribedFriction:
 
     base: the set of associative friction. alpha: α, share of the present N; 1 leaves the friction as it is, 0
     leaves none of its dilation. previous: (m,) N_prev ≥ 0, scaled. contact: None leaves torsion as it is.
-    Inner faces and bending are those of the base. Source: Gilbert et al. 2006; METHOD §4.
+    Inner faces and bending are those of the base. Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 
     base: PlanarYield | SpatialYield
@@ -132,7 +132,7 @@ class PrescribedFriction:
         return np.where(self._rubs(labels), over, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) δ beyond what bending opens on dry faces (METHOD §4), 0 elsewhere and where they crush."""
+        """(m,) δ beyond what bending opens on dry faces (docs/method.md (4.5)), 0 elsewhere and where they crush."""
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.dry(labels) & np.isfinite(beyond), beyond, 0.0)
 

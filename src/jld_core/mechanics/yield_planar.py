@@ -25,7 +25,7 @@ class PlanarYield:
 
     friction: μ. tension, shear: σt A and τ A; crush_dry, crush_inner: σc A (inf where none); all over the
     force scale. Dry: |m| ≤ N(1 − N/N_c), |V| ≤ μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA.
-    Source: Iannuzzo et al. 2024, eq. (3)–(7), with the corrections of METHOD §2.
+    Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).
     """
 
     friction: Floats

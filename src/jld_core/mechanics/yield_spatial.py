@@ -30,7 +30,7 @@ class SpatialYield:
     scale. point: faces that are points and have no moments (`point_contact_assembly`), always dry.
     Dry: centre of pressure within the hull, |V| + |mT| ≤ μN; with σc N³ ≤ N_c (N − |m1|)(N − |m2|)
     (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA.
-    Source: Iannuzzo et al. 2024, eq. (3)–(7), with the corrections of METHOD §2; support functions METHOD §3.
+    Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12); support functions (3.4), (3.5), (3.8).
     """
 
     friction: Floats

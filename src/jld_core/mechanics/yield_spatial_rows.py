@@ -96,7 +96,7 @@ def spatial_rows(
     Arguments: as in SpatialYield. Extra columns: t per face with moments, a bound on shear; then p, q, a, b
     per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against μN or τA;
     inner σc per hull edge; p, q ≤ N ∓ m. Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b,
-    which say N³ ≤ N_c p q. Source: METHOD §2.
+    which say N³ ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
     """
     sheet = _Sheet(len(friction))
     crushed = np.flatnonzero(np.isfinite(crush_dry))

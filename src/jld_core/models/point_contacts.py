@@ -20,7 +20,7 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     polygon of one point, and the sizes of their parent (scales of moments that are never used).
     Corners within the hull add nothing: their cones are sums of those of the hull's corners.
     Raises InputError: a compressive strength on a dry face, since a point has no area to be crushed.
-    Source: Livesley 1992; METHOD §2.
+    Source: Livesley 1992; docs/method.md (2.13).
     """
     faces = assembly.interfaces
     hard = np.flatnonzero(labels & np.isfinite(assembly.strengths.crush_dry))

@@ -1,4 +1,4 @@
-"""Crack on demand: blocks whose inner faces need not yield are solved as rigid bodies (METHOD §7).
+"""Crack on demand: blocks whose inner faces need not yield are solved as rigid bodies (docs/method.md (7.2)).
 
 A block glued by inner faces that stay below yield moves as one body: its elements' equilibrium is summed and
 its inner faces, and slits within it, drop out. The rigid λ is an upper bound, and its mechanism is one of the full
@@ -144,7 +144,7 @@ def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -
 
     full: of the full model. labels: (m,) True dry. stands: also decide whether it stands at λ = 0. The bracket is
     that of the full model: the lower end is a state of it, checked as such.
-    Source: METHOD §7.
+    Source: docs/method.md (7.1), (7.2).
     """
     start = time.perf_counter()
     assembly, gap, solver = full.assembly, full.gap, full.solver

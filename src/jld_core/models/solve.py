@@ -51,7 +51,7 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
 
     assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `SolveOptions`.
     Raises InputError where a material that the labelling needs is missing, or an option has no such value.
-    Source: Iannuzzo et al. 2024, eq. (2); METHOD §2–3.
+    Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (2.1), (3.3).
     """
     model = SolveOptions(**options)
     _check(model)

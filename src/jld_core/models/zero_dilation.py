@@ -1,4 +1,4 @@
-"""Non-associative friction without dilation, by a sequence of frozen associative problems (METHOD §4).
+"""Non-associative friction without dilation, by a sequence of frozen associative problems, docs/method.md (4.1) to (4.5).
 
 A solution is a pair: forces F in equilibrium with the loads at λ and inside the true cone |V| ≤ μN, and
 velocities u whose jumps do not dilate, with the complementarity gap
@@ -51,7 +51,7 @@ def zero_dilation(
     the analysis' gap, is `uncertified`. Where associative friction locks, the run starts from the state of
     least forces.
     Raises InputError: missing material; "vertex" on a spatial scene; effective areas on other than rectangles.
-    Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; METHOD §4.
+    Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
     """
     start = time.perf_counter()
     scheme = scheme or Scheme()

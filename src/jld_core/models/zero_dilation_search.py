@@ -114,7 +114,7 @@ class Pair:
 
     @property
     def converged(self) -> bool:
-        """All that METHOD §4 asks of a solution."""
+        """All that is asked of a solution: docs/method.md (4.3), (4.5)."""
         if self.motion is None:
             return False
         return (

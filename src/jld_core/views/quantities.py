@@ -140,7 +140,7 @@ def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
 def utilisation(result: LimitAnalysisResult) -> Floats:
     """(m,) share of its strength that each face uses, 0 … 1: largest of bending, shear, tension, crushing.
 
-    Inner faces by the uncoupled rectangle form of METHOD §2. Faces without force count as 0.
+    Inner faces by the uncoupled rectangle form, docs/method.md (2.5). Faces without force count as 0.
     Raises ValueError where the result holds no forces.
     """
     if result.forces is None:

@@ -1,4 +1,4 @@
-"""What past solves prove about labellings that were never solved (METHOD §6).
+"""What past solves prove about labellings that were never solved (docs/method.md (6.1), (6.2)).
 
 **Forces** in equilibrium at λ bound λ from below under every labelling that admits them on every face; a face on
 which they are admissible as dry and as inner is free, so they cover a sub-cube of labellings. A **mechanism**

@@ -4,7 +4,7 @@ Nesterov–Todd predictor–corrector on the homogeneous self-dual embedding, so
 programs end in a ray; once τ stays and κ vanishes the plain method goes on from there. That meets equations and
 stationarity to rounding, and so ends in a point and multipliers that prove themselves.
 Source: Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010), section 7; Domahidi, Chu &
-Boyd, ECOS: an SOCP solver for embedded systems, ECC 2013; METHOD §8.
+Boyd, ECOS: an SOCP solver for embedded systems, ECC 2013; docs/method.md (8.4).
 """
 
 from __future__ import annotations

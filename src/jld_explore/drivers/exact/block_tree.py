@@ -1,4 +1,4 @@
-"""Branch and bound over the choice of blocks, for spaces whose blocks are small (METHOD §6).
+"""Branch and bound over the choice of blocks, for spaces whose blocks are small (docs/method.md (6.5)).
 
 A node decides the labels of some faces, which leaves some of the possible blocks. The relaxation by blocks bounds λ
 over all segmentations made of those, and shares them out; the face is decided next whose two labels are expected to

@@ -1,7 +1,7 @@
 """All blocks there can be: connected sets of free elements within the limits on one block.
 
 One binary per such set, and every element in exactly one of those chosen, says at once what a segmentation is:
-no slits, every limit on a block kept (METHOD §6).
+no slits, every limit on a block kept (docs/method.md (5.2)).
 """
 
 from __future__ import annotations

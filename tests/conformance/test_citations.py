@@ -1,0 +1,76 @@
+"""Formulas are cited by numbers that docs/method.md has, and no text leans on a document outside the repository."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from paths import ROOT
+
+METHOD = ROOT / "docs" / "method.md"
+NUMBER = re.compile(r"\((\d+\.\d+)\)")
+
+OUTSIDE = ["METHOD", "STYLE", "DESIGN", "LANES", "PROOF", "EXPERIMENT", "REFERENCE_VALUES", "ZERO_DILATION", "SCENE"]
+"""Names of notes that were never part of the repository, as they were once cited: NAME.md, NAME §2, (NAME, …)."""
+
+
+def texts() -> list[Path]:
+    """Every text of the repository: what git knows, or in an unpacked archive all that is no build."""
+    known = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if known.returncode == 0:
+        names = [ROOT / name for name in known.stdout.splitlines()]
+    else:
+        folders = ("src", "tests", "benchmarks", "studies", "docs")
+        names = [*ROOT.glob("*.md"), *(path for folder in folders for path in (ROOT / folder).rglob("*"))]
+    kinds = {".py", ".md", ".toml", ".yaml", ".yml", ".js", ".css", ".html", ".cff", ".txt", ""}
+    return sorted(path for path in names if path.is_file() and path.suffix in kinds and path != Path(__file__))
+
+
+TEXTS = texts()
+
+
+def numbers() -> list[str]:
+    """The numbers that begin a formula: lines of the fenced blocks."""
+    blocks = re.findall(r"```text\n(.*?)```", METHOD.read_text("utf-8"), flags=re.S)
+    return [found for block in blocks for found in re.findall(r"^\((\d+\.\d+)\)", block, flags=re.M)]
+
+
+def test_formulas_are_numbered_without_gap_or_double() -> None:
+    found = [tuple(map(int, number.split("."))) for number in numbers()]
+    assert len(found) > 50
+    for before, after in zip(found, found[1:], strict=False):
+        following = (before[0], before[1] + 1), (before[0] + 1, 1)
+        assert after in following, f"({after[0]}.{after[1]}) follows ({before[0]}.{before[1]})"
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_cited_formulas_exist(path: Path) -> None:
+    have = set(numbers())
+    for count, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
+        if path == METHOD or "method.md" in line:
+            for number in NUMBER.findall(line):
+                assert number in have, f"{path}:{count}: docs/method.md has no ({number})"
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_text_leans_on_a_document_outside(path: Path) -> None:
+    name = "|".join(OUTSIDE)
+    outside = re.compile(rf"\b(?:{name})(?:\.md\b| §|, §|\))|\bshared/(?:{name})")
+    for count, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
+        assert not outside.search(line), f"{path}:{count}: {line.strip()}"
+
+
+def test_formulas_are_cited() -> None:
+    """The check above would be content with a repository that cites nothing."""
+    cited = {
+        number
+        for path in TEXTS
+        if path != METHOD
+        for line in path.read_text("utf-8", errors="replace").splitlines()
+        if "method.md" in line
+        for number in NUMBER.findall(line)
+    }
+    assert len(cited) > 25
