@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
-
-import pytest
 
 from paths import ROOT
 
@@ -41,36 +41,26 @@ def numbers() -> list[str]:
 def test_formulas_are_numbered_without_gap_or_double() -> None:
     found = [tuple(map(int, number.split("."))) for number in numbers()]
     assert len(found) > 50
-    for before, after in zip(found, found[1:], strict=False):
+    for before, after in pairwise(found):
         following = (before[0], before[1] + 1), (before[0] + 1, 1)
         assert after in following, f"({after[0]}.{after[1]}) follows ({before[0]}.{before[1]})"
 
 
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_cited_formulas_exist(path: Path) -> None:
+def lines() -> Iterator[tuple[str, str]]:
+    """Every line of every text, and where it stands."""
+    for path in TEXTS:
+        for count, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
+            yield f"{path.relative_to(ROOT)}:{count}", line
+
+
+def test_cited_formulas_exist() -> None:
     have = set(numbers())
-    for count, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
-        if path == METHOD or "method.md" in line:
-            for number in NUMBER.findall(line):
-                assert number in have, f"{path}:{count}: docs/method.md has no ({number})"
+    cited = [(place, NUMBER.findall(line)) for place, line in lines() if "method.md" in line or "method.md" in place]
+    assert [place for place, found in cited if not have.issuperset(found)] == []
+    assert len({number for place, found in cited if "method.md" not in place for number in found}) > 25
 
 
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_text_leans_on_a_document_outside(path: Path) -> None:
+def test_no_text_leans_on_a_document_outside() -> None:
     name = "|".join(OUTSIDE)
-    outside = re.compile(rf"\b(?:{name})(?:\.md\b| §|, §|\))|\bshared/(?:{name})")
-    for count, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
-        assert not outside.search(line), f"{path}:{count}: {line.strip()}"
-
-
-def test_formulas_are_cited() -> None:
-    """The check above would be content with a repository that cites nothing."""
-    cited = {
-        number
-        for path in TEXTS
-        if path != METHOD
-        for line in path.read_text("utf-8", errors="replace").splitlines()
-        if "method.md" in line
-        for number in NUMBER.findall(line)
-    }
-    assert len(cited) > 25
+    outside = re.compile(rf"\b(?:{name})(?:\.md\b| §|, §)|[( ](?:METHOD|REFERENCE_VALUES)\)|\bshared/(?:{name})")
+    assert [f"{place}: {line.strip()}" for place, line in lines() if outside.search(line)] == []

@@ -1,4 +1,4 @@
-"""Bounds on choices of blocks against every choice they speak of, and a program stated otherwise (docs/method.md (6.5))."""
+"""Bounds on choices of blocks against every choice they speak of, and a second program: docs/method.md (6.5)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Faces whose label is not decided: what bounds λ over all labellings that agree on the faces that are.
 
-The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3). Without a bound
-on N that is their sum, and the sum is the dry set moved to N = −σtA and widened in shear by τA: the rows of a dry
+The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3). Without a
+bound on N that is their sum, and the sum is the dry set moved to N = −σtA and widened in shear by τA: the rows of a dry
 face with other right-hand sides. With compressive strengths the rows enclose the hull.
 
 What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the

@@ -1,7 +1,7 @@
 """Non-dimensional scaling: what the solver sees is of order one whatever the scene's units.
 
-Accuracy on large assemblies is a matter of scaling (docs/method.md (8.1)): with forces divided by the weight of a course
-pile and live work normalised to the sum of live loads, velocities come out of order one, so that the
+Accuracy on large assemblies is a matter of scaling (docs/method.md (8.1)): with forces divided by the weight of a
+course pile and live work normalised to the sum of live loads, velocities come out of order one, so that the
 solver's relative residuals speak about λ.
 """
 

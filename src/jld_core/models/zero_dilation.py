@@ -1,4 +1,4 @@
-"""Non-associative friction without dilation, by a sequence of frozen associative problems, docs/method.md (4.1) to (4.5).
+"""Non-associative friction without dilation, by frozen associative problems, docs/method.md (4.1) to (4.5).
 
 A solution is a pair: forces F in equilibrium with the loads at λ and inside the true cone |V| ≤ μN, and
 velocities u whose jumps do not dilate, with the complementarity gap

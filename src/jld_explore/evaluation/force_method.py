@@ -2,8 +2,8 @@
 
 The forces and the mechanism that prove one λ are seldom unique. Repair points choose the middle of them, where
 nothing is exactly at rest and little is exactly free; a linear program chooses those that leave most faces free
-(docs/method.md (6.7)). It is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x, and the
-redundants x, three for each further face, are all that equilibrium leaves open. With rows G F ≤ h of both labels of
+(docs/method.md (6.7)). It is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x, and
+the redundants x, three for each further face, are all that equilibrium leaves open. With rows G F ≤ h of both labels of
 every face, its dual is
 
     minimise (h − G F₀)·z   subject to   Zᵀ Gᵀ z = 0,   F₁·Gᵀ z = 1,   0 ≤ z ≤ z_max
