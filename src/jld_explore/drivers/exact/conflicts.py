@@ -2,7 +2,8 @@
 
 A mechanism bounds λ of every labelling by a sum over faces (docs/method.md (6.2)), so faces whose label changes
 that sum by less than what is to spare are free. Solving again with those undecided moves the mechanism to the
-faces that are left; what cannot be freed any more is the **conflict**: labels that no labelling worth finding has together.
+faces that are left; what cannot be freed any more is the **conflict**: labels that no labelling worth finding has
+together.
 """
 
 from __future__ import annotations
