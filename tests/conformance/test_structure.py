@@ -25,6 +25,7 @@ ORDER = [
     ["jld_explore.space"],
     ["jld_experiment"],
     ["jld_core"],
+    ["jld_core.exchange"],
     ["jld_core.models", "jld_core.views"],
     ["jld_core.limit"],
     ["jld_core.solvers"],

@@ -11,6 +11,8 @@ from jld_core.geometry.planar_contacts import (
 )
 from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.geometry.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
+from jld_core.geometry.snapping import Snapped, merge_points, snap_paths, snap_polygons, straight
+from jld_core.geometry.snapping_solids import SnappedSolids, parts_of, snap_solids
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     find_spatial_contacts,
@@ -23,6 +25,8 @@ __all__ = [
     "Faces",
     "Facets",
     "PlanarContact",
+    "Snapped",
+    "SnappedSolids",
     "SpatialContact",
     "check_overlaps",
     "check_polygons",
@@ -30,10 +34,16 @@ __all__ = [
     "find_planar_contacts",
     "find_spatial_contacts",
     "given_normals",
+    "merge_points",
     "near_pairs",
+    "parts_of",
     "planar_interfaces",
     "rectangle_torsion_length",
+    "snap_paths",
+    "snap_polygons",
+    "snap_solids",
     "solids",
     "spatial_interfaces",
+    "straight",
     "without_repeats",
 ]

@@ -23,7 +23,7 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
-from jld_explore.cli import samples
+from jld_explore.cli import exchange, samples
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report import check_folder, check_writable, read_folder, words, write_pictures, write_text
@@ -45,6 +45,7 @@ app = typer.Typer(
 )
 
 app.add_typer(samples.commands(), name="new")
+exchange.add_to(app)
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 

@@ -1,0 +1,421 @@
+"""From a drawing to elements: outlines or a network of lines, snapped, cut into cells, named by their layers.
+
+Every planar reader ends here: it says what is drawn where, and this module what that means.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.options import (
+    FACET,
+    LOWEST,
+    METRES,
+    SNAP,
+    Imported,
+    ImportOptions,
+    Notes,
+    complete,
+    listed,
+    several,
+)
+from jld_core.exchange.paths import Path, flatten
+from jld_core.geometry import Snapped, find_planar_contacts, polygons, snap_paths, straight
+
+MOST: Final = 200_000
+"""Corners, lines or cells that a drawing may have: past that it is no structure, or no honest file."""
+
+_LEAST, _MOST_SIZE = 1e-12, 1e12
+
+_NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point or a text on a layer; end: where an arrow ends, for a line on a load layer."""
+
+    at: tuple[float, float]
+    layer: str
+    text: str | None = None
+    end: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What a file holds. unit: of its lengths, None where it does not say. facts: keys of a scene it carries along."""
+
+    paths: list[Path]
+    marks: list[Mark]
+    unit: str | None = None
+    facts: dict[str, Any] = field(default_factory=dict)
+    name: str = "drawing"
+
+
+@dataclass
+class _Cell:
+    """An element to be: its outline, layer, name, and the outline it was cut from."""
+
+    points: Floats
+    layer: str
+    name: str | None
+    owner: int | None = None
+    support: bool = False
+    block: str | None = None
+
+
+def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
+    """A planar scene out of a drawing.
+
+    Raises InputError: nothing that could be an element, no support, or past all reason.
+    """
+    scale, unit = _scale(drawing, options, notes)
+    paths = [_scaled(path, scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
+    ignored = len(drawing.paths) - len(paths)
+    notes.skip("paths", ignored, "on layers for dimensions and texts")
+    marks = [_moved(mark, scale) for mark in drawing.marks]
+    loads = [path for path in paths if options.role(path.layer) in ("load", "dead")]
+    paths = [path for path in paths if options.role(path.layer) not in ("load", "dead")]
+    if not paths:
+        raise InputError(
+            "", "it holds no closed outline and no line", "outlines, or a network of lines, to be elements"
+        )
+    if sum(len(path.points) for path in paths) > MOST:
+        raise InputError("", "it holds more corners than a structure has", f"at most {MOST}")
+    size = float(max(np.ptp(np.concatenate([path.points[:, :2] for path in paths]), axis=0)))
+    if not _LEAST <= size <= _MOST_SIZE:
+        raise InputError("", f"it is {size:g} {unit} large, out of range", f"from {_LEAST:g} to {_MOST_SIZE:g}")
+    tolerance = SNAP * size if options.tolerance is None else options.tolerance
+    chords = flatten(paths, FACET * size if options.facet is None else options.facet, max(tolerance, 1e-9 * size))
+    if chords.arcs:
+        notes.found.append(f"{several(chords.arcs, 'arc')} as chords, at most {chords.deviation:.3g} off")
+    snapped = snap_paths(chords.points, [path.closed for path in paths], tolerance, keep_nodes=True)
+    _say_snapped(snapped, tolerance, notes)
+    cells = _cells(paths, snapped, options, size, tolerance, notes)
+    _name(cells, marks, options)
+    _support(cells, marks, options, size, tolerance, notes)
+    document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
+    document |= {key: value for key, value in drawing.facts.items() if key not in ("loads",)}
+    document["elements"] = [_element(cell) for cell in cells]
+    if options.thickness is not None or "thickness" not in document:
+        document["thickness"] = 1.0 if options.thickness is None else options.thickness
+        if options.thickness is None:
+            notes.assumed.append("thickness 1: give --thickness")
+    document["loads"] = _loads(loads, marks, cells, options, drawing, notes)
+    document |= _labels(cells, paths, snapped, options, max(2.0 * tolerance, 1e-7 * size), notes)
+    free = sum(not cell.support for cell in cells)
+    notes.found.insert(0, f"{several(free, 'element')} and {several(len(cells) - free, 'support')}")
+    return Imported(complete(document, options, notes, dimension=2), notes.report())
+
+
+def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
+    """Factor to the scene's unit, and its name."""
+    if "units" in drawing.facts and options.unit is None:
+        return 1.0, str(drawing.facts["units"].get("length", "m"))
+    unit = options.unit or drawing.unit
+    if unit is None:
+        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+        return 1.0, "m"
+    if unit not in METRES:
+        raise InputError("", f"its lengths are in {unit}", "--unit " + "|".join(METRES))
+    if unit != "m":
+        notes.found.append(f"lengths in {unit}, times {METRES[unit]:g} to m")
+    return METRES[unit], "m"
+
+
+def _scaled(path: Path, scale: float) -> Path:
+    factor = np.array([scale, scale, 1.0])
+    return Path(path.points * factor, path.closed, path.layer, path.name, tuple(hole * factor for hole in path.holes))
+
+
+def _moved(mark: Mark, scale: float) -> Mark:
+    end = None if mark.end is None else (mark.end[0] * scale, mark.end[1] * scale)
+    return Mark((mark.at[0] * scale, mark.at[1] * scale), mark.layer, mark.text, end)
+
+
+def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
+    notes.largest = snapped.largest
+    if snapped.moved:
+        notes.snapped.append(
+            f"{several(snapped.moved, 'corner')}, by at most {snapped.largest:.3g}; tolerance {tolerance:.3g}"
+        )
+    notes.skip("paths", len(snapped.collapsed), f"nothing left of them within the tolerance {tolerance:.3g}")
+
+
+def _cells(
+    paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
+) -> list[_Cell]:
+    """Elements: outlines, cut by the lines that cross them; or, without outlines, the cells of the network."""
+    kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
+    outlines = [k for k in kept if paths[k].closed]
+    lines = [k for k in kept if not paths[k].closed]
+    notes.skip(
+        "holes", sum(len(paths[k].holes) for k in outlines), "an element has none; what lies in them stays empty"
+    )
+    network = [k for k in outlines if options.role(paths[k].layer) != "support"] == []
+    segments = [shapely.LineString(snapped.paths[k]) for k in lines]
+    if network and not segments:
+        raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
+    used = _one_outline_each(outlines, paths, snapped, notes)
+    cells: list[_Cell] = []
+    if network:
+        cells = _network(segments, [paths[k].layer for k in lines], options, size, notes)
+        cells += [_Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
+    else:
+        tree = shapely.STRtree(segments) if segments else None
+        for k in used:
+            shape = shapely.Polygon(snapped.paths[k])
+            whole = tree is None or options.role(paths[k].layer) == "support"
+            near = [] if whole or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+            pieces = _cut(shape, near, size) if shape.is_valid else []
+            if len(pieces) > 1:
+                cells += [_Cell(piece, paths[k].layer, None, owner=k) for piece in pieces]
+            else:
+                cells.append(_Cell(snapped.paths[k], paths[k].layer, paths[k].name))
+        parts = sum(cell.owner is not None for cell in cells)
+        if parts:
+            whole = len({cell.owner for cell in cells if cell.owner is not None})
+            notes.found.append(f"{several(whole, 'outline')} cut into {parts} cells by the lines that cross them")
+    if not cells:
+        raise InputError("", "its lines enclose nothing", "lines that meet within --tolerance around every cell")
+    if len(cells) > MOST:
+        raise InputError("", f"it makes {len(cells)} cells", f"at most {MOST}")
+    return cells
+
+
+def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
+    """Outlines without those drawn twice: the same corners in any order of rotation."""
+    seen: dict[bytes, int] = {}
+    kept = []
+    for k in outlines:
+        corners = snapped.paths[k]
+        key = np.sort(corners.view([("x", corners.dtype), ("y", corners.dtype)]).ravel(), order=("x", "y")).tobytes()
+        if key in seen:
+            continue
+        seen[key] = k
+        kept.append(k)
+    notes.skip("outlines", len(outlines) - len(kept), "drawn twice")
+    return kept
+
+
+def _network(
+    segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
+) -> list[_Cell]:
+    """Cells that a network of lines encloses, from below to above; the role of most of its boundary is a cell's."""
+    noded = shapely.node(shapely.MultiLineString(segments))
+    cells, cuts, dangles, invalid = shapely.polygonize_full([noded])
+    notes.skip(
+        "lines", len(cuts.geoms) + len(dangles.geoms), "they end inside a cell, or between two, without dividing it"
+    )
+    notes.skip("rings", len(invalid.geoms), "they cross themselves")
+    found = []
+    supports = [s for s, layer in zip(segments, layers, strict=True) if options.role(layer) == "support"]
+    ground = shapely.union_all(supports) if supports else None
+    for cell in cells.geoms:
+        if cell.area <= 1e-12 * size**2:
+            continue
+        for piece in _without_holes(cell):
+            ring = shapely.get_coordinates(piece.exterior)[:-1]
+            drawn = 0.0 if ground is None else cell.exterior.intersection(ground).length / cell.exterior.length
+            layer = next(la for la in layers if options.role(la) == "support") if drawn > 0.5 else ""
+            found.append(_Cell(ring, layer, None))
+    found.sort(key=lambda cell: tuple(np.round(cell.points.mean(axis=0)[::-1] / size, 9)))
+    notes.found.append(f"a network of {several(len(segments), 'line')} around {several(len(found), 'cell')}")
+    return found
+
+
+def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], size: float) -> list[Floats]:
+    """Pieces of an outline between the lines that cross it."""
+    inside = [shapely.intersection(shape, line) for line in lines]
+    kept = [part for part in inside if part.length > 1e-9 * size]
+    if not kept:
+        return []
+    noded = shapely.union_all([shape.exterior, *kept])
+    pieces = [piece for piece in shapely.polygonize([noded]).geoms if piece.area > 1e-12 * size**2]
+    pieces = [part for piece in pieces if shape.covers(piece.representative_point()) for part in _without_holes(piece)]
+    rings = [shapely.get_coordinates(piece.exterior)[:-1] for piece in pieces]
+    return sorted(rings, key=lambda ring: tuple(np.round(ring.mean(axis=0)[::-1] / size, 9)))
+
+
+def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
+    """A cell cut across its holes, since an element is one outline."""
+    if not cell.interiors:
+        return [cell]
+    x0, y0, x1, y1 = cell.bounds
+    middle = shapely.Polygon(cell.interiors[0]).centroid.x
+    halves = [cell.intersection(shapely.box(a, y0, b, y1)) for a, b in ((x0, middle), (middle, x1))]
+    parts = [part for half in halves for part in shapely.get_parts(half) if part.geom_type == "Polygon"]
+    return [piece for part in parts for piece in _without_holes(part)]
+
+
+def _name(cells: list[_Cell], marks: list[Mark], options: ImportOptions) -> None:
+    """Names: a text on a layer for names inside the cell, else the outline's own, else a number."""
+    named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
+    if named:
+        tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
+        points = shapely.points([mark.at for mark in named])
+        for which, cell in zip(*tree.query(points, predicate="intersects").tolist(), strict=True):
+            cells[cell].name = str(named[which].text).strip()
+    taken: set[str] = set()
+    counter = 0
+    for cell in cells:
+        if cell.name is None or not cell.name or cell.name in taken:
+            counter += 1
+            while f"e{counter}" in taken or any(other.name == f"e{counter}" for other in cells):
+                counter += 1
+            cell.name = f"e{counter}"
+        taken.add(cell.name)
+
+
+def _support(
+    cells: list[_Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
+) -> None:
+    """Supports: on a layer for them, with a point or text on one inside, or what touches the lowest point."""
+    shapes = [shapely.Polygon(cell.points) for cell in cells]
+    pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
+    pinned = set()
+    if pins:
+        pinned = set(shapely.STRtree(shapes).query(shapely.points(pins), predicate="intersects")[1].tolist())
+    low = min(float(cell.points[:, 1].min()) for cell in cells)
+    for k, cell in enumerate(cells):
+        lowest = LOWEST in options.support and cell.points[:, 1].min() <= low + max(tolerance, 1e-9 * size)
+        cell.support = options.role(cell.layer) == "support" or k in pinned or lowest
+    if LOWEST in options.support:
+        notes.found.append(f"supports where the lowest point is: {listed(c.name or '' for c in cells if c.support)}")
+    check_supports([cell.support for cell in cells], options)
+
+
+def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
+    """Raise InputError where nothing is a support, or everything is."""
+    if not any(support):
+        given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
+        raise InputError("", f"it has no support: {given}", "--support LAYER, or --support lowest")
+    if all(support):
+        raise InputError("", "all of its elements are supports", "at least one that is free")
+
+
+def _element(cell: _Cell) -> dict[str, Any]:
+    # corners of neighbours in straight edges were needed to cut, and are no corners of the element
+    cell.points = straight(cell.points)
+    points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
+    entry: dict[str, Any] = {"id": cell.name, "polygon": points.tolist()}
+    return entry | ({"support": True} if cell.support else {})
+
+
+def _labels(
+    cells: list[_Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
+) -> dict[str, Any]:
+    """Labels of the faces that lie on lines of a layer for joints or cracks: lists of pairs, or, where two faces of
+    one pair differ, all interfaces one by one."""
+    drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
+    for k, path in enumerate(paths):
+        role = options.role(path.layer)
+        if role in drawn and len(snapped.paths[k]) > 1:
+            points = snapped.paths[k]
+            drawn[role].append(shapely.LineString(np.concatenate([points, points[:1]]) if path.closed else points))
+    if not any(drawn.values()):
+        return {}
+    outlines = [np.array(_element(cell)["polygon"]) for cell in cells]
+    contacts = [c for c in find_planar_contacts(outlines) if not (cells[c.a].support and cells[c.b].support)]
+    if not contacts:
+        return {}
+    ends = np.array([contact.ends for contact in contacts])
+    probes = np.stack([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.25, 0.5, 0.75)], axis=1)
+    label = np.full(len(contacts), "", dtype=object)
+    for role in ("dry", "inner"):
+        if drawn[role]:
+            far = shapely.distance(shapely.points(probes), shapely.union_all(drawn[role])).max(axis=1)
+            label[far <= reach] = role
+    of_pair: dict[tuple[str, str], list[str]] = {}
+    for contact, word in zip(contacts, label.tolist(), strict=True):
+        of_pair.setdefault((cells[contact.a].name or "", cells[contact.b].name or ""), []).append(word)
+    counted = ", ".join(f"{int((label == role).sum())} {role}" for role in ("dry", "inner"))
+    notes.found.append(f"labels of {several(int((label != '').sum()), 'face')} by their layers: {counted}")
+    if all(len(set(words)) == 1 for words in of_pair.values()):
+        return {
+            "labels": {
+                role: [list(pair) for pair, words in of_pair.items() if words[0] == role] for role in ("inner", "dry")
+            }
+        }
+    entries = [
+        {
+            "elements": [cells[contact.a].name, cells[contact.b].name],
+            "polygon": contact.ends.tolist(),
+            **({"label": word} if word else {}),
+        }
+        for contact, word in zip(contacts, label.tolist(), strict=True)
+    ]
+    return {"interfaces": entries}
+
+
+def _loads(
+    paths: list[Path], marks: list[Mark], cells: list[_Cell], options: ImportOptions, drawing: Drawing, notes: Notes
+) -> dict[str, Any]:
+    """Forces: arrows along lines, or points and texts; their sizes from texts, 1 where there is none."""
+    loads: dict[str, Any] = {"live": [], "dead": []}
+    shapes = [shapely.Polygon(cell.points) for cell in cells]
+    for role, key in (("load", "live"), ("dead", "dead")):
+        texts = [mark for mark in marks if options.role(mark.layer) == role and mark.text]
+        bare = [mark for mark in marks if options.role(mark.layer) == role and not mark.text]
+        arrows = [path for path in paths if options.role(path.layer) == role and len(path.points) > 1]
+        taken: set[int] = set()
+        for path in arrows:
+            start, end = path.points[0, :2], path.points[-1, :2]
+            length = float(np.hypot(*(end - start)))
+            if length == 0.0:
+                notes.skip("loads", 1, "a line without length")
+                continue
+            number = _nearest(texts, 0.5 * (start + end), start, end, taken)
+            size = 1.0
+            if number is None:
+                notes.assumed.append(f"a force of 1 along a line on layer {path.layer}: it has no text")
+            else:
+                taken.add(number)
+                size = _numbers(texts[number])[0]
+            _apply(loads[key], cells, shapes, end, (size * (end - start) / length).tolist())
+        for number, mark in enumerate(texts):
+            if number not in taken:
+                values = _numbers(mark)
+                force = values[:2] if len(values) > 1 else [0.0, -values[0]]
+                _apply(loads[key], cells, shapes, np.array(mark.at), force)
+        for mark in bare:
+            notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
+    bodies = {key: list(drawing.facts.get("loads", {}).get(key, [])) for key in loads}
+    for key in loads:
+        drawn = len(loads[key])
+        loads[key] += bodies[key]
+        if drawn:
+            notes.found.append(f"{several(drawn, key + ' force')}")
+    return {key: value for key, value in loads.items() if value}
+
+
+def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, taken: set[int]) -> int | None:
+    """The text nearest to an arrow, no further from it than the arrow is long."""
+    arrow = shapely.LineString([start, end])
+    away = [(arrow.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
+    close = [(distance, k) for distance, k in away if distance <= arrow.length]
+    return min(close)[1] if close else None
+
+
+def _numbers(mark: Mark) -> list[float]:
+    found = [float(text) for text in _NUMBER.findall(mark.text or "")]
+    if not found or not all(np.isfinite(found)):
+        raise InputError(f"layer {mark.layer!r}", f"the text {mark.text!r} is no force", "a number, or two as fx,fy")
+    return found
+
+
+def _apply(
+    entries: list[dict[str, Any]], cells: list[_Cell], shapes: list[shapely.Polygon], at: Floats, force: list[float]
+) -> None:
+    """A force on the free element it touches; of several that of the least number."""
+    point = shapely.Point(at)
+    free = [k for k, cell in enumerate(cells) if not cell.support]
+    chosen = min(free, key=lambda k: (round(shapes[k].distance(point), 12), k))
+    entries.append({"element": cells[chosen].name, "force": [float(f) for f in force], "at": [float(v) for v in at]})

@@ -1,0 +1,47 @@
+"""Libraries that only some formats need, and what to install where one is missing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from jld_core.errors import InputError
+
+EXTRAS: Final = {"ezdxf": "dxf", "trimesh": "mesh", "svgelements": "svg"}
+"""The extra of this project that brings each library."""
+
+_LARGEST: Final = 256 * 1024 * 1024
+
+
+def library(name: str, path: Path) -> Any:
+    """A library by its name. Raises InputError naming the extra that brings it, where it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise InputError(
+            str(path), f"files of this kind need {name}, which is not installed", f"pip install 'jld[{EXTRAS[name]}]'"
+        ) from None
+
+
+def readable(path: Path) -> Path:
+    """A file that is there and is no larger than memory can bear. Raises InputError otherwise."""
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as stream:
+            stream.read(1)
+    except OSError as error:
+        raise InputError(str(path), error.strerror or "it cannot be read", "a readable file") from None
+    if size > _LARGEST:
+        raise InputError(str(path), f"it is {size / 2**20:.0f} MB large", f"at most {_LARGEST >> 20} MB")
+    if size == 0:
+        raise InputError(str(path), "it is empty", "a file with a structure in it")
+    return path
+
+
+def text_of(path: Path) -> str:
+    """Text of a file in UTF-8. Raises InputError for another encoding."""
+    try:
+        return readable(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(str(path), "it is not UTF-8 text", "a text in UTF-8") from None

@@ -1,0 +1,114 @@
+"""Paths of lines and arcs, and the chords that stand for them.
+
+A path is an array (k, 3) of x, y and bulge: the tangent of a quarter of the angle of the arc from this point to the
+next, positive to the left, 0 for a line. Arcs of one circle are cut at the same points, whichever paths they belong to,
+so that neighbours along an arc share their chords.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.geometry import merge_points
+
+
+@dataclass(frozen=True)
+class Path:
+    """A run of lines and arcs. points: (k, 3) x, y, bulge. closed: the last goes on to the first."""
+
+    points: Floats
+    closed: bool
+    layer: str
+    name: str | None = None
+    holes: tuple[Floats, ...] = ()
+
+
+@dataclass(frozen=True)
+class Chords:
+    """Paths as straight lines. points: (k, 2) for each path. deviation: farthest that an arc is from its chords."""
+
+    points: list[Floats]
+    arcs: int
+    deviation: float
+
+
+@dataclass(frozen=True)
+class _Arc:
+    """An arc of a path: centre, radius, first angle and sweep, radians, positive to the left."""
+
+    path: int
+    edge: int
+    centre: Floats
+    radius: float
+    first: float
+    sweep: float
+
+
+def arc_points(centre: Sequence[float], radius: float, first: float, sweep: float) -> Floats:
+    """(k, 3) points with bulges along an arc; angles in radians, a whole turn comes back to its beginning."""
+    parts = max(1, int(np.ceil(abs(sweep) / np.pi - 1e-12)))
+    angles = first + sweep * np.arange(parts + 1) / parts
+    points = np.column_stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)])
+    bulge = np.append(np.full(parts, np.tan(sweep / parts / 4.0)), 0.0)
+    return np.column_stack([points, bulge])
+
+
+def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
+    """Chords of all paths.
+
+    facet: largest distance between an arc and its chord. same: distance within which two circles are one.
+    """
+    arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
+    if not arcs:
+        return Chords([path.points[:, :2].copy() for path in paths], 0, 0.0)
+    circle = merge_points(np.array([[*arc.centre, arc.radius] for arc in arcs]), max(same, 1e-300))
+    stops: dict[int, list[float]] = {}
+    for which, arc in zip(circle.tolist(), arcs, strict=True):
+        stops.setdefault(which, []).extend([arc.first, arc.first + arc.sweep])
+    inside: dict[tuple[int, int], Floats] = {}
+    deviation = 0.0
+    for which, arc in zip(circle.tolist(), arcs, strict=True):
+        angle = 2.0 * np.arccos(np.clip(1.0 - facet / arc.radius, np.cos(np.pi / 8.0), 1.0))
+        step = 2.0 * np.pi / np.ceil(2.0 * np.pi / max(angle, 1e-3))
+        turn = 1.0 if arc.sweep > 0.0 else -1.0
+        every = np.concatenate([np.arange(0.0, 2.0 * np.pi, step), stops[which]])
+        along = np.mod(turn * (every - arc.first), 2.0 * np.pi)
+        apart = max(same / arc.radius, 1e-9)
+        along = np.sort(along[(along > apart) & (along < abs(arc.sweep) - apart)])
+        # a stop wins over a grid angle that nearly falls on it
+        kept = along[np.concatenate([[True], np.diff(along) > apart])] if len(along) else along
+        angles = arc.first + turn * kept
+        inside[arc.path, arc.edge] = arc.centre + arc.radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        gaps = np.diff(np.concatenate([[0.0], kept, [abs(arc.sweep)]]))
+        deviation = max(deviation, arc.radius * (1.0 - float(np.cos(gaps.max() / 2.0))))
+    found = []
+    for number, path in enumerate(paths):
+        pieces = []
+        for edge, point in enumerate(path.points[:, :2]):
+            pieces.append(point[None])
+            if (number, edge) in inside:
+                pieces.append(inside[number, edge])
+        found.append(np.concatenate(pieces))
+    return Chords(found, len(arcs), deviation)
+
+
+def _arcs(number: int, path: Path) -> list[_Arc]:
+    found = []
+    points = path.points
+    for edge in range(len(points) if path.closed else len(points) - 1):
+        bulge = float(points[edge, 2])
+        start, end = points[edge, :2], points[(edge + 1) % len(points), :2]
+        chord = end - start
+        length = float(np.hypot(*chord))
+        if abs(bulge) < 1e-9 or length == 0.0:
+            continue
+        # the centre lies on the perpendicular bisector, at (1 − b²)/(4b) of the chord to its left
+        centre = 0.5 * (start + end) + (1.0 - bulge**2) / (4.0 * bulge) * np.array([-chord[1], chord[0]])
+        radius = length * (1.0 + bulge**2) / (4.0 * abs(bulge))
+        first = float(np.arctan2(*(start - centre)[::-1]))
+        found.append(_Arc(number, edge, centre, radius, first, 4.0 * float(np.arctan(bulge))))
+    return found

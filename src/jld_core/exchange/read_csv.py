@@ -1,0 +1,68 @@
+"""CSV → drawing: one corner a line, corners of one id in order. Columns id, x, y, and if wanted layer and support."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path as File
+from typing import Final
+
+import numpy as np
+
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import MOST, Drawing
+from jld_core.exchange.libraries import text_of
+from jld_core.exchange.options import Notes
+from jld_core.exchange.paths import Path
+
+_COLUMNS: Final = ("id", "x", "y", "layer", "support")
+_TRUE: Final = ("1", "true", "yes")
+
+
+def read_csv(path: File, notes: Notes) -> Drawing:
+    """Polygons of a CSV file, separated by commas, semicolons or tabs.
+
+    Raises InputError with the number of the line that is wrong.
+    """
+    text = text_of(path)
+    first = text.splitlines()[0]
+    mark = max(",;\t", key=first.count)
+    rows = csv.reader(io.StringIO(text), delimiter=mark)
+    head = [name.strip().casefold() for name in next(rows)]
+    missing = [name for name in ("id", "x", "y") if name not in head]
+    unknown = [name for name in head if name not in _COLUMNS]
+    if missing or unknown:
+        what = f"no column {missing[0]!r}" if missing else f"an unknown column {unknown[0]!r}"
+        raise InputError("line 1", what, "columns id, x, y, and if wanted layer and support")
+    corners: dict[str, list[tuple[float, float]]] = {}
+    layers: dict[str, str] = {}
+    for number, row in enumerate(rows, start=2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(head):
+            raise InputError(f"line {number}", f"it has {len(row)} fields", f"{len(head)} as in line 1")
+        if number > MOST:
+            raise InputError("", "it holds more corners than a structure has", f"at most {MOST}")
+        entry = {name: cell.strip() for name, cell in zip(head, row, strict=True)}
+        if not entry["id"]:
+            raise InputError(f"line {number}", "its id is empty", "the name of an element")
+        try:
+            point = (float(entry["x"]), float(entry["y"]))
+        except ValueError:
+            raise InputError(
+                f"line {number}", f"{row[head.index('x')]!r}, {row[head.index('y')]!r} is no point", "two numbers"
+            ) from None
+        if not np.isfinite(point).all():
+            raise InputError(f"line {number}", "it holds a coordinate that is no number", "finite numbers only")
+        corners.setdefault(entry["id"], []).append(point)
+        layer = "support" if entry.get("support", "").casefold() in _TRUE else entry.get("layer", "")
+        layers[entry["id"]] = layer or layers.get(entry["id"], "")
+    paths = []
+    for name, points in corners.items():
+        if len(points) > 1 and points[0] == points[-1]:
+            points = points[:-1]
+        if len(points) < 3:
+            raise InputError(f"element {name!r}", f"it has {len(points)} corners", "at least 3")
+        paths.append(Path(np.column_stack([points, np.zeros(len(points))]), True, layers[name], name))
+    notes.found.append(f"{len(paths)} polygons")
+    return Drawing(paths, [], None, {}, path.stem)

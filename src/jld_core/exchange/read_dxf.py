@@ -1,0 +1,243 @@
+"""DXF → drawing, by ezdxf: polylines, lines, arcs, hatches, regions of both, texts, and blocks taken apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as File
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import MOST, Drawing, Mark
+from jld_core.exchange.libraries import library, readable
+from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
+from jld_core.exchange.paths import Path, arc_points
+
+_DEPTH: Final = 16
+_UNITS: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
+FACTS: Final = "jld"
+"""Custom property of a drawing that jld wrote: the keys of the scene that a drawing does not show."""
+
+
+def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing:
+    """What a DXF file draws in its model space.
+
+    Raises InputError: no DXF, broken, without ezdxf, or blocks nested past all reason.
+    """
+    ezdxf = library("ezdxf", path)
+    readable(path)
+    try:
+        document = ezdxf.readfile(path)
+        space = document.modelspace()
+        _refuse_bombs(document, space)
+        return _Reader(document, options, notes).drawing(space)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a parser trips over in a file that is broken
+        what = " ".join(str(error).split()) or type(error).__name__
+        raise InputError("", f"it is no DXF that can be read ({what[:120]})", "a DXF file, ASCII or binary") from error
+
+
+def _refuse_bombs(document: Any, space: Any) -> None:
+    """Count what blocks within blocks come to before any of them is taken apart."""
+    known: dict[str, int] = {}
+
+    def amount(layout: Any, depth: int) -> int:
+        if depth > _DEPTH:
+            raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
+        total = 0
+        for entity in layout:
+            if entity.dxftype() != "INSERT":
+                total += 1
+                continue
+            name = entity.dxf.name
+            copies = max(1, int(entity.dxf.get("row_count", 1))) * max(1, int(entity.dxf.get("column_count", 1)))
+            if name not in known:
+                known[name] = MOST + 1  # until it is counted, so that a block inside itself counts as past all bounds
+                known[name] = amount(document.blocks.get(name), depth + 1) if name in document.blocks else 0
+            total += copies * known[name]
+            if total > MOST:
+                break
+        return total
+
+    if amount(space, 0) > MOST:
+        raise InputError("", "its blocks within blocks come to more than a structure has", f"at most {MOST} entities")
+
+
+class _Reader:
+    """One pass over a model space."""
+
+    def __init__(self, document: Any, options: ImportOptions, notes: Notes) -> None:
+        self.document, self.options, self.notes = document, options, notes
+        self.paths: list[Path] = []
+        self.marks: list[Mark] = []
+        self.unread: dict[str, int] = {}
+
+    def drawing(self, space: Any) -> Drawing:
+        code = int(self.document.header.get("$INSUNITS", 0))
+        unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
+        self.metres = METRES.get(self.options.unit or unit or "m", 1.0)
+        for entity in space:
+            self._read(entity, None, 0)
+        for kind, count in sorted(self.unread.items()):
+            self.notes.skip(f"{kind} entities", count, "no outline, line, arc, text or point in the plane")
+        facts = self._facts()
+        name = str(facts.pop("name", "") or "drawing")
+        layers = sorted({path.layer for path in self.paths} | {mark.layer for mark in self.marks})
+        self.notes.found.append(f"layers {listed(layers, 12)}")
+        return Drawing(self.paths, self.marks, unit, facts, name)
+
+    def _facts(self) -> dict[str, Any]:
+        text = "".join(value for key, value in self.document.header.custom_vars if key == FACTS)
+        if not text:
+            return {}
+        found = json.loads(text)
+        if not isinstance(found, dict):
+            raise InputError(FACTS, "the property holds no object", "what jld export wrote")
+        return {
+            key: found[key] for key in ("name", "units", "materials", "thickness", "loads", "search") if key in found
+        }
+
+    def _read(self, entity: Any, layer: str | None, depth: int) -> None:
+        """One entity; layer: that of the block it stands in, which layer 0 takes on."""
+        own = str(entity.dxf.get("layer", "0"))
+        layer = layer if layer is not None and own == "0" else own
+        kind = entity.dxftype()
+        if kind == "INSERT":
+            self._insert(entity, layer, depth)
+            return
+        reader = getattr(self, f"_{kind.lower()}", None)
+        if reader is None or not reader(entity, layer):
+            self.unread[kind] = self.unread.get(kind, 0) + 1
+
+    def _insert(self, entity: Any, layer: str, depth: int) -> None:
+        if depth > _DEPTH:
+            raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
+        attributes = [(str(a.dxf.tag).casefold(), str(a.dxf.text)) for a in entity.attribs]
+        at = entity.dxf.insert
+        force = [text for tag, text in attributes if tag in ("force", "f", "load")]
+        parts = dict(attributes)
+        if "fx" in parts or "fy" in parts:
+            force = [f"{parts.get('fx', '0')},{parts.get('fy', '0')}"]
+        if self.options.role(layer) in ("load", "dead"):
+            self.marks.append(Mark((at.x, at.y), layer, force[0] if force else None))
+            return
+        before = len(self.paths)
+        for copy in entity.multi_insert() if entity.mcount > 1 else (entity,):
+            for part in copy.virtual_entities():
+                self._read(part, layer, depth + 1)
+        names = [text for tag, text in attributes if tag in ("id", "name")]
+        fresh = [k for k in range(before, len(self.paths)) if self.paths[k].closed]
+        if names and len(fresh) == 1:
+            path = self.paths[fresh[0]]
+            self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
+
+    def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = ()) -> bool:
+        points = np.asarray(points, dtype=float).reshape(-1, 3)
+        if not np.isfinite(points).all():
+            raise InputError(f"layer {layer!r}", "it holds a coordinate that is no number", "finite numbers only")
+        if len(points) > 1 and np.hypot(*(points[0] - points[-1])[:2]) <= 1e-9 * float(
+            np.ptp(points[:, :2], axis=0).max()
+        ):
+            # drawn closed by coming back to its beginning
+            points, closed = points[:-1], True
+        # two points are an area only with an arc between them
+        if len(points) < 2 or (closed and len(points) < 3 and not points[:, 2].any()):
+            return False
+        self.paths.append(Path(points, closed, layer, holes=holes))
+        if len(points) > MOST or len(self.paths) > MOST:
+            raise InputError("", "it holds more lines than a structure has", f"at most {MOST}")
+        return True
+
+    def _lwpolyline(self, entity: Any, layer: str) -> bool:
+        points = np.array(entity.get_points("xyb"), dtype=float).reshape(-1, 3)
+        return self._upright(entity) and self._add(points, bool(entity.closed), layer)
+
+    def _polyline(self, entity: Any, layer: str) -> bool:
+        if not (entity.is_2d_polyline or entity.is_3d_polyline) or not self._upright(entity):
+            return False
+        points = [(v.dxf.location.x, v.dxf.location.y, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
+        return self._add(points, bool(entity.is_closed), layer)
+
+    def _line(self, entity: Any, layer: str) -> bool:
+        start, end = entity.dxf.start, entity.dxf.end
+        return self._add([(start.x, start.y, 0.0), (end.x, end.y, 0.0)], False, layer)
+
+    def _arc(self, entity: Any, layer: str) -> bool:
+        first = np.radians(entity.dxf.start_angle)
+        sweep = np.mod(np.radians(entity.dxf.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
+        centre = entity.dxf.center
+        return self._upright(entity) and self._add(
+            arc_points((centre.x, centre.y), entity.dxf.radius, first, sweep), False, layer
+        )
+
+    def _circle(self, entity: Any, layer: str) -> bool:
+        centre = entity.dxf.center
+        points = arc_points((centre.x, centre.y), entity.dxf.radius, 0.0, 2.0 * np.pi)[:-1]
+        return self._upright(entity) and self._add(points, True, layer)
+
+    def _curve(self, entity: Any, layer: str) -> bool:
+        rough = entity.flattening(1e30, segments=8) if entity.dxftype() == "SPLINE" else entity.flattening(1e30)
+        size = float(np.ptp(np.array([(p.x, p.y) for p in rough]), axis=0).max())
+        facet = FACET * size if self.options.facet is None else self.options.facet / self.metres
+        points = list(entity.flattening(max(facet, 1e-6 * size)))
+        return self._add([(p.x, p.y, 0.0) for p in points], bool(getattr(entity, "closed", False)), layer)
+
+    _ellipse = _spline = _curve
+
+    def _solid(self, entity: Any, layer: str) -> bool:
+        return self._add([(p.x, p.y, 0.0) for p in entity.vertices()], True, layer)
+
+    _trace = _3dface = _solid
+
+    def _hatch(self, entity: Any, layer: str) -> bool:
+        loops = [loop for loop in (self._loop(path) for path in entity.paths) if loop is not None]
+        if not loops:
+            return False
+        # the largest is the outline, what lies inside it are holes
+        loops.sort(key=lambda loop: -float(np.ptp(loop[:, :2], axis=0).prod()))
+        return self._add(loops[0], True, layer, tuple(loops[1:]))
+
+    _mpolygon = _hatch
+
+    def _loop(self, path: Any) -> Any:
+        if hasattr(path, "vertices"):
+            return np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
+        pieces: list[Any] = []
+        for edge in path.edges:
+            kind = type(edge).__name__
+            if kind == "LineEdge":
+                pieces.append(np.array([(edge.start[0], edge.start[1], 0.0)]))
+            elif kind == "ArcEdge":
+                first = np.radians(edge.start_angle)
+                sweep = np.mod(np.radians(edge.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
+                points = arc_points(edge.center, edge.radius, first, sweep)
+                if not edge.ccw:
+                    points = np.column_stack([points[::-1, :2], np.append(-points[::-1, 2][1:], 0.0)])
+                pieces.append(points[:-1])
+            else:
+                return None
+        return np.concatenate(pieces) if pieces else None
+
+    def _point(self, entity: Any, layer: str) -> bool:
+        at = entity.dxf.location
+        self.marks.append(Mark((at.x, at.y), layer))
+        return True
+
+    def _text(self, entity: Any, layer: str) -> bool:
+        at = entity.dxf.insert
+        if entity.dxf.get("halign", 0) or entity.dxf.get("valign", 0):
+            at = entity.dxf.get("align_point", at)
+        self.marks.append(Mark((at.x, at.y), layer, str(entity.dxf.text)))
+        return True
+
+    def _mtext(self, entity: Any, layer: str) -> bool:
+        at = entity.dxf.insert
+        self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
+        return True
+
+    def _upright(self, entity: Any) -> bool:
+        """Whether an entity lies in the plane of the drawing, seen from above."""
+        normal = entity.dxf.get("extrusion", (0.0, 0.0, 1.0))
+        return bool(normal[2] > 0.999)

@@ -1,0 +1,120 @@
+"""SVG → drawing, by svgelements: paths and shapes as outlines or lines, groups as layers; y turned up."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path as File
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import MOST, Drawing, Mark
+from jld_core.exchange.libraries import library, text_of
+from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
+from jld_core.exchange.paths import Path
+
+_PIXEL: Final = 96.0
+
+
+def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
+    """What an SVG file draws, in its user units; a layer is the nearest group with a name.
+
+    Raises InputError: no SVG, broken, or with entities of its own.
+    """
+    svg = library("svgelements", path)
+    text = text_of(path)
+    if re.search(r"<!ENTITY", text, flags=re.I):
+        raise InputError("", "it defines entities, which may unfold to anything", "an SVG without a DTD of its own")
+    if text.count("<use") > 1000 or text.count("<") > 2 * MOST:
+        raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+    try:
+        root = svg.SVG.parse(io.StringIO(text), reify=True, ppi=_PIXEL)
+        return _drawing(svg, root, path.stem, options, notes)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a parser trips over in a file that is broken
+        what = " ".join(str(error).split()) or type(error).__name__
+        raise InputError("", f"it is no SVG that can be read ({what[:120]})", "an SVG file") from error
+
+
+def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Notes) -> Drawing:
+    paths: list[Path] = []
+    marks: list[Mark] = []
+    unread: dict[str, int] = {}
+
+    def walk(group: Any, layer: str) -> None:
+        for item in group:
+            own = item.values.get("attributes", {}) if hasattr(item, "values") and isinstance(item.values, dict) else {}
+            if isinstance(item, svg.Group):
+                walk(item, _named(own) or layer)
+            elif isinstance(item, svg.Text):
+                if item.text:
+                    marks.append(Mark((float(item.x), -float(item.y)), layer, str(item.text)))
+            elif isinstance(item, svg.Shape):
+                shape = svg.Path(item)
+                for part in shape.as_subpaths():
+                    points, closed = _points(svg, svg.Path(part), options)
+                    if len(points) > (2 if closed else 1):
+                        bulged = np.column_stack([points, np.zeros(len(points))])
+                        paths.append(Path(bulged, closed, own.get("data-layer") or layer, own.get("data-name")))
+                    if len(paths) > MOST:
+                        raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+            else:
+                kind = type(item).__name__
+                unread[kind] = unread.get(kind, 0) + 1
+
+    walk(root, "")
+    for kind, count in sorted(unread.items()):
+        notes.skip(kind, count, "no path, shape or text")
+    if paths:
+        notes.found.append(f"groups {listed(sorted({path.layer or '(none)' for path in paths}), 12)}")
+    return Drawing(paths, marks, None, {}, name)
+
+
+def _named(attributes: dict[str, Any]) -> str:
+    """Name of a group: its label in a drawing program, else its id."""
+    for key, value in attributes.items():
+        if key.endswith("label") and value:
+            return str(value)
+    return str(attributes.get("id") or "")
+
+
+def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
+    """Corners of one run, y up; curves as chords within the facet of their own size."""
+    found: list[tuple[float, float]] = []
+    closed = False
+    for segment in path:
+        if isinstance(segment, svg.Move):
+            if segment.end is not None:
+                found.append((float(segment.end.x), -float(segment.end.y)))
+            continue
+        if isinstance(segment, svg.Close):
+            closed = True
+            continue
+        if not isinstance(segment, svg.Line):
+            found += _chords(segment, options)
+        found.append((float(segment.end.x), -float(segment.end.y)))
+    points = np.array(found, dtype=float).reshape(-1, 2)
+    if not np.isfinite(points).all():
+        raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
+    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if len(points) > 2 and np.hypot(*(points[0] - points[-1])) <= 1e-9 * size:
+        return points[:-1], True
+    return points, closed
+
+
+def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
+    """Points inside a curve, doubled until the middle of no chord is further off than the facet."""
+    number = 8
+    while number < 4096:
+        points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])
+        size = float(np.ptp(points, axis=0).max())
+        facet = FACET * size if options.facet is None else options.facet / METRES[options.unit or "m"]
+        off = np.hypot(*(points[1::2] - 0.5 * (points[:-1:2] + points[2::2])).T)
+        if off.max() <= facet:
+            return [(float(x), float(y)) for x, y in points[2:-1:2]]
+        number *= 2
+    return [(float(x), float(y)) for x, y in points[2:-1:2]]

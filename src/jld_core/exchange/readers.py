@@ -1,0 +1,42 @@
+"""A file of any known kind → a scene document and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import planar_scene
+from jld_core.exchange.libraries import readable
+from jld_core.exchange.options import Imported, ImportOptions, Notes
+from jld_core.exchange.read_csv import read_csv
+from jld_core.exchange.read_dxf import read_dxf
+from jld_core.exchange.read_svg import read_svg
+
+KINDS: Final = ("dxf", "csv", "svg")
+"""Endings that can be read."""
+
+
+def import_file(path: str | Path, options: ImportOptions | None = None) -> Imported:
+    """Read a file of another program, by its ending.
+
+    path: of the file. options: how it is read. Returns a scene document, ready for `parse_scene`, and a report of
+    what was found, snapped, assumed and skipped.
+    Raises InputError: a file that is broken, hostile, of an unknown kind, or holds nothing that could be a scene.
+    """
+    path, options, notes = Path(path), options or ImportOptions(), Notes()
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in KINDS:
+        known = ", ".join(f".{kind}" for kind in KINDS)
+        raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", f"one of {known}")
+    readable(path)
+    try:
+        if ending == "dxf":
+            drawing = read_dxf(path, options, notes)
+        elif ending == "svg":
+            drawing = read_svg(path, options, notes)
+        else:
+            drawing = read_csv(path, notes)
+        return planar_scene(drawing, options, notes)
+    except InputError as error:
+        raise (error if error.where.startswith((str(path), "--")) else error.within(str(path))) from error.__cause__

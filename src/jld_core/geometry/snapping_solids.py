@@ -1,0 +1,170 @@
+"""The spatial half of snapping: corners that nearly meet become one, faces near one plane come to lie in it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.arrays import Floats, Ints
+from jld_core.errors import InputError
+from jld_core.geometry.polyhedra import Faces
+from jld_core.geometry.snapping import merge_points
+from jld_core.geometry.spatial_contacts import near_pairs
+
+_FLAT: Final = 0.995
+"""Cosine between normals below which two faces are no one plane, however small they are."""
+
+_RANK: Final = 0.05
+"""Singular value, of unit normals that meet in a corner, below which they do not fix it across that direction."""
+
+_FAR: Final = 4.0
+"""Tolerances beyond which a corner is left where it is: its planes meet too flatly to say where it belongs."""
+
+
+@dataclass(frozen=True)
+class SnappedSolids:
+    """Solids after snapping, in the order they came; faces keep their numbering.
+
+    vertices: (k, 3) each. largest: farthest that any vertex moved, length. moved: vertices that moved. merged: corners
+    that fell together with another's. planes: planes that faces of more than one direction or solid were put into.
+    """
+
+    vertices: list[Floats]
+    largest: float
+    moved: int
+    merged: int
+    planes: int
+
+
+def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: float) -> SnappedSolids:
+    """Close gaps between polyhedra, and straighten their faces, up to a tolerance.
+
+    vertices: (k, 3) of each solid. faces: loops of vertex indices of each. tolerance: length.
+    Raises InputError for a tolerance that is no length.
+    """
+    if not (tolerance >= 0.0 and np.isfinite(tolerance)):
+        raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
+    if not len(vertices):
+        return SnappedSolids([], 0.0, 0, 0, 0)
+    points = np.concatenate([np.asarray(v, dtype=float) for v in vertices])
+    start = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int64)
+    node = merge_points(points, tolerance)
+    place = points[np.unique(node, return_index=True)[1]]
+    merged = len(np.unique(points, axis=0)) - len(place)
+    loops = [
+        np.array([node[start[solid] + index] for index in loop], dtype=np.int64)
+        for solid, of_solid in enumerate(faces)
+        for loop in of_solid
+    ]
+    solid = np.repeat(np.arange(len(faces)), [len(of_solid) for of_solid in faces])
+    group, normal, origin = _planes(place, loops, solid, tolerance)
+    place = _onto_planes(place, loops, group, normal, origin, tolerance)
+    moved = place[node]
+    shift = np.linalg.norm(moved - points, axis=1)
+    shared = np.bincount(group, minlength=1)
+    return SnappedSolids(
+        [moved[a:b] for a, b in itertools.pairwise(start)],
+        float(shift.max(initial=0.0)),
+        int(np.count_nonzero(shift)),
+        merged,
+        int(np.count_nonzero(shared > 1)),
+    )
+
+
+def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
+    """Plane of every face, and the planes' normals (p, 3) and points (p, 3): those of the largest face in each."""
+    vector = np.zeros((len(loops), 3))
+    middle = np.zeros((len(loops), 3))
+    lower, upper = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
+    for k, loop in enumerate(loops):
+        corners = place[loop]
+        arm = corners - corners[0]
+        vector[k] = 0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+        middle[k], lower[k], upper[k] = corners.mean(axis=0), corners.min(axis=0), corners.max(axis=0)
+    area = np.linalg.norm(vector, axis=1)
+    normal = vector / np.where(area == 0.0, 1.0, area)[:, None]
+    one, two = near_pairs(lower, upper, np.full(len(loops), tolerance))
+    swap = area[one] < area[two]
+    one, two = np.where(swap, two, one), np.where(swap, one, two)
+    cosine = np.einsum("ij,ij->i", normal[one], normal[two])
+    # between solids faces look at each other or go on, within one they go on
+    facing = np.where(solid[one] == solid[two], cosine, np.abs(cosine))
+    kept = (facing > _FLAT) & (area[two] > 0.0)
+    one, two = one[kept], two[kept]
+    off = np.array(
+        [
+            np.abs((place[loops[b]] - middle[a]) @ normal[a]).max()
+            for a, b in zip(one.tolist(), two.tolist(), strict=True)
+        ]
+    )
+    joined = off <= tolerance if len(off) else np.zeros(0, dtype=bool)
+    order = np.argsort(-area, kind="stable")
+    group = np.full(len(loops), -1)
+    partners: dict[int, list[int]] = {}
+    for a, b in zip(one[joined].tolist(), two[joined].tolist(), strict=True):
+        partners.setdefault(a, []).append(b)
+        partners.setdefault(b, []).append(a)
+    origins: list[int] = []
+    for seed in order.tolist():
+        if group[seed] >= 0:
+            continue
+        # grown from the largest face over its neighbours, always judged against that face: there are no chains
+        group[seed] = len(origins)
+        pending = [seed]
+        while pending:
+            for other in partners.get(pending.pop(), ()):
+                if group[other] < 0 and np.abs((place[loops[other]] - middle[seed]) @ normal[seed]).max() <= tolerance:
+                    group[other] = len(origins)
+                    pending.append(other)
+        origins.append(seed)
+    return group, normal[origins], middle[origins]
+
+
+def _onto_planes(
+    place: Floats, loops: list[Ints], group: Ints, normal: Floats, origin: Floats, tolerance: float
+) -> Floats:
+    """Every node moved by least onto the planes of the faces that meet in it."""
+    count = np.array([len(loop) for loop in loops])
+    node = np.concatenate(loops)
+    pairs = np.unique(np.column_stack([node, np.repeat(group, count)]), axis=0)
+    first = np.searchsorted(pairs[:, 0], np.arange(len(place) + 1))
+    moved = place.copy()
+    for k in range(len(place)):
+        planes = pairs[first[k] : first[k + 1], 1]
+        rows = normal[planes]
+        if not len(rows):
+            continue
+        rest = np.einsum("ij,ij->i", origin[planes] - place[k], rows)
+        step = np.linalg.pinv(rows, rcond=_RANK) @ rest
+        if np.linalg.norm(step) <= _FAR * tolerance:
+            moved[k] = place[k] + step
+    return moved
+
+
+def parts_of(points: Floats, triangles: Ints, tolerance: float) -> Ints:
+    """(f,) connected part of each face of a mesh, numbered by first appearance; corners within the tolerance are one.
+
+    points: (n, 3). triangles: (f, 3) indices of points.
+    """
+    node = merge_points(points, tolerance)
+    corner = node[triangles]
+    size = int(node.max()) + 1
+    links = coo_array(
+        (
+            np.ones(2 * len(corner)),
+            (np.concatenate([corner[:, 0], corner[:, 1]]), np.concatenate([corner[:, 1], corner[:, 2]])),
+        ),
+        shape=(size, size),
+    )
+    _, part = connected_components(links, directed=False)
+    of_face = part[corner[:, 0]]
+    _, first, inverse = np.unique(of_face, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
