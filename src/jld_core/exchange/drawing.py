@@ -172,8 +172,8 @@ def _cells(
         tree = shapely.STRtree(segments) if segments else None
         for k in used:
             shape = shapely.Polygon(snapped.paths[k])
-            whole = tree is None or options.role(paths[k].layer) == "support"
-            near = [] if whole or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
+            uncut = tree is None or options.role(paths[k].layer) == "support"
+            near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
             pieces = _cut(shape, near, size) if shape.is_valid else []
             if len(pieces) > 1:
                 cells += [_Cell(piece, paths[k].layer, None, owner=k) for piece in pieces]
