@@ -59,6 +59,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+def about(doc: str | None) -> str:
+    """What a benchmark's docstring says below its first line, in one paragraph: the words that its page begins with."""
+    return " ".join((doc or "").split("\n\n", 1)[1].split())
+
+
 def machine() -> str:
     """The processor and how many of its cores there are, in words."""
     names = [

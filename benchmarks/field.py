@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.common import RESULTS, table, write
+from benchmarks.common import RESULTS, about, table, write
 from benchmarks.scenes import box, brick_boxes
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.views.figures import save_figure
@@ -180,7 +180,7 @@ def main() -> None:
     rows = [row for name, found in results.items() for row in rows_of(name, cases()[name][0], found)]
     save_figure(draw(results), RESULTS / "field.png")
     head = ["scene", "free blocks", "program", "interfaces", "contacts, s", "solve, s", "total / jld", "answer"]
-    text = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
+    text = about(__doc__)
     note = (
         f"Bricks of 1 × 0.5 × 0.5, one wythe, all dry, friction {FRICTION}; the arch of radius 5 and thickness 0.75 "
         "has its first and last voussoir held. Live load of jld: horizontal body load, out of plane for the walls, in "

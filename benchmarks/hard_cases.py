@@ -13,10 +13,14 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
-from benchmarks.common import RESULTS, table, write
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from benchmarks.common import RESULTS, about, table, write
 from benchmarks.hard_scenes import HardCase, hard_cases, is_near
 from benchmarks.stated import stated
 from jld_core import LimitAnalysisResult, Status, solve
+from jld_core.views.figures import save_figure
 
 WIDE: Final = 1e-6
 
@@ -78,17 +82,57 @@ def row_of(verdict: Verdict) -> list[str]:
     ]
 
 
+LEAST: Final = 1e-16
+"""Width at which an exact bracket is drawn."""
+LOOKS: Final = {
+    "bracket, first solve": ("o", "#2166ac"),
+    "bracket, after fallbacks": ("D", "#e08214"),
+    "locked or unstable, proven": ("s", "#1b7837"),
+    "uncertified": ("X", "#b2182b"),
+}
+
+
+def look_of(verdict: Verdict) -> str:
+    """How a case is drawn."""
+    if verdict.found.status is Status.UNCERTIFIED:
+        return "uncertified"
+    if verdict.found.status is not Status.COLLAPSE:
+        return "locked or unstable, proven"
+    return "bracket, first solve" if len(verdict.found.route) == 1 else "bracket, after fallbacks"
+
+
+def draw(verdicts: list[Verdict]) -> Figure:
+    """Cases from top to bottom; left the relative width of the bracket, right the time."""
+    figure = Figure(figsize=(11.0, 0.19 * len(verdicts) + 1.6), dpi=110, layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=[3, 2])
+    for place, verdict in enumerate(verdicts):
+        marker, colour = LOOKS[look_of(verdict)]
+        gap = verdict.found.gap
+        at = max(gap, LEAST) if math.isfinite(gap) else LEAST
+        left.plot(at, place, marker, color=colour, ms=6, alpha=1.0 if math.isfinite(gap) else 0.6)
+        right.plot(verdict.seconds, place, marker, color=colour, ms=6)
+    for ax in (left, right):
+        ax.set_xscale("log")
+        ax.grid(True, color="0.92", lw=0.6)
+    left.axvline(WIDE, color="0.4", lw=0.8, ls="--")
+    left.set_yticks(range(len(verdicts)), [str(verdict.case) for verdict in verdicts], fontsize=7)
+    left.invert_yaxis()
+    left.set_ylim(len(verdicts) - 0.4, -0.6)
+    left.set_xlabel(f"relative width of the bracket ({LEAST:.0e}: exact, or none)")
+    right.set_xlabel("processor time, s")
+    handles = [Line2D([], [], ls="", marker=m, color=c, label=name) for name, (m, c) in LOOKS.items()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
 def main() -> None:
     """Solve all cases and write benchmarks/results/hard_cases.md and .png."""
-    from benchmarks.hard_plot import draw
-    from jld_core.views.figures import save_figure
-
     verdicts = [judge(case) for case in hard_cases()]
     head = ["what is hard", "which", "status", "bracket", "gap", "off by", "right", "programs", "s", "route"]
     counted = Counter(verdict.right for verdict in verdicts)
     first = sum(len(verdict.found.route) == 1 for verdict in verdicts)
     save_figure(draw(verdicts), RESULTS / "hard_cases.png")
-    text = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
+    text = about(__doc__)
     summary = (
         f"{len(verdicts)} cases: {counted[True]} right, {counted[None]} honestly uncertified, {counted[False]} wrong; "
         f"{first} by the first solve alone. Off by: |λ − expected| over |expected|, or over 1e-3 where that is larger. "

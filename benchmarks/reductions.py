@@ -15,13 +15,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from benchmarks.common import RESULTS, random_segmentations, table, wall, write
+from benchmarks.common import RESULTS, about, random_segmentations, table, wall, write
 from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene
 from jld_core.models import rigid_blocks, solve_condensed, zero_dilation
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver
+from jld_core.views.figures import save_figure
 
 ENOUGH: Final = 0.5
 """Processor seconds that runs of one measurement fill."""
@@ -298,11 +300,30 @@ def measured(small: bool = False) -> list[Reduction]:
     return sorted(found, key=lambda one: one.name)
 
 
+def draw(found: list[Reduction]) -> Figure:
+    """Bars: what is left of size and time."""
+    figure = Figure(figsize=(9.0, 0.62 * len(found) + 1.4), dpi=110, layout="constrained")
+    ax = figure.add_subplot()
+    place = np.arange(len(found))
+    parts = (
+        ("size left (unknowns, or solves)", "#92c5de", [one.sizes[1] / one.sizes[0] for one in found], -0.19),
+        ("time left", "#2166ac", [one.seconds[1] / one.seconds[0] for one in found], 0.19),
+    )
+    for name, colour, values, up in parts:
+        bars = ax.barh(place + up, values, 0.36, color=colour, label=name)
+        ax.bar_label(bars, [f"{value:.2f}" for value in values], padding=3, fontsize=8)
+    names = [f"{one.name}\n{one.scene}" for one in found]
+    ax.set_yticks(place, names, fontsize=7.5)
+    ax.invert_yaxis()
+    ax.axvline(1.0, color="0.4", lw=0.8)
+    ax.set_xlabel("share of what it is without the reduction")
+    ax.margins(x=0.12)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=9)
+    return figure
+
+
 def main() -> None:
     """Measure all and write benchmarks/results/reductions.md and .png."""
-    from benchmarks.reductions_plot import draw
-    from jld_core.views.figures import save_figure
-
     found = measured()
     head = [
         "reduction",
@@ -330,7 +351,7 @@ def main() -> None:
         for one in found
     ]
     save_figure(draw(found), RESULTS / "reductions.png")
-    text = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
+    text = about(__doc__)
     picture = "![Size and time with each reduction, relative to without](reductions.png)"
     write("reductions", f"# Only what a scene needs\n\n{text}\n\n{picture}\n\n{table(head, rows)}")
 

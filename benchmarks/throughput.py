@@ -20,8 +20,9 @@ import clarabel
 import highspy
 import joblib
 import numpy as np
+from matplotlib.figure import Figure
 
-from benchmarks.common import RESULTS, ROOT, table, write
+from benchmarks.common import RESULTS, ROOT, about, table, write
 from benchmarks.scenes import GRIDS, cubes, grid
 from benchmarks.stated import stated
 from benchmarks.stopwatch import Stopwatch
@@ -30,6 +31,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.limit import Prover, Repair
 from jld_core.program import Template
 from jld_core.solvers import SchurSolver
+from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Store
 from jld_explore.space import search_space, unpack
@@ -177,11 +179,46 @@ def measure(name: str, scene: Scene, asked: int, sample: int, jobs: int) -> Thro
     return Throughput(name, faces, len(labellings), len(labellings) / spent, rate, shares, apart)
 
 
+COLOURS: Final = ("#2166ac", "#92c5de", "#1b7837", "#a6dba0", "#c2a5cf", "#bdbdbd")
+DEEP: Final = ("#2166ac", "#1b7837")
+"""Colours on which digits are white."""
+
+
+def draw(found: list[Throughput]) -> Figure:
+    """Left the rates, right the shares, scenes from left to right and from top to bottom."""
+    figure = Figure(figsize=(12.0, 4.6), dpi=110, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    place = np.arange(len(found))
+    for name, colour, shift, values in (
+        ("ours, both bounds proven", "#b2182b", -0.2, [one.rate for one in found]),
+        ("plain CVXPY, nothing proven", "#2166ac", 0.2, [one.plain for one in found]),
+    ):
+        bars = left.bar(place + shift, values, 0.38, color=colour, label=name)
+        left.bar_label(bars, [f"{value:.0f}" for value in values], fontsize=8)
+    left.set_yscale("log")
+    left.set_ylim(top=4.0 * max(one.rate for one in found))
+    left.set_xticks(place, [one.name.replace(", ", "\n") for one in found], fontsize=8)
+    left.set_ylabel("labellings per second and core")
+    left.legend(frameon=False, fontsize=8)
+    start = np.zeros(len(found))
+    for part, colour in zip(PARTS, COLOURS, strict=True):
+        share = np.array([100.0 * one.shares[part] for one in found])
+        right.barh(place, share, 0.7, left=start, color=colour, label=part)
+        for y, x, value in zip(place, start, share, strict=True):
+            if value >= 5.0:
+                ink = "white" if colour in DEEP else "black"
+                right.text(x + 0.5 * value, y, f"{value:.0f}", color=ink, ha="center", va="center", fontsize=8)
+        start += share
+    right.set_yticks(place, [one.name for one in found], fontsize=8)
+    right.invert_yaxis()
+    right.set_xlim(0.0, 100.0)
+    right.set_xlabel("share of our wall time, %")
+    right.legend(loc="upper center", bbox_to_anchor=(0.5, 1.17), ncols=3, frameon=False, fontsize=8)
+    return figure
+
+
 def main() -> None:
     """Measure all scenes and write benchmarks/results/throughput.md and .png."""
-    from benchmarks.throughput_plot import draw
-    from jld_core.views.figures import save_figure
-
     jobs = os.cpu_count() or 1
     found = [measure(name, *case, jobs) for name, case in scenes().items()]
     head = ["scene", "faces", "labellings", "ours, 1/s and core", "plain CVXPY, 1/s and core", "ours / plain"]
@@ -200,7 +237,7 @@ def main() -> None:
         for one in found
     ]
     save_figure(draw(found), RESULTS / "throughput.png")
-    text = " ".join((__doc__ or "").split("\n\n", 1)[1].split())
+    text = about(__doc__)
     note = (
         f"Plain: {jobs} joblib workers. Solver: Clarabel, HiGHS and our own route themselves, set-up, update and run, "
         "for proofs too; proof: projections, slacks, dissipation and repairs; assembly: the numbers of each program; "

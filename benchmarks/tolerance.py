@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.common import random_segmentations, scene, table, wall, write
+from benchmarks.common import about, random_segmentations, scene, table, wall, write
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Proof, load_floor, relative_width
@@ -160,7 +160,7 @@ def main() -> None:
         "solved again",
         "ms",
     ]
-    parts = ["# Tolerance and margin\n\n" + " ".join((__doc__ or "").split("\n\n", 1)[1].split())]
+    parts = ["# Tolerance and margin\n\n" + about(__doc__)]
     for name, cases in sets().items():
         count = sum(len(given.labellings) for given in cases)
         diagonal = [measure(cases, size, size) for size in TOLERANCES]

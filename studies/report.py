@@ -61,7 +61,7 @@ class Report:
     @property
     def caption(self) -> str:
         """The report as plain text, as printed by the study."""
-        parts = [self.title, self.question, f"Source: {self.source}", f"SolveOptions: {self.model}"]
+        parts = [self.title, self.question, f"Source: {self.source}", f"Model: {self.model}"]
         parts += [f"+ {line}" for line in self.agrees] + [f"- {line}" for line in self.differs]
         return "\n".join(textwrap.fill(part, 110, subsequent_indent="  ") for part in parts)
 
@@ -100,7 +100,7 @@ def _page(report: Report, table: pd.DataFrame, figures: dict[str, Figure]) -> st
         file = f"{report.name}{ending}.png"
         what = report.pictures.get(ending, report.title)
         lines += [f"![{what}]({file})", "", f"*{what}*", ""]
-    lines += [f"**Source.** {report.source}", "", f"**SolveOptions.** {report.model}", "", "**What agrees**", ""]
+    lines += [f"**Source.** {report.source}", "", f"**Model.** {report.model}", "", "**What agrees**", ""]
     lines += [f"- {line}" for line in report.agrees]
     lines += ["", "**What does not, or is not known**", ""]
     lines += [f"- {line}" for line in report.differs]

@@ -72,8 +72,8 @@ def imports(path: Path) -> Iterator[tuple[str, int, bool]]:
 
 
 def _is_module(name: str) -> bool:
-    place = SOURCES.joinpath(*name.split("."))
-    return place.with_suffix(".py").exists() or (place / "__init__.py").exists()
+    places = [root.joinpath(*name.split(".")) for root in (SOURCES, ROOT)]
+    return any(place.with_suffix(".py").exists() or (place / "__init__.py").exists() for place in places)
 
 
 @pytest.mark.parametrize("path", MODULES, ids=MODULES.values())
@@ -102,7 +102,7 @@ def test_other_wings_are_entered_by_their_face(path: Path) -> None:
 
 def test_no_circle_of_files() -> None:
     graph: dict[str, set[str]] = {}
-    for folder in (SOURCES, ROOT / "studies"):
+    for folder in (SOURCES, ROOT / "studies", ROOT / "benchmarks"):
         root = SOURCES if folder == SOURCES else ROOT
         for path in sorted(folder.rglob("*.py")):
             name = ".".join(path.relative_to(root).with_suffix("").parts)

@@ -8,14 +8,10 @@ import pytest
 from benchmarks import (
     field,
     hard_cases,
-    hard_plot,
     reductions,
-    reductions_plot,
     speed_error,
-    speed_plot,
     speed_routes,
     throughput,
-    throughput_plot,
 )
 from benchmarks.hard_scenes import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
@@ -43,7 +39,7 @@ def test_hard_cases() -> None:
     verdicts = [hard_cases.judge(case) for case in cases]
     assert [verdict.right for verdict in verdicts] == [True] * 3
     assert [hard_cases.row_of(verdict)[2] for verdict in verdicts] == ["collapse", "locked", "unstable"]
-    assert len(hard_plot.draw(verdicts).axes) == 2
+    assert len(hard_cases.draw(verdicts).axes) == 2
 
 
 def test_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,7 +48,7 @@ def test_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
     for one in found:
         assert one.sizes[1] < one.sizes[0] or one.name == "zero dilation skipped"
         assert one.changed < 1e-6 or "λ changes" in one.why
-    assert len(reductions_plot.draw(found).axes) == 1
+    assert len(reductions.draw(found).axes) == 1
 
 
 def test_throughput() -> None:
@@ -62,7 +58,7 @@ def test_throughput() -> None:
     assert found.apart < 1e-5
     assert sum(found.shares.values()) == pytest.approx(1.0)
     assert min(found.shares[part] for part in ("solver", "proof", "assembly", "driver", "store")) > 0.0
-    assert len(throughput_plot.draw([found]).axes) == 2
+    assert len(throughput.draw([found]).axes) == 2
 
 
 @pytest.mark.parametrize("scene", [grid(bonded(GRIDS[33])), brick_wall(2, 2)], ids=["planar", "spatial"])
@@ -78,7 +74,7 @@ def test_speed_against_error(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> N
             assert speed_error.certain_error(one, reference)[0] < 1e-3
     assert speed_error.DEFAULT not in speed_error.better(found, reference, bracketed=True)
     assert len(speed_error.rows_of(found, reference)) == len(found)
-    assert len(speed_plot.draw({"scene": (found, reference)}).axes) == 1
+    assert len(speed_error.draw({"scene": (found, reference)}).axes) == 1
 
 
 def test_a_route_that_takes_too_long_is_shown_so() -> None:

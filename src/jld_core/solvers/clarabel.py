@@ -26,7 +26,7 @@ _STATUS = {
 
 
 class ClarabelSolver:
-    """Repair point on the program as it stands; updates and rebuilds are counted.
+    """Interior point on the program as it stands; updates and rebuilds are counted.
 
     The equilibration that a set-up computes stays in force under updates, so a set-up is always made on the
     first program of a structure that this route is given (a template's reference): answers then do not depend

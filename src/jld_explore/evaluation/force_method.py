@@ -1,6 +1,6 @@
 """Both sides of λ of one labelling at a vertex, where they prove as much as possible about other labellings.
 
-The forces and the mechanism that prove one λ are seldom unique. Repair points choose the middle of them, where
+The forces and the mechanism that prove one λ are seldom unique. Interior points choose the middle of them, where
 nothing is exactly at rest and little is exactly free; a linear program chooses those that leave most faces free
 (docs/method.md (6.7)). It is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x, and
 the redundants x, three for each further face, are all that equilibrium leaves open. With rows G F ≤ h of both labels of

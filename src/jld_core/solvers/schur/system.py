@@ -8,7 +8,7 @@ With W the scaling of the cones, E the equations and G the yield rows of a progr
 
 H = GᵀW⁻²G has one small block per face, so that A H⁻¹ Aᵀ couples elements that touch: it is factored by sparse
 Cholesky, its pattern analysed once. Columns that border the blocks are eliminated last. Source: docs/method.md (8.5);
-Wright, Primal-Dual Repair-Point Methods (SIAM 1997), ch. 11.
+Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
 """
 
 from __future__ import annotations
