@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core import Assembly
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Floats, Ints
 from jld_experiment.driving import push, scout
 from jld_experiment.settings import RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of
@@ -34,6 +34,7 @@ class Curve:
     distance: Floats
     load_factor: Floats
     unbalanced: Floats
+    broken: Ints
     faster: Floats
     reach: float
     collapse: int
@@ -95,6 +96,7 @@ def run_experiment(
         distance=slow.distance,
         load_factor=slow.load_factor,
         unbalanced=slow.unbalanced,
+        broken=slow.broken,
         faster=np.column_stack([fast.distance, fast.load_factor]),
         reach=specimen.system.reach,
         collapse=slow.collapse,
@@ -104,7 +106,7 @@ def run_experiment(
         at_collapse=slow.at_collapse.moved - settled.moved,
         at_end=slow.at_end.moved - settled.moved,
         cracked=broken / assembly.interfaces.area,
-        first_crack=float(slow.load_factor[first[0]]) if first.size else np.nan,
+        first_crack=float(slow.load_factor[max(first[0] - 1, 0)]) if first.size else np.nan,
         periods=fast.periods + slow.periods,
     )
 
@@ -122,6 +124,7 @@ def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floa
         distance=none,
         load_factor=none,
         unbalanced=none,
+        broken=none.astype(np.int64),
         faster=np.zeros((0, 2)),
         reach=specimen.system.reach,
         collapse=0,

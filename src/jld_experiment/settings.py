@@ -32,8 +32,8 @@ class Joints:
     normal_stiffness: float | None = None
     shear_stiffness: float | None = None
     inner_ratio: float = 1.0
-    dilation: float | Literal["friction"] = "friction"
-    inner: Literal["plastic", "brittle"] = "plastic"
+    dilation: float | Literal["friction"] = 0.0
+    inner: Literal["plastic", "brittle"] = "brittle"
     residual_friction: float = 0.0
 
     def __post_init__(self) -> None:

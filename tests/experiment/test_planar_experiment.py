@@ -15,8 +15,8 @@ from jld_explore.space.search_space import search_space
 from paths import SCENES
 from transforms import as_elements, in_units, renumbered, rotated
 
-ASSOCIATIVE = Joints()
-NO_DILATION = Joints(dilation=0.0)
+ASSOCIATIVE = Joints(dilation="friction", inner="plastic")
+NO_DILATION = Joints(dilation=0.0, inner="plastic")
 LIMIT = Settings(scheme="limit", gaps="plastic")
 """Limit analysis' own laws: its yield points, and gaps plastic like everything else."""
 
@@ -58,7 +58,7 @@ def test_first_crack_of_an_elastic_face(tension: float) -> None:
     before. Simpson's points integrate the linear stress exactly."""
     assembly = build_assembly(stacked_cubes(2, friction=0.9, tension=tension, shear=9.0))
     settings = Settings(scheme="simpson", segments=1, periods=1000.0)
-    curve = run_experiment(assembly, joints=Joints(inner="brittle"), settings=settings)
+    curve = run_experiment(assembly, joints=Joints(), settings=settings)
     assert curve.stands
     assert curve.first_crack == pytest.approx((1.0 + tension) / 3.0, rel=5e-3)
     # at the edge of the dry base p = 2W(1 − 6λ) slips first, at λ = 0.14
@@ -197,7 +197,7 @@ def test_weaker_when_cracks_are_brittle() -> None:
     """The strongest layout of the beam-arch keeps less than half of λ (an earlier engine: 5.78 of 12.62)."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     assembly = build_assembly(scene)
-    curve = run_experiment(assembly, strongest(), joints=Joints(inner="brittle"))
+    curve = run_experiment(assembly, strongest(), joints=Joints(dilation="friction"))
     assert curve.certified
     assert curve.collapse_load == pytest.approx(5.78, rel=1e-2)
     assert 0.0 < curve.cracked.max() <= 1.0

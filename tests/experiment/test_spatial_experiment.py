@@ -28,7 +28,7 @@ def test_two_cubes_in_any_direction(degrees: float, friction: float, tension: fl
     assembly = build_assembly(
         stacked_cubes(2, friction=friction, tension=tension, shear=shear, direction=float(np.radians(degrees)))
     )
-    curve = run_experiment(assembly, joints=Joints(dilation=0.0), settings=LIMIT)
+    curve = run_experiment(assembly, joints=Joints(inner="plastic"), settings=LIMIT)
     assert curve.certified
     assert curve.collapse_load == pytest.approx(solve(assembly).load_factor, rel=3e-3)
 
@@ -59,7 +59,7 @@ def test_torsion_of_a_prism(sides: int) -> None:
     document = prism(sides, {"force": [0, 0, 0], "moment": [0, 0, 1]})
     assembly = build_assembly(parse_scene(document))
     settings = Settings(scheme="midpoint", segments=16, periods=60.0)
-    curve = run_experiment(assembly, joints=Joints(dilation=0.0), settings=settings)
+    curve = run_experiment(assembly, joints=Joints(inner="plastic"), settings=settings)
     faces = assembly.interfaces
     assert curve.collapse_load == pytest.approx(0.4 * 5.0 * float(faces.c_t[0]), rel=5e-3)
 
@@ -97,9 +97,9 @@ def turned(document: dict[str, Any], rotation: Rotation) -> dict[str, Any]:
 
 def test_invariance_to_a_turn_in_space() -> None:
     document = prism(6, {"force": [0.3, 0.1, 0.0], "moment": [0.0, 0.0, 0.6]})
-    base = run_experiment(build_assembly(parse_scene(document)), joints=Joints(dilation=0.0))
+    base = run_experiment(build_assembly(parse_scene(document)), joints=Joints(inner="plastic"))
     moved = turned(document, Rotation.from_rotvec([0.3, -1.1, 0.7]))
-    other = run_experiment(build_assembly(parse_scene(moved)), joints=Joints(dilation=0.0))
+    other = run_experiment(build_assembly(parse_scene(moved)), joints=Joints(inner="plastic"))
     assert base.certified
     assert other.collapse_load == pytest.approx(base.collapse_load, rel=1e-3)
 
@@ -107,7 +107,7 @@ def test_invariance_to_a_turn_in_space() -> None:
 def test_forces_at_rest_are_in_equilibrium() -> None:
     """The kernel's resultants against the equilibrium of limit analysis, which is built elsewhere."""
     assembly = build_assembly(stacked_cubes(3, friction=0.5, tension=1.0, shear=0.5, direction=0.4))
-    specimen = specimen_of(assembly, assembly.labels, Joints(), Settings())
+    specimen = specimen_of(assembly, assembly.labels, Joints(inner="plastic"), Settings())
     settled, standing = specimen.settle()
     assert standing is Standing.RESTS
     factor = 0.1

@@ -24,6 +24,7 @@ from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_explore.cli import exchange, samples
+from jld_explore.cli.experiment import experiment
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report import check_folder, check_writable, read_folder, words, write_pictures, write_text
@@ -46,6 +47,7 @@ app = typer.Typer(
 
 app.add_typer(samples.commands(), name="new")
 exchange.add_to(app)
+app.command()(experiment)
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 

@@ -1,0 +1,141 @@
+"""An experiment beside limit analysis: its numbers, its table, its picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from jld_core.limit import LimitAnalysisResult
+from jld_core.views.figures import draw_mechanism
+from jld_experiment.experiment import Curve
+
+PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
+
+
+def status_of(curve: Curve) -> str:
+    """collapse, uncertified (two rates differ by more than allowed), locked (nothing gave way), falls or creeps (under
+    its dead loads alone)."""
+    if not curve.stands:
+        return str(curve.standing)
+    if curve.rising:
+        return "locked"
+    return "collapse" if curve.certified else "uncertified"
+
+
+def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
+    """What `jld experiment --json` prints. load_factor: λ of limit analysis, NaN where there is none."""
+    found = curve.collapse_load
+    joints, settings = curve.joints, curve.settings
+    return {
+        "name": curve.assembly.name,
+        "status": status_of(curve),
+        "collapse_load": _number(found),
+        "load_factor": _number(load_factor),
+        "ratio": _number(found / load_factor if load_factor > 0.0 else np.nan),
+        "stands": curve.stands,
+        "rate_error": _number(curve.rate_error) if curve.stands and np.isfinite(found) else None,
+        "first_crack": _number(curve.first_crack),
+        "unbalanced": _number(float(curve.unbalanced[curve.collapse])) if len(curve.unbalanced) else None,
+        "cracked_faces": int(np.count_nonzero(curve.cracked > 0.0)),
+        "inner": joints.inner,
+        "dilation": joints.dilation,
+        "inner_ratio": joints.inner_ratio,
+        "residual_friction": joints.residual_friction,
+        "scheme": settings.scheme,
+        "segments": settings.segments,
+        "moving": settings.moving,
+        "periods": round(curve.periods),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def table(curve: Curve) -> pd.DataFrame:
+    """Both pushes, a row a record: push (slow, fast), distance (live·u), elastic (the same over that at the collapse
+    load if nothing yielded), load_factor, and of the slow one unbalanced and broken."""
+    slow = pd.DataFrame(
+        {
+            "push": "slow",
+            "distance": curve.distance,
+            "load_factor": curve.load_factor,
+            "unbalanced": curve.unbalanced,
+            "broken": curve.broken,
+        }
+    )
+    fast = pd.DataFrame({"push": "fast", "distance": curve.faster[:, 0], "load_factor": curve.faster[:, 1]})
+    both = pd.concat([slow, fast], ignore_index=True) if len(slow) else slow
+    both.insert(2, "elastic", both["distance"] / (curve.reach * curve.collapse_load))
+    return both
+
+
+def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
+    """A result whose mechanism is how the experiment moved, with live power 1: for `draw_mechanism` and for tables.
+
+    From the dead loads to the end where it is pushed; where it does not stand, from nothing to where it was left.
+    """
+    moved = curve.at_end
+    power = float((curve.assembly.live * moved).sum())
+    scale = power if curve.stands and power > 0.0 else float(np.abs(moved).max()) or 1.0
+    return replace(result, mechanism=moved / scale)
+
+
+def draw_curve(ax: Axes, curve: Curve, load_factor: float, band: tuple[float, float] | None = None) -> None:
+    """λ over the movement of the live loads in multiples of the elastic one at collapse; λ of limit analysis as a
+    line, and the band of zero-dilation answers where one is given."""
+    unit = curve.reach * (curve.collapse_load or np.nan)
+    if band is not None:
+        low, high = band
+        name = f"zero dilation: {low:.5g}" + (f" – {high:.5g}" if high > low * (1.0 + 1e-4) else "")
+        ax.axhspan(
+            low, max(high, low * 1.004), facecolor="#FBE3B5", edgecolor="#C9A55A", hatch="///", lw=0.6, label=name
+        )
+    if len(curve.distance):
+        ax.plot(
+            curve.faster[:, 0] / unit, curve.faster[:, 1], color=FASTER, lw=1.0, ls=(0, (4, 2)), label="faster push"
+        )
+        ax.plot(curve.distance / unit, curve.load_factor, color=PUSHED, lw=1.3, label="slower push")
+        at = curve.collapse
+        name = f"collapse: {curve.collapse_load:.5g}"
+        ax.plot(curve.distance[at] / unit, curve.load_factor[at], "v", color=PUSHED, ms=7, label=name)
+    if np.isfinite(load_factor):
+        name = f"limit analysis: λ = {load_factor:.5g}"
+        ax.axhline(load_factor, color=LIMIT, lw=1.2, ls=(0, (6, 1.5, 1, 1.5)), label=name)
+    top = np.nanmax([load_factor, curve.load_factor.max(initial=0.0), 1e-300])
+    ax.set_ylim(min(0.0, float(np.clip(curve.load_factor.min(initial=0.0), -0.15 * top, 0.0))), 1.45 * top)
+    ax.set_xlim(left=0.0)
+    ax.set_xlabel("movement of the live loads / elastic one at collapse [–]", fontsize=9)
+    ax.set_ylabel("λ [–]", fontsize=9)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(frameon=False, fontsize=8, loc="upper right")
+    if not curve.stands:
+        ax.text(0.5, 0.5, "does not stand under its dead loads", transform=ax.transAxes, ha="center", fontsize=10)
+    ax.tick_params(labelsize=8)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def figure_of(curve: Curve, result: LimitAnalysisResult, band: tuple[float, float] | None = None) -> Figure:
+    """The curve, how the experiment ended, and the mechanism of limit analysis, side by side.
+
+    result: of the same assembly and labels. band: lowest and highest zero-dilation answer, for the picture.
+    """
+    figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
+    draw_curve(axes[0], curve, result.load_factor, band)
+    titles = ("end of the experiment", "mechanism of limit analysis")
+    for ax, shown, title in zip(axes[1:], (end_state(curve, result), result), titles, strict=True):
+        draw_mechanism(ax, shown)
+        ax.set_title(title, fontsize=10)
+    joints = curve.joints
+    dilation = "dilation = friction" if joints.dilation == "friction" else f"dilation {joints.dilation:g}"
+    figure.suptitle(f"{curve.assembly.name}: {status_of(curve)} · {joints.inner} inner faces, {dilation}", fontsize=11)
+    return figure

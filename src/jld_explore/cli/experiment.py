@@ -1,0 +1,167 @@
+"""`jld experiment`: load one layout until it comes down, beside what limit analysis says."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.models import solve
+from jld_core.scene import load_scene
+from jld_explore.report import check_writable, read_folder, write_text
+from jld_explore.space import from_string
+
+if TYPE_CHECKING:
+    from jld_experiment import Curve
+
+
+class Inner(StrEnum):
+    BRITTLE = "brittle"
+    PLASTIC = "plastic"
+
+
+class SubContacts(StrEnum):
+    TRAPEZOID = "trapezoid"
+    SIMPSON = "simpson"
+    MIDPOINT = "midpoint"
+    LIMIT = "limit"
+
+
+def experiment(
+    source: Annotated[
+        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
+    ],
+    rank: Annotated[int | None, typer.Option(min=1, help="Which layout of a folder; default the strongest.")] = None,
+    dilation: Annotated[
+        str, typer.Option(help="Opening of dry joints as they slide: 0, friction (associative), or a tangent.")
+    ] = "0",
+    inner: Annotated[
+        Inner, typer.Option(help="What exceeds its strength loses it (brittle), or goes on at it (plastic).")
+    ] = Inner.BRITTLE,
+    out: Annotated[Path | None, typer.Option(help="Folder for curve.csv, experiment.png and summary.json.")] = None,
+    scheme: Annotated[SubContacts, typer.Option(help="Where sub-contacts lie on a face.")] = SubContacts.TRAPEZOID,
+    segments: Annotated[int, typer.Option(min=1, help="Parts of a face between sub-contacts.")] = 4,
+    moving: Annotated[
+        bool, typer.Option("--moving", help="Follow the geometry, with new contacts at corners (planar).")
+    ] = False,
+    normal_stiffness: Annotated[
+        float | None, typer.Option(help="Spring of a face per area, force per length³; default: nearly rigid.")
+    ] = None,
+    shear_stiffness: Annotated[float | None, typer.Option(help="The same along the face; default as normal.")] = None,
+    inner_ratio: Annotated[float, typer.Option(help="Stiffness of inner faces over that of dry ones.")] = 1.0,
+    residual_friction: Annotated[float, typer.Option(help="Friction coefficient of a crack.")] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Virtual experiment: settle a layout, push it until it comes down, twice; what brittle faces do."""
+    from jld_experiment import Joints, Settings, run_experiment
+    from jld_experiment.report import status_of, summary
+
+    if out is not None:
+        check_writable(out)
+    joints = Joints(
+        normal_stiffness=normal_stiffness,
+        shear_stiffness=shear_stiffness,
+        inner_ratio=inner_ratio,
+        dilation="friction" if dilation == "friction" else _tangent(dilation),
+        inner=inner.value,
+        residual_friction=residual_friction,
+    )
+    settings = Settings(scheme=scheme.value, segments=segments, moving=moving)
+    assembly, labels = _layout(source, rank)
+    start = time.perf_counter()
+    try:
+        curve = run_experiment(assembly, labels, joints=joints, settings=settings)
+        spent = time.perf_counter() - start
+        limit = solve(assembly, labels)
+    except InputError as error:
+        raise (error if error.where.startswith("--") else error.within(str(source))) from None
+    facts = summary(curve, limit.load_factor) | {"seconds": spent}
+    facts |= _without_dilation(assembly, labels) if curve.stands and dilation != "friction" else {}
+    if out is not None:
+        _write(curve, limit, facts, out)
+    _say(json.dumps(facts, indent=1) if as_json else _words(facts))
+    if status_of(curve) == "uncertified":
+        raise typer.Exit(4)
+
+
+def _tangent(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent") from None
+    if not value >= 0.0:
+        raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
+    return value
+
+
+def _layout(source: Path, rank: int | None) -> tuple[Assembly, Bits]:
+    """The scene's own labelling, or that of a rank in a folder."""
+    if not source.is_dir():
+        if rank is not None:
+            raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
+        scene = load_scene(source)
+        try:
+            assembly = build_assembly(scene)
+        except InputError as error:
+            raise error.within(str(source)) from None
+        return assembly, assembly.labels
+    done = read_folder(source)
+    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)]
+    found = ranked[ranked["rank"] == (rank or 1)]
+    if not len(found):
+        raise InputError("--rank", f"{source} has no layout of rank {rank or 1}", f"1 to {len(ranked)}")
+    return done.assembly, from_string(str(found["labelling"].iloc[0]))
+
+
+def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
+    """What limit analysis without dilation finds: not unique, so a value and not the value."""
+    found = solve(assembly, labels, friction="zero-dilation")
+    certain = found.status is Status.COLLAPSE
+    return {"zero_dilation_load_factor": found.load_factor if certain else None}
+
+
+def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
+    from jld_core.views.figures import save_figure
+    from jld_experiment.report import figure_of, table
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "curve.csv", table(curve).to_csv(index=False))
+    write_text(out / "summary.json", json.dumps(facts, indent=1))
+    zero = facts.get("zero_dilation_load_factor")
+    save_figure(figure_of(curve, limit, None if zero is None else (zero, zero)), out / "experiment.png")
+
+
+def _words(facts: dict[str, Any]) -> str:
+    """What `jld experiment` prints."""
+
+    def plain(value: float | None, digits: int = 6) -> str:
+        return "none" if value is None else f"{value:.{digits}g}"
+
+    lines = {
+        "scene": facts["name"],
+        "status": facts["status"],
+        "experiment": f"collapse at λ = {plain(facts['collapse_load'])}, "
+        f"two rates differ by {plain(facts['rate_error'], 2)}",
+        "limit": f"λ = {plain(facts['load_factor'])}, ratio {plain(facts['ratio'], 4)}",
+        "first crack": plain(facts["first_crack"]),
+        "faces": f"{facts['inner']} inner, dilation {facts['dilation']}, {facts['cracked_faces']} cracked",
+    }
+    if facts.get("zero_dilation_load_factor") is not None:
+        lines["no dilation"] = f"λ = {plain(facts['zero_dilation_load_factor'])} (one solution of limit analysis)"
+    if not facts["stands"]:
+        lines["experiment"] = "does not stand under its dead loads alone"
+    return "\n".join(f"{name:<12} {value}" for name, value in lines.items())
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
