@@ -5,7 +5,6 @@ Source: none but the method (Iannuzzo et al. 2024); geometry and materials are o
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,11 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core.samples import gallery as scenes
 from jld_core.views.figures import draw_assembly, draw_mechanism
-from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report import Exploration
+from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
+from studies import scenes
 from studies.report import (
     GREY,
     PAIRED,
@@ -29,6 +27,7 @@ from studies.report import (
     figure_of,
     legend_at,
     main,
+    searched,
     without_legend,
     write,
 )
@@ -75,9 +74,8 @@ def search(quick: bool) -> Exploration:
     courses = 3 if quick else 4
     beds = [[f"p{p}k{k}", f"p{p}k{k + 1}"] for p in range(5) for k in range(courses - 1)]
     wanted = {"block_cells": [1, 2], "keep": {"dry": beds}, "front": {"count": "blocks", "sense": "max"}}
-    with tempfile.TemporaryDirectory() as folder:
-        settings = ExploreSettings(driver="enumeration", jobs=1)
-        return explore(scenes.corner(courses, OUTWARD, None, wanted), Path(folder) / "search", settings)
+    settings = ExploreSettings(driver="enumeration", jobs=1)
+    return searched(scenes.corner(courses, OUTWARD, None, wanted), settings)
 
 
 def run(out: Path, quick: bool = False) -> pd.DataFrame:

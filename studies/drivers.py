@@ -5,7 +5,6 @@ Source: none but the method; the scene and its materials are ours. Long tables o
 
 from __future__ import annotations
 
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,7 @@ from jld_core import build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.scene import Scene
 from jld_core.views.figures import draw_assembly, draw_mechanism
-from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report import Exploration
+from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
 from jld_explore.study import Progress
 from studies.report import (
@@ -34,6 +32,7 @@ from studies.report import (
     figure_of,
     legend_at,
     main,
+    searched,
     without_legend,
     write,
 )
@@ -106,8 +105,7 @@ def search(wall: Scene, driver: str, seed: int, budget: int | None) -> Run:
 
     options = {"sampler": sampler} if sampler else {}
     settings = ExploreSettings(driver=name, budget=budget, seed=seed, jobs=1, options=options)
-    with tempfile.TemporaryDirectory() as folder:
-        done = explore(wall, Path(folder) / "search", settings, report=note)
+    done = searched(wall, settings, report=note)
     return Run(driver, seed, done, np.array(steps))
 
 

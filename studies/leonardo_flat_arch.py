@@ -6,7 +6,6 @@ at hand, so the layout is ours and nothing is claimed as reproduced.
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,9 +19,8 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.limit import Movement, face_motions
 from jld_core.models import Scheme, zero_dilation
-from jld_core.samples import leonardo_flat_arch
 from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings
 from jld_explore.space import from_string
 from studies.report import (
     GREY,
@@ -33,9 +31,11 @@ from studies.report import (
     figure_of,
     legend_at,
     main,
+    searched,
     without_legend,
     write,
 )
+from studies.scenes import leonardo_flat_arch
 
 NAME: Final = "leonardo_flat_arch"
 PUBLISHED: Final = {
@@ -103,9 +103,7 @@ def sensitivity(quick: bool) -> pd.DataFrame:
 def search(quick: bool) -> tuple[pd.DataFrame, Assembly, bool]:
     """Every segmentation of the arch into blocks of as many cells as its own; table, assembly, proven."""
     wanted = {"block_cells": [3, 4] if quick else list(LIMITS), "front": {"count": "blocks", "sense": "max"}}
-    with tempfile.TemporaryDirectory() as folder:
-        scene = leonardo_flat_arch(search=wanted)
-        done = explore(scene, Path(folder) / "search", ExploreSettings(driver="enumeration", jobs=1))
+    done = searched(leonardo_flat_arch(search=wanted), ExploreSettings(driver="enumeration", jobs=1))
     return done.results, done.assembly, bool(done.summary["proven"])
 
 

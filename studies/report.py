@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import tempfile
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,10 +20,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
+from jld_core import Scene
 from jld_core.arrays import Bools, Floats
 from jld_core.views.annotations import MEANING, MOVES, PRESS, YIELD
 from jld_core.views.figures import save_figure
 from jld_core.views.structure import DOTTED, INK
+from jld_explore import Exploration, ExploreSettings, explore
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 SCENES: Final = ROOT / "scenes"
@@ -119,6 +122,12 @@ def _cell(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def searched(scene: Scene, settings: ExploreSettings, **options: Any) -> Exploration:
+    """What a search finds, its folder thrown away; options: of `explore`."""
+    with tempfile.TemporaryDirectory() as folder:
+        return explore(scene, Path(folder) / "search", settings, **options)
 
 
 def main(run: Callable[[Path, bool], pd.DataFrame], name: str) -> None:

@@ -6,7 +6,6 @@ vertical cuts, Makris & Alexakis, Archive of Applied Mechanics 83 (2013). The ca
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +19,9 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.samples import polar_grid_arch, ring_arch, semicircular_arch
+from jld_core.samples import semicircular_arch
 from jld_core.views.figures import draw_assembly, draw_mechanism
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings
 from jld_explore.space import from_string
 from studies.report import (
     GREY,
@@ -33,9 +32,11 @@ from studies.report import (
     figure_of,
     legend_at,
     main,
+    searched,
     without_legend,
     write,
 )
+from studies.scenes import polar_grid_arch, ring_arch
 
 NAME: Final = "semicircular_arch"
 ROTATION: Final = 0.107426
@@ -152,8 +153,7 @@ def free_joints(load: str, quick: bool) -> Freed:
         live = [{"body": [1, 0]}]
     search = {"block_cells": [2, 3 if quick else 4], "symmetry": "none", "front": {"count": "blocks", "sense": "max"}}
     scene = polar_grid_arch(2, SECTORS, THICKNESS, live, search)
-    with tempfile.TemporaryDirectory() as folder:
-        done = explore(scene, Path(folder) / "search", ExploreSettings(driver="enumeration", jobs=1))
+    done = searched(scene, ExploreSettings(driver="enumeration", jobs=1))
     assembly = done.assembly
     across = np.array([_ring(assembly, k) for k in range(len(assembly.interfaces))])
     radial = [not (from_string(text) & across).any() for text in done.results["labelling"]]

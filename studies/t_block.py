@@ -18,7 +18,6 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from jld_core import LimitAnalysisResult, Status, build_assembly, solve
 from jld_core.limit import Movement, face_motions
-from jld_core.samples import t_block
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from studies.report import (
     Report,
@@ -31,6 +30,7 @@ from studies.report import (
     without_legend,
     write,
 )
+from studies.scenes import t_block
 
 NAME: Final = "t_block"
 CELL: Final = 1400 * 9.81 * 1e-3

@@ -5,7 +5,6 @@ Source: none but the method (Iannuzzo et al. 2024) and this project's exact sear
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,10 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysisResult, build_assembly, solve
-from jld_core.samples import wall_with_opening
 from jld_core.views.figures import draw_assembly, draw_mechanism
-from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report import Exploration
+from jld_explore import Exploration, ExploreSettings
 from jld_explore.space import from_string
 from studies.report import (
     GREY,
@@ -29,9 +26,11 @@ from studies.report import (
     figure_of,
     legend_at,
     main,
+    searched,
     without_legend,
     write,
 )
+from studies.scenes import wall_with_opening
 
 NAME: Final = "wall_with_opening"
 FRICTION: Final = 0.75
@@ -46,8 +45,7 @@ def search(quick: bool) -> Exploration:
     settings = ExploreSettings(driver="exact", jobs=1, options={"aim": "front"})
     if quick:
         settings = ExploreSettings(driver="enumeration", jobs=1)
-    with tempfile.TemporaryDirectory() as folder:
-        return explore(wall_with_opening(PLAIN, FRICTION, wanted), Path(folder) / "search", settings)
+    return searched(wall_with_opening(PLAIN, FRICTION, wanted), settings)
 
 
 def running_bond() -> LimitAnalysisResult:

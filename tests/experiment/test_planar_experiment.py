@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from jld_core import Assembly, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits, Floats
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.samples.gallery import leonardo_flat_arch, stacked_cubes
 from jld_experiment import Curve, Joints, Push, Settings, Specimen, Standing, push, ramp, run_experiment, specimen_of
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.space.search_space import search_space

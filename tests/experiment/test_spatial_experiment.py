@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from studies.scenes import stacked_cubes
 
 from jld_core import build_assembly, parse_scene, solve
 from jld_core.mechanics import equilibrium_matrix, load_vectors
-from jld_core.samples import stacked_cubes
 from jld_experiment import Joints, Settings, Standing, run_experiment, specimen_of
 from jld_experiment.subcontacts import sub_contacts
 

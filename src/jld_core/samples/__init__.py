@@ -6,17 +6,11 @@ from collections.abc import Callable
 from typing import Final
 
 from jld_core.samples.gallery import (
-    leonardo_flat_arch,
-    polar_grid_arch,
     random_wall,
-    ring_arch,
     semicircular_arch,
-    stacked_cubes,
-    t_block,
-    wall_with_opening,
 )
 from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
-from jld_core.samples.stone import Stone
+from jld_core.samples.stone import Stone, box
 from jld_core.samples.vaults import dome, vault
 from jld_core.samples.walls import planar_running_bond, running_bond
 from jld_core.scene import Scene
@@ -36,20 +30,15 @@ __all__ = [
     "KINDS",
     "Stone",
     "arch",
+    "box",
     "buttress",
     "dome",
     "flat_arch",
     "grid",
-    "leonardo_flat_arch",
     "planar_running_bond",
-    "polar_grid_arch",
     "random_wall",
-    "ring_arch",
     "running_bond",
     "semicircular_arch",
-    "stacked_cubes",
-    "t_block",
     "vault",
     "wall",
-    "wall_with_opening",
 ]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jld_core.samples.gallery import _box
+from jld_core.samples.stone import box
 from jld_core.scene import Scene, parse_scene
 
 
@@ -27,13 +27,13 @@ def running_bond(
     """
     length, width, height = brick
     total = courses // 2 * length
-    elements = [_box("slab", (0.0, 0.0, -height), (total, wythes * width, 0.0), support=True)]
+    elements = [box("slab", (0.0, 0.0, -height), (total, wythes * width, 0.0), support=True)]
     for course, (first, last) in enumerate(_ends(courses, length)):
         for wythe in range(wythes):
             for k, (a, b) in enumerate(zip(first, last, strict=True)):
                 low = (float(a), wythe * width, course * height)
                 high = (float(b), (wythe + 1) * width, (course + 1) * height)
-                elements.append(_box(f"c{course}w{wythe}b{k}", low, high))
+                elements.append(box(f"c{course}w{wythe}b{k}", low, high))
     return parse_scene({**_document(friction), "elements": elements, "loads": {"live": [{"body": list(direction)}]}})
 
 
