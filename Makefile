@@ -9,11 +9,11 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: setup demo test check bench studies docs clean
+.PHONY: setup demo test check bench sanitize studies docs clean
 
 setup: $(VENV)/.done
 
-$(VENV)/.done: pyproject.toml constraints.txt
+$(VENV)/.done: pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/lanes/source/*) src/jld_core/lanes/build.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
@@ -35,6 +35,12 @@ test: check
 bench: setup
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
+
+# the kernel under the sanitizers of the compiler: addresses and undefined behaviour
+sanitize: setup
+	$(BIN)/python -m jld_core.lanes.build --sanitized out/sanitized
+	LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
+		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_lanes.py
 
 studies: setup
 	$(BIN)/python -m studies

@@ -28,7 +28,7 @@ ORDER = [
     ["jld_core.exchange"],
     ["jld_core.models", "jld_core.views"],
     ["jld_core.limit"],
-    ["jld_core.solvers"],
+    ["jld_core.solvers", "jld_core.lanes"],
     ["jld_core.program"],
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],

@@ -19,6 +19,7 @@ from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
+from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
@@ -250,7 +251,7 @@ def plot(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        _say(f"jld {__version__}")
+        _say(f"jld {__version__}, {kernel_in_use()}")
         raise typer.Exit
 
 

@@ -1,0 +1,35 @@
+"""The compiled kernel of `jld_core.lanes`, optional: without a compiler the package is whole but for its speed."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+
+HERE = Path(__file__).parent
+LANES = Path("src") / "jld_core" / "lanes"
+KNOWN = runpy.run_path(str(HERE / LANES / "build.py"), run_name="build")
+
+
+class Build(build_ext):
+    """Plain shared libraries: no Python headers, no module to initialise."""
+
+    def get_export_symbols(self, ext: Extension) -> list[str]:
+        return list(ext.export_symbols)
+
+
+def extension(variant: str) -> Extension:
+    source = LANES / "source"
+    return Extension(
+        f"jld_core.lanes._{variant}",
+        sources=[str(source / "kernel.cpp")],
+        depends=[str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))],
+        extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], "-Wno-psabi"],
+        language="c++",
+        optional=True,
+    )
+
+
+setup(ext_modules=[extension(variant) for variant in KNOWN["variants"]()], cmdclass={"build_ext": Build})

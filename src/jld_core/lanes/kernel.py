@@ -1,0 +1,221 @@
+"""Many labellings of one assembly at once, in the lanes of a register: both bounds on λ, proven as ever.
+
+The kernel takes rows from the yield sets of a template and states none itself. What it leaves open is for the
+routes that take one labelling at a time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.lanes import library
+from jld_core.lanes.pattern import factor_pattern
+from jld_core.lanes.rows import planar_rows
+from jld_core.program import Template
+
+OPEN: Final = 0
+PROVEN: Final = 1
+FALLS: Final = 2
+
+_FIRST: Final[dict[str, float]] = {
+    "proximal": 1e-5,
+    "margin": 1e-10,
+    "target": 1e-8,
+    "active": 1e-4,
+    "first": 0.95,
+    "last": 0.99,
+    "near": 0.1,
+    "relax": 1e-3,
+    "jumps": 1e-8,
+}
+TRIES: Final = (
+    library.Try(**_FIRST, most=28),
+    library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
+    library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
+)
+"""Settings of the passes over what is still open. Source: measured, see benchmarks/lanes.py."""
+
+_SAMPLES: Final = 32  # labellings whose mean is where others start
+_SHARE: Final = 0.7  # of that mean; the rest is the least forces in equilibrium
+_ROOM_BLIND: Final = 3.0  # least slack at the start where no such mean is known
+_ROOM: Final = 1.0
+_PUSH: Final = 1.0  # least multiplier there
+
+
+@dataclass(frozen=True)
+class _Start:
+    """Forces and jumps (m, 3), velocities (q·free,) in the kernel's order, λ, and the least slack of a row."""
+
+    forces: Floats
+    jumps: Floats
+    speed: Floats
+    load: float
+    room: float
+
+
+@dataclass(frozen=True)
+class LaneAnswers:
+    """What is proven of k labellings, scaled.
+
+    low, high: (k,) bounds on λ, infinite where there is none. verdict: (k,) OPEN, PROVEN (both bounds, a narrow
+    bracket) or FALLS (no λ ≥ 0 is admissible). iterations, tries: (k,) what it took. forces (k, m, q) and velocity
+    (k, q·free) belong to the bounds, where asked for. diagnosis: (k, 4) slack, error, margin and gap at the last try.
+    """
+
+    low: Floats
+    high: Floats
+    verdict: NDArray[np.int32]
+    iterations: NDArray[np.int32]
+    tries: NDArray[np.int32]
+    forces: Floats | None = None
+    velocity: Floats | None = None
+    diagnosis: Floats | None = None
+
+
+class Lanes:
+    """The kernel for one template.
+
+    template: planar, its yield sets in pairs of linear rows. opening: (q·free,) velocities that open every face
+    under any labelling, None where there are none. variant: see `library`; default the one in use. tries: settings of
+    the passes over what is still open.
+    Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
+    """
+
+    def __init__(
+        self,
+        template: Template,
+        opening: Floats | None = None,
+        *,
+        variant: str | None = None,
+        tries: Sequence[library.Try] = TRIES,
+    ) -> None:
+        name = variant or library.chosen()
+        if name is None:
+            raise ValueError("no kernel is built or in use")
+        rows = planar_rows(template)
+        if rows is None:
+            raise ValueError("rows of another shape than the kernel's")
+        self.variant, self._library = name, library.library(name)
+        self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
+        self._rows, self._keep = rows
+        self._tries = tuple(tries)
+        elements, faces = template.assembly.elements, template.assembly.interfaces
+        node = np.full(len(elements), -1, dtype=np.int64)
+        node[elements.free] = np.arange(len(elements.free))
+        a, b = node[faces.a], node[faces.b]
+        both = (a >= 0) & (b >= 0)
+        self.pattern = factor_pattern(a[both], b[both], elements.centroid[elements.free])
+        self._lay_out(template, a, b)
+        ends = np.concatenate([3 * e + np.arange(3) for e in self.pattern.order]).astype(np.int64)
+        self._ends = ends
+        self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
+        self._opening = None if opening is None else opening[ends].copy()
+        self._floor = template.floor
+        self._start = self._starting(template)
+
+    def _starting(self, template: Template) -> _Start:
+        """Where iterations start: between the least forces in equilibrium and the mean answer of a few labellings."""
+        matrix = template.matrix
+        least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, 3)
+        nothing = np.zeros(self.size)
+        self._start = _Start(np.ascontiguousarray(least), np.zeros((self.faces, 3)), nothing, 0.0, _ROOM_BLIND)
+        if not np.isfinite(least).all():
+            self._start = replace(self._start, forces=np.zeros((self.faces, 3)))
+            return self._start
+        dice = np.random.default_rng(0)
+        drawn = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
+        found = self.solve(drawn, vectors=True)
+        good = found.verdict == PROVEN
+        if not good.any() or found.forces is None or found.velocity is None:
+            return self._start
+        forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)
+        speed = found.velocity[good].mean(axis=0)
+        jumps = np.ascontiguousarray((matrix.T @ speed).reshape(self.faces, 3))
+        return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
+
+    def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
+        place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
+        place[self.pattern.order] = np.arange(len(self.pattern.order))
+        a, b = place[a], place[b]  # −1 stays −1
+        # a support is nobody's: the free side stands first
+        swap = (a < 0) | ((b >= 0) & (b < a))
+        low, high = np.where(swap, b, a), np.where(swap, a, b)
+        self._low, self._high = low.astype(np.int32), high.astype(np.int32)
+        starts, rows = self.pattern.column_start, self.pattern.row
+        block = np.full(self.faces, -1, dtype=np.int32)
+        for face in np.flatnonzero((low >= 0) & (high >= 0)).tolist():
+            begin, end = starts[low[face]], starts[low[face] + 1]
+            block[face] = begin + np.searchsorted(rows[begin:end], high[face])
+        self._block = block
+        sides = np.zeros((self.faces, 2, 7))
+        matrix = template.matrix.tocsr()
+        for face in range(self.faces):
+            for side, end in enumerate((low[face], high[face])):
+                if end >= 0:
+                    element = 3 * self.pattern.order[end]
+                    dense = matrix[element : element + 3, 3 * face : 3 * face + 3].toarray()
+                    sides[face, side] = [*dense[:, :2].ravel(), dense[2, 2]]
+        self._sides = sides
+
+    def solve(self, labellings: Bits, *, vectors: bool = False) -> LaneAnswers:
+        """Bounds for labellings (k, m), True dry; an answer depends on its own labelling alone.
+
+        vectors: also hand back forces and velocities.
+        """
+        labels = np.ascontiguousarray(labellings, dtype=np.uint8)
+        count = len(labels)
+        low, high = np.empty(count), np.empty(count)
+        verdict, iterations, tries = (np.zeros(count, dtype=np.int32) for _ in range(3))
+        forces = np.zeros((count, self.faces, 3)) if vectors else None
+        velocity = np.zeros((count, self.size)) if vectors else None
+        diagnosis = np.zeros((count, 4)) if vectors else None
+        problem = self._problem()
+        settings = (library.Try * len(self._tries))(*self._tries)
+        answers = library.Answers(
+            *(_pointer(array) for array in (low, high, verdict, iterations, tries, forces, velocity, diagnosis))
+        )
+        failed = self._library.jld_lanes_solve(problem, settings, len(self._tries), count, labels.ctypes.data, answers)
+        if failed:
+            raise MemoryError("the kernel's workspace")
+        if velocity is not None:
+            back = np.empty_like(velocity)
+            back[:, self._ends] = velocity
+            velocity = back
+        return LaneAnswers(low, high, verdict, iterations, tries, forces, velocity, diagnosis)
+
+    def _problem(self) -> library.Problem:
+        p, start = self.pattern, self._start
+        lists = (p.column_start, p.row, p.pair_start, p.pair, p.left_start, p.left, p.left_column)
+        arrays = (self._low, self._high, self._block, self._sides, self._rows, self._keep, self._dead, self._live)
+        return library.Problem(
+            len(p.order),
+            self.faces,
+            self._rows.shape[2],
+            len(self._rows),
+            len(p.order),
+            *(_pointer(array) for array in (*lists, *arrays)),
+            self._floor,
+            _pointer(self._opening),
+            tolerances.ROUNDING,
+            int(not self._keep.all()),
+            _pointer(start.forces),
+            _pointer(start.jumps),
+            _pointer(start.speed),
+            start.load,
+            start.room,
+            _PUSH,
+        )
+
+
+def _pointer(array: NDArray[np.int32] | Floats | None) -> object:
+    kind = ctypes.c_double if array is None or array.dtype == np.float64 else ctypes.c_int32
+    return ctypes.POINTER(kind)() if array is None else array.ctypes.data_as(ctypes.POINTER(kind))

@@ -1,0 +1,194 @@
+"""The compiled kernel: which variants there are, which one this processor runs, and its plain C interface."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import warnings
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+from jld_core.errors import InputError
+from jld_core.lanes import build
+
+VARIANTS: Final = ("avx512", "avx2", "neon", "base")
+"""From the fastest down; a build has those that its processor family knows."""
+
+SWITCH: Final = "JLD_KERNEL"
+"""Environment variable that names a variant, or "off"."""
+
+_NEEDED: Final[dict[str, tuple[str, ...]]] = {
+    "avx512": ("avx512f", "avx512dq", "avx512vl"),
+    "avx2": ("avx2", "fma"),
+    "neon": (),
+    "base": (),
+}
+
+_LIBRARIES: Final = (".so", ".pyd", ".dll", ".dylib")
+
+_int32s = ctypes.POINTER(ctypes.c_int32)
+_doubles = ctypes.POINTER(ctypes.c_double)
+
+
+class Problem(ctypes.Structure):
+    """`JldProblem` of source/problem.h, with the pattern in its place."""
+
+    _fields_ = (
+        ("elements", ctypes.c_int32),
+        ("faces", ctypes.c_int32),
+        ("pairs", ctypes.c_int32),
+        ("labels", ctypes.c_int32),
+        ("nodes", ctypes.c_int32),
+        ("column_start", _int32s),
+        ("row", _int32s),
+        ("pair_start", _int32s),
+        ("pair", _int32s),
+        ("left_start", _int32s),
+        ("left", _int32s),
+        ("left_column", _int32s),
+        ("low", _int32s),
+        ("high", _int32s),
+        ("block", _int32s),
+        ("sides", _doubles),
+        ("rows", _doubles),
+        ("keep", _doubles),
+        ("dead", _doubles),
+        ("live", _doubles),
+        ("floor", ctypes.c_double),
+        ("opening", _doubles),
+        ("noise", ctypes.c_double),
+        ("dropping", ctypes.c_int32),
+        ("forces", _doubles),
+        ("jumps", _doubles),
+        ("speed", _doubles),
+        ("load", ctypes.c_double),
+        ("room", ctypes.c_double),
+        ("push", ctypes.c_double),
+    )
+
+
+class Try(ctypes.Structure):
+    """`JldTry`: settings of one pass over the labellings that are still open."""
+
+    _fields_ = (
+        ("proximal", ctypes.c_double),
+        ("margin", ctypes.c_double),
+        ("target", ctypes.c_double),
+        ("active", ctypes.c_double),
+        ("first", ctypes.c_double),
+        ("last", ctypes.c_double),
+        ("near", ctypes.c_double),
+        ("relax", ctypes.c_double),
+        ("jumps", ctypes.c_double),
+        ("most", ctypes.c_int32),
+    )
+
+
+class Answers(ctypes.Structure):
+    """`JldAnswers`: where results go."""
+
+    _fields_ = (
+        ("low", _doubles),
+        ("high", _doubles),
+        ("verdict", _int32s),
+        ("iterations", _int32s),
+        ("tries", _int32s),
+        ("forces", _doubles),
+        ("velocity", _doubles),
+        ("diagnosis", _doubles),
+    )
+
+
+def built() -> dict[str, Path]:
+    """Libraries by variant, fastest first: those of the package, else those compiled on first use."""
+    return _within(Path(__file__).parent) or _within(build.cache())
+
+
+def _within(folder: Path) -> dict[str, Path]:
+    found = {name: sorted(folder.glob(f"_{name}.*")) for name in VARIANTS}
+    usable = {name: [path for path in paths if path.suffix in _LIBRARIES] for name, paths in found.items()}
+    return {name: paths[0] for name, paths in usable.items() if paths}
+
+
+def _compiled() -> dict[str, Path]:
+    """What the extra `compiler` makes on first use, where nothing is built."""
+    compiler = build.zig()
+    fit = [name for name in build.variants() if runs_here(name)]
+    if compiler is None or not fit:
+        return {}
+    try:
+        return {fit[0]: build.compile_variant(fit[0], build.cache(), compiler)}
+    except (OSError, subprocess.CalledProcessError) as problem:
+        warnings.warn(f"the kernel could not be compiled, so it is done without: {problem}", stacklevel=2)
+        return {}
+
+
+def runs_here(variant: str) -> bool:
+    """Does this processor have the instructions of a variant?"""
+    return set(_NEEDED[variant]) <= _flags()
+
+
+@cache
+def _flags() -> frozenset[str]:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        # elsewhere the variant without special instructions runs
+        return frozenset()
+    for line in text.splitlines():
+        if line.startswith("flags"):
+            return frozenset(line.partition(":")[2].split())
+    return frozenset()
+
+
+@cache
+def _found(wish: str) -> tuple[str, Path] | None:
+    if wish == "off":
+        return None
+    if os.sep in wish:
+        return wish, Path(wish)
+    usable = {name: path for name, path in (built() or _compiled()).items() if runs_here(name)}
+    if wish and wish not in usable:
+        raise InputError(SWITCH, f"no kernel {wish!r} is built that runs here", " or ".join([*usable, "off"]))
+    return next(((name, path) for name, path in usable.items() if wish in ("", name)), None)
+
+
+def chosen() -> str | None:
+    """The kernel in use: the fastest variant that is built and runs here, or what `JLD_KERNEL` names; None for none.
+
+    Raises InputError where the variable names a variant that is not built or does not run here.
+    """
+    found = _found(os.environ.get(SWITCH, ""))
+    return None if found is None else found[0]
+
+
+@cache
+def library(variant: str) -> ctypes.CDLL:
+    """A kernel, loaded, by the name of its variant or the path of a library. Raises InputError if it is not there."""
+    found = _found(variant)
+    if found is None or not found[1].exists():
+        raise InputError(SWITCH, f"no kernel at {variant!r}", "a variant that is built, or a library")
+    loaded = ctypes.CDLL(str(found[1]))
+    loaded.jld_lanes_solve.restype = ctypes.c_int32
+    loaded.jld_lanes_solve.argtypes = (
+        ctypes.POINTER(Problem),
+        ctypes.POINTER(Try),
+        ctypes.c_int32,
+        ctypes.c_int64,
+        ctypes.c_void_p,
+        ctypes.POINTER(Answers),
+    )
+    loaded.jld_lanes_width.restype = ctypes.c_int32
+    loaded.jld_lanes_variant.restype = ctypes.c_char_p
+    return loaded
+
+
+def described() -> str:
+    """The kernel in use, in words for `jld --version`."""
+    name = chosen()
+    if name is None:
+        return "no kernel"
+    found = library(name)
+    return f"kernel {found.jld_lanes_variant().decode()}, {found.jld_lanes_width()} labellings at a time"

@@ -1,0 +1,127 @@
+// The C interface: labellings in, bounds out.
+#include <cstring>
+
+#include "proof.h"
+
+namespace jld {
+
+template <int PAIRS>
+struct Run {
+    const JldProblem& p;
+    const JldTry* tries;
+    int count_of_tries;
+    const JldAnswers& out;
+    const uint8_t* labels;
+    const Shared shared;
+    Work<PAIRS> work, ready;
+    int64_t in_lane[W], in_ready[W];
+    int age[W], waiting = 0, turn = 0;
+    std::vector<int64_t> next;
+
+    Run(const JldProblem& problem, const JldTry* settings, int tries_, const uint8_t* bits, const JldAnswers& answers)
+        : p(problem), tries(settings), count_of_tries(tries_), out(answers), labels(bits), shared(problem),
+          work(problem), ready(problem) {}
+
+    void settle() {
+        Proof<PAIRS> proof(p, tries[turn], shared, ready);
+        proof.run();
+        for (int i = 0; i < waiting; ++i) {
+            int64_t who = in_ready[i];
+            double low = lanes_of(proof.low)[i], high = lanes_of(proof.high)[i];
+            bool falls = reinterpret_cast<int64_t*>(&proof.falls)[i] != 0;
+            bool better = low > out.low[who], lower = high < out.high[who];
+            if (better) out.low[who] = low;
+            if (lower) out.high[who] = high;
+            if (falls) out.verdict[who] = 2;
+            if (out.diagnosis) {
+                double* d = out.diagnosis + 4 * who;
+                d[0] = lanes_of(proof.slack)[i], d[1] = lanes_of(proof.error)[i], d[2] = lanes_of(proof.margin)[i];
+            }
+            if (out.forces && better)
+                for (int f = 0; f < p.faces; ++f)
+                    for (int k = 0; k < 3; ++k) out.forces[(who * p.faces + f) * 3 + k] = lanes_of(ready.face[f].F[k])[i];
+            if (out.velocity && (lower || falls))
+                for (int k = 0; k < 3 * p.elements; ++k) out.velocity[who * 3 * p.elements + k] = lanes_of(proof.best[k])[i];
+            double size = std::fabs(out.low[who]) > std::fabs(out.high[who]) ? std::fabs(out.low[who]) : std::fabs(out.high[who]);
+            if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
+            if (out.verdict[who] == 0) next.push_back(who);
+        }
+        waiting = 0;
+    }
+
+    void pass(const std::vector<int64_t>& todo) {
+        const JldTry& how = tries[turn];
+        Interior<PAIRS> interior(p, how, work);
+        size_t given = 0;
+        int busy = 0;
+        for (int i = 0; i < W; ++i) in_lane[i] = -1;
+        auto fill = [&](int i) {
+            if (given == todo.size()) {
+                in_lane[i] = -1;
+                return;
+            }
+            in_lane[i] = todo[given++], age[i] = 0, ++busy;
+            work.put(p, i, labels + in_lane[i] * p.faces, how.proximal);
+            ++out.tries[in_lane[i]];
+        };
+        for (int i = 0; i < W; ++i) fill(i);
+        while (busy) {
+            Measures m;
+            interior.step(m);
+            for (int i = 0; i < W; ++i) {
+                if (in_lane[i] < 0) continue;
+                ++age[i];
+                double gap = lanes_of(m.gap)[i], balance = lanes_of(m.balance)[i], jumps = lanes_of(m.jumps)[i];
+                double load = lanes_of(work.load)[i], dual = lanes_of(m.dual)[i], speed = lanes_of(m.speed)[i];
+                double size = std::fabs(load) > 1e-4 ? std::fabs(load) : 1e-4;
+                bool solved = gap <= 2.0 * how.target * size && balance <= 5e-11 && jumps <= how.jumps * (1.0 + speed);
+                bool falls = dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
+                bool lost = !(gap < 1e30) || !(speed < 1e30);
+                if (solved || falls || lost || age[i] >= how.most) {
+                    out.iterations[in_lane[i]] += age[i];
+                    if (out.diagnosis) out.diagnosis[4 * in_lane[i] + 3] = gap;
+                    in_ready[waiting] = in_lane[i];
+                    ready.copy(work, i, waiting++);
+                    if (waiting == W) settle();
+                    --busy;
+                    fill(i);
+                }
+            }
+        }
+        if (waiting) settle();
+    }
+
+    void run(int64_t count) {
+        std::vector<int64_t> todo(count);
+        for (int64_t k = 0; k < count; ++k) {
+            todo[k] = k;
+            out.low[k] = -std::numeric_limits<double>::infinity(), out.high[k] = -out.low[k];
+            out.verdict[k] = out.iterations[k] = out.tries[k] = 0;
+        }
+        for (turn = 0; turn < count_of_tries && !todo.empty(); ++turn) {
+            next.clear();
+            pass(todo);
+            todo = next;
+        }
+    }
+};
+
+}  // namespace jld
+
+extern "C" {
+
+const char* jld_lanes_variant() { return jld::VARIANT; }
+int32_t jld_lanes_width() { return jld::W; }
+
+int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t count_of_tries, int64_t count,
+                        const uint8_t* labels, const JldAnswers* answers) {
+    try {
+        if (problem->pairs == 2) jld::Run<2>(*problem, tries, count_of_tries, labels, *answers).run(count);
+        else if (problem->pairs == 3) jld::Run<3>(*problem, tries, count_of_tries, labels, *answers).run(count);
+        else return 2;
+        return 0;
+    } catch (const std::bad_alloc&) {
+        return 1;
+    }
+}
+}

@@ -1,0 +1,132 @@
+// Planar faces in lanes: rows -a N +- b M <= h (rocking) and -a N +- b V <= h (sliding), with a third pair for
+// compressive strength, whatever their label. Source of the reductions: docs/guide/kernel.md.
+#pragma once
+#include "simd.h"
+
+namespace jld {
+
+template <int PAIRS>
+struct PlanarFace {
+    static constexpr int ROWS = 2 * PAIRS;
+    Lane a[PAIRS], b[PAIRS], h[PAIRS], keep;
+    Lane F[3], s[ROWS], z[ROWS], lack[ROWS];
+    // of one iteration: 1/s, G H^-1 e_N by rows, pivot of N, columns of the elimination, inverse pivots of V and M
+    Lane is[ROWS], k[ROWS], g, v, m, iv, im, c[3], second[ROWS], dF[3], ds[ROWS], dz[ROWS];
+
+    static constexpr bool bends(int pair) { return pair != 1; }
+
+    // 1/s of two pairs with one division, which is what takes the time
+    void invert() {
+        Lane bend = s[0] * s[1], slide = s[2] * s[3], both = 1.0 / (bend * slide);
+        Lane first = both * slide, last = both * bend;
+        is[0] = first * s[1], is[1] = first * s[0], is[2] = last * s[3], is[3] = last * s[2];
+        if constexpr (PAIRS == 3) {
+            Lane by = 1.0 / (s[4] * s[5]);
+            is[4] = by * s[5], is[5] = by * s[4];
+        }
+    }
+
+    // H = G'WG + delta, eliminated in the order M, V, N so that every pivot is a sum of positive terms.
+    void condense(Lane delta) {
+        Lane w[ROWS];
+        invert();
+        for (int r = 0; r < ROWS; ++r) w[r] = z[r] * is[r];
+        Lane pm = delta, pv = delta, cm = splat(0.0), plus[PAIRS];
+        for (int p = 0; p < PAIRS; ++p) {
+            plus[p] = w[2 * p] + w[2 * p + 1];
+            Lane minus = a[p] * b[p] * (w[2 * p] - w[2 * p + 1]);
+            if (bends(p)) pm += b[p] * b[p] * plus[p], cm += minus;
+        }
+        pv += b[1] * b[1] * plus[1];
+        Lane both = 1.0 / (pm * pv);
+        im = both * pv, iv = both * pm;
+        m = cm * im;
+        v = a[1] * b[1] * (w[2] - w[3]) * iv;
+        // products of two weights and the square of their rows' determinant
+        Lane bend = 4.0 * (a[0] * a[0]) * (b[0] * b[0]) * w[0] * w[1] + delta * (a[0] * a[0]) * plus[0];
+        Lane lean = splat(0.0), tilt = splat(0.0);
+        if constexpr (PAIRS == 3) {
+            bend += 4.0 * (a[2] * a[2]) * (b[2] * b[2]) * w[4] * w[5] + delta * (a[2] * a[2]) * plus[2];
+            lean = a[0] * b[2] - a[2] * b[0], tilt = a[0] * b[2] + a[2] * b[0];
+            bend += lean * lean * (w[0] * w[4] + w[1] * w[5]) + tilt * tilt * (w[0] * w[5] + w[1] * w[4]);
+        }
+        Lane slide = a[1] * a[1] * (4.0 * (b[1] * b[1]) * w[2] * w[3] + delta * plus[1]);
+        g = 1.0 / (bend * im + slide * iv + delta);
+        // what a unit of N does to each row when M and V follow it
+        for (int p = 0; p < PAIRS; ++p) {
+            Lane by = bends(p) ? im : iv;
+            Lane two = 2.0 * b[p] * b[p];
+            k[2 * p] = -a[p] * (two * w[2 * p + 1] + delta) * by;
+            k[2 * p + 1] = -a[p] * (two * w[2 * p] + delta) * by;
+        }
+        if constexpr (PAIRS == 3) {
+            k[0] += b[2] * (-lean * w[4] - tilt * w[5]) * im;
+            k[1] += b[2] * (-tilt * w[4] - lean * w[5]) * im;
+            k[4] += b[0] * (lean * w[0] - tilt * w[1]) * im;
+            k[5] += b[0] * (-tilt * w[0] + lean * w[1]) * im;
+        }
+    }
+
+    // x = H^-1 y
+    void apply(const Lane* y, Lane* x) const {
+        Lane n = g * (y[0] + v * y[1] + m * y[2]);
+        x[0] = n, x[1] = v * n + iv * y[1], x[2] = m * n + im * y[2];
+    }
+
+    // x = H^-1 y, and G x without the digits that x has lost
+    void apply(const Lane* y, Lane* x, Lane* rows) const {
+        Lane n = g * (y[0] + v * y[1] + m * y[2]), slip = iv * y[1], turn = im * y[2];
+        x[0] = n, x[1] = v * n + slip, x[2] = m * n + turn;
+        for (int p = 0; p < PAIRS; ++p) {
+            Lane part = b[p] * (bends(p) ? turn : slip);
+            rows[2 * p] = k[2 * p] * n + part;
+            rows[2 * p + 1] = k[2 * p + 1] * n - part;
+        }
+    }
+
+    // out = G't
+    void turned(const Lane* t, Lane* out) const {
+        Lane n = splat(0.0), q = splat(0.0), x = splat(0.0);
+        for (int p = 0; p < PAIRS; ++p) {
+            n -= a[p] * (t[2 * p] + t[2 * p + 1]);
+            Lane d = b[p] * (t[2 * p] - t[2 * p + 1]);
+            if (bends(p)) x += d; else q += d;
+        }
+        out[0] = n, out[1] = q, out[2] = x;
+    }
+
+    // least slack of forces in the rows
+    Lane slack(const Lane* y) const {
+        Lane least = splat(1e300);
+        for (int p = 0; p < PAIRS; ++p)
+            least = smaller(least, h[p] + a[p] * y[0] - absolute(b[p] * y[bends(p) ? 2 : 1]));
+        return least;
+    }
+
+    // margin: what a jump opens more than it must for its dissipation to be finite; work: that dissipation,
+    // min h.t over t >= 0 with G't = -J, in closed form.
+    void dissipation(const Lane* jump, Lane& margin, Lane& work) const {
+        Lane turn = absolute(jump[2]) / b[0], slip = absolute(jump[1] * keep) / b[1];
+        Lane rest = jump[0] - a[0] * turn - a[1] * slip;
+        Lane dearest = splat(1e300);
+        Lane bend = h[0] / a[0];
+        Lane slide = select(a[1] > 0.0, h[1] / select(a[1] > 0.0, a[1], splat(1.0)), dearest);
+        margin = rest;
+        work = h[0] * turn + h[1] * slip + smaller(bend, slide) * rest;
+        if constexpr (PAIRS == 3) {
+            // the third pair closes: P of the first, R of the third, a0 P - a2 R = opening, b0 P + b2 R >= |turn|
+            Mask crushes = b[2] > 0.0;
+            Lane a2 = -select(crushes, a[2], splat(-1.0)), b2 = select(crushes, b[2], splat(1.0));
+            Lane open = jump[0], bent = absolute(jump[2]);
+            Lane R = larger(splat(0.0), -open / a2);
+            R = larger(R, (bent - b[0] * open / a[0]) / (b[0] * a2 / a[0] + b2));
+            Lane crushed = h[0] * (open + a2 * R) / a[0] + h[1] * slip + h[2] * R;
+            // a pair that slides with N at the same time is not priced here
+            Mask priced = crushes & (a[1] == 0.0);
+            work = select(priced, crushed, work);
+            margin = select(priced, dearest, margin);
+        }
+    }
+};
+
+}  // namespace jld

@@ -1,0 +1,52 @@
+// What the caller hands over (plain arrays, kept by the caller) and what it gets back. Scaled, as the template is.
+#pragma once
+#include <cstdint>
+
+#include "cholesky.h"
+
+extern "C" {
+
+struct JldProblem {
+    int32_t elements, faces, pairs, labels;
+    jld::FactorPattern pattern;
+    const int32_t* low;    // (faces) element of a face that is eliminated first, -1 for none
+    const int32_t* high;   // (faces) the other one, -1 for a support
+    const int32_t* block;  // (faces) block below the diagonal that the two share, -1 for none
+    const double* sides;   // (faces, 2, 7) what N, V and M do to either: N V of each force row, then M in the last
+    const double* rows;    // (labels, faces, pairs, 3) a, b, h of -a N +- b X <= h; X is M, V, M
+    const double* keep;    // (labels, faces) 1 where V takes part in equilibrium
+    const double* dead;    // (3 elements)
+    const double* live;    // (3 elements)
+    double floor;          // lambda >= -floor
+    const double* opening; // (3 elements) velocities that open every face, or null
+    double noise;          // what rounding may do to a sum, relative
+    int32_t dropping;      // does any label drop V?
+    const double* forces;  // (3 faces) where iterations start
+    const double* jumps;   // (3 faces) of the velocities that they start from
+    const double* speed;   // (3 elements) those velocities
+    double load;           // lambda there
+    double room, push;     // least slack and multiplier at the start
+};
+
+struct JldTry {
+    double proximal; // added to H
+    double margin;   // slack that every row keeps
+    double target;   // relative gap that is asked for
+    double active;   // slack below which a row may move
+    double first, last, near; // share of the longest step, far away and at a relative gap of `near` and below
+    double relax;    // relative gap below which the proximal term fades
+    double jumps;    // error of the jumps, relative to speeds, that a motion may have
+    int32_t most;    // iterations
+};
+
+struct JldAnswers {
+    double* low;         // (count) proven lower bound, -inf for none
+    double* high;        // (count) proven upper bound, +inf for none
+    int32_t* verdict;    // (count) 0 open, 1 both bounds, 2 falls without live load
+    int32_t* iterations; // (count) of all tries
+    int32_t* tries;      // (count)
+    double* forces;      // (count, 3 faces) or null
+    double* velocity;    // (count, 3 elements) or null
+    double* diagnosis;   // (count, 4) slack, error, margin before opening, gap; or null
+};
+}

@@ -1,0 +1,230 @@
+// Both bounds from what an interior point left, whatever that is: forces projected on equilibrium and measured in
+// every yield set, velocities whose dissipation is finite. Nothing here trusts what came before.
+#pragma once
+#include "interior.h"
+
+namespace jld {
+
+template <int PAIRS>
+struct Proof {
+    typedef Work<PAIRS> Lanes;
+    typedef PlanarFace<PAIRS> Face;
+    static constexpr int ROWS = 2 * PAIRS;
+    const JldProblem& p;
+    const JldTry& how;
+    const Shared& shared;
+    Sides sides;
+    Lanes& w;
+    Lane slack, error, margin, low, high;
+    Mask falls;
+
+    Proof(const JldProblem& problem, const JldTry& settings, const Shared& common, Lanes& lanes)
+        : p(problem), how(settings), shared(common), sides{problem}, w(lanes) {}
+
+    void run() {
+        state();
+        motion();
+    }
+
+    Lane dot(const double* a, const Lane* x) const {
+        Lane sum = splat(0.0);
+        for (int k = 0; k < 3 * p.elements; ++k) sum += a[k] * x[k];
+        return sum;
+    }
+
+    void clear() {
+        for (auto& x : w.diagonal) x = splat(0.0);
+        for (auto& x : w.off) x = splat(0.0);
+    }
+
+    // (A K A')^-1 r in place: one factor for all lanes, or one each where labels drop V
+    void solve(Lane* r) {
+        if (p.dropping)
+            Factor<3, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), r, 0);
+        else
+            Factor<3, double>::template solve<1>(p.pattern, shared.diagonal.data(), shared.off.data(), r, 0);
+    }
+
+    void state() {
+        const int n = 3 * p.elements;
+        if (p.dropping) {
+            clear();
+            for (int f = 0; f < p.faces; ++f) {
+                Lane zero = splat(0.0), one = splat(1.0);
+                const Lane P[6] = {one, zero, w.face[f].keep, zero, zero, one};
+                sides.template full<Lane>(f, P, w.diagonal.data(), w.off.data());
+            }
+            Factor<3, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
+        }
+        Lane* left = w.left.data();
+        Lane unbalanced = splat(0.0), largest = splat(1.0);
+        error = splat(0.0), slack = splat(1e300);
+        for (int pass = 0; pass < 3; ++pass) {
+            for (int k = 0; k < n; ++k) left[k] = p.dead[k] + p.live[k] * w.load;
+            for (int f = 0; f < p.faces; ++f) sides.add(f, w.face[f].F, w.face[f].keep, left);
+            // a correction does not see what no force can balance
+            unbalanced = splat(0.0);
+            for (int k = 0; k < n; ++k) unbalanced = select(absolute(left[k]) <= unbalanced, unbalanced, absolute(left[k]));
+            solve(left);
+            for (int f = 0; f < p.faces; ++f) {
+                Face& o = w.face[f];
+                Lane x[3];
+                sides.jump(f, left, o.keep, x);
+                for (int k = 0; k < 3; ++k) {
+                    if (pass < 2) o.F[k] -= x[k], o.F[k] *= k == 1 ? o.keep : splat(1.0);
+                    else error = select(absolute(x[k]) <= error, error, absolute(x[k]));
+                }
+                if (pass == 2) {
+                    for (int k = 0; k < 3; ++k) largest = larger(largest, absolute(o.F[k]));
+                    Lane s = o.slack(o.F);
+                    slack = select(s >= slack, slack, s);
+                }
+            }
+        }
+        Mask good = (slack >= 2.0 * error) & (unbalanced <= p.noise * largest) & (absolute(w.load) < 1e30);
+        low = select(good, w.load, splat(-std::numeric_limits<double>::infinity()));
+    }
+
+    // Velocities moved so that each face jumps along the normals of the rows it lies at.
+    void polish(Lane* u) {
+        const int n = 3 * p.elements;
+        clear();
+        Lane* left = w.left.data();
+        Store<Lane>& spans = span;
+        spans.resize(6 * p.faces);
+        for (int f = 0; f < p.faces; ++f) {
+            Face& o = w.face[f];
+            Lane P[6] = {splat(1.0), splat(0.0), splat(1.0), splat(0.0), splat(0.0), splat(1.0)};
+            for (int k = 0; k < PAIRS; ++k)
+                for (int r = 0; r < 2; ++r) {
+                    Lane normal[3] = {-o.a[k], splat(0.0), splat(0.0)};
+                    normal[Face::bends(k) ? 2 : 1] = r ? -o.b[k] : o.b[k];
+                    Lane v[3];
+                    v[0] = P[0] * normal[0] + P[1] * normal[1] + P[3] * normal[2];
+                    v[1] = P[1] * normal[0] + P[2] * normal[1] + P[4] * normal[2];
+                    v[2] = P[3] * normal[0] + P[4] * normal[1] + P[5] * normal[2];
+                    Lane size = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+                    Lane whole = o.a[k] * o.a[k] + o.b[k] * o.b[k];
+                    Mask on = (o.s[2 * k + r] < how.active) & (size > 1e-12 * whole);
+                    Lane by = select(on, 1.0 / select(on, size, splat(1.0)), splat(0.0));
+                    P[0] -= by * v[0] * v[0], P[1] -= by * v[0] * v[1], P[2] -= by * v[1] * v[1];
+                    P[3] -= by * v[0] * v[2], P[4] -= by * v[1] * v[2], P[5] -= by * v[2] * v[2];
+                }
+            P[1] *= o.keep, P[2] *= o.keep, P[4] *= o.keep;
+            for (int k = 0; k < 6; ++k) spans[6 * f + k] = P[k];
+            sides.template full<Lane>(f, P, w.diagonal.data(), w.off.data());
+        }
+        for (int e = 0; e < p.elements; ++e)
+            for (int k = 0; k < 3; ++k) w.diagonal[6 * e + at(k, k)] += 1e-9;
+        Factor<3, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
+        for (int pass = 0; pass < 3; ++pass) {
+            for (int k = 0; k < n; ++k) left[k] = splat(0.0);
+            for (int f = 0; f < p.faces; ++f) {
+                const Lane* P = &spans[6 * f];
+                Lane j[3], x[3];
+                sides.jump(f, u, w.face[f].keep, j);
+                x[0] = P[0] * j[0] + P[1] * j[1] + P[3] * j[2];
+                x[1] = P[1] * j[0] + P[2] * j[1] + P[4] * j[2];
+                x[2] = P[3] * j[0] + P[4] * j[1] + P[5] * j[2];
+                sides.add(f, x, w.face[f].keep, left);
+            }
+            Factor<3, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), left, 0);
+            for (int k = 0; k < n; ++k) u[k] -= left[k];
+        }
+    }
+
+    // Margin, and margin of the opening motion under the same labels.
+    Lane measure(const Lane* u, Lane& bound) {
+        Lane least = splat(1e300), total = splat(0.0);
+        for (int f = 0; f < p.faces; ++f) {
+            Face& o = w.face[f];
+            Lane j[3], m, d;
+            sides.jump(f, u, o.keep, j);
+            o.dissipation(j, m, d);
+            least = select(m >= least, least, m);
+            total += d;
+        }
+        bound = total - dot(p.dead, u);
+        return least;
+    }
+
+    Lane opened() {
+        Lane least = splat(1e300);
+        for (int f = 0; f < p.faces; ++f) {
+            Face& o = w.face[f];
+            Lane j[3], m, d;
+            Lane* u = w.du.data();
+            sides.jump(f, u, o.keep, j);
+            o.dissipation(j, m, d);
+            least = smaller(least, m);
+        }
+        return least;
+    }
+
+    // The motion as it is and polished; the better bound counts.
+    void motion() {
+        const int n = 3 * p.elements;
+        Lane* u = w.u.data();
+        Lane work = dot(p.live, u), fastest = splat(0.0);
+        for (int k = 0; k < n; ++k) fastest = larger(fastest, absolute(u[k]));
+        // where the live load hardly works the motion is measured by its speed
+        Lane by = 1.0 / select(work > 1e-6 * fastest, work, fastest);
+        for (int k = 0; k < n; ++k) u[k] *= by;
+        best.resize(n);
+        for (int k = 0; k < n; ++k) best[k] = u[k];
+        high = splat(std::numeric_limits<double>::infinity());
+        falls = high < 0.0;
+        bound(best.data(), best.data());
+        polish(u);
+        Lane unit = dot(p.live, u);
+        Mask works = unit > 1e-9;
+        Lane again = select(works, 1.0 / select(works, unit, splat(1.0)), splat(1.0));
+        for (int k = 0; k < n; ++k) u[k] *= again;
+        bound(u, best.data());
+    }
+
+    // Opens a motion just enough, and keeps it where its bound is the lowest yet.
+    void bound(Lane* u, Lane* kept) {
+        const int n = 3 * p.elements;
+        Lane total, fastest, missing = measure(u, total);
+        margin = missing;
+        if (p.opening) {
+            Lane* opening = w.du.data();
+            for (int k = 0; k < n; ++k) opening[k] = splat(p.opening[k]);
+            Lane open = opened();
+            for (int round = 0; round < 3; ++round) {
+                fastest = splat(0.0);
+                for (int k = 0; k < n; ++k) fastest = larger(fastest, absolute(u[k]));
+                Mask lacks = (missing < 1e-16 * fastest) & (open > 0.0);
+                Lane most = (2e-16 * fastest - missing) / select(open > 0.0, open, splat(1.0));
+                Lane share = select(lacks, (1.0 + round) * most, splat(0.0));
+                for (int k = 0; k < n; ++k) u[k] += share * opening[k];
+                missing = measure(u, total);
+            }
+        }
+        Lane work = dot(p.live, u), sum = splat(0.0), heavy = splat(0.0);
+        double weight = 0.0;
+        fastest = splat(0.0);
+        for (int k = 0; k < n; ++k) {
+            Lane speed = absolute(u[k]);
+            double dead = std::fabs(p.dead[k]);
+            heavy += dead * speed, sum += std::fabs(p.live[k]) * speed, weight += dead;
+            fastest = larger(fastest, speed);
+        }
+        Lane noise = p.noise * (heavy + absolute(total) + 1e-3 * weight * fastest);
+        Mask finite = (missing >= 0.0) & (absolute(total) < 1e30) & (fastest < 1e30);
+        // a live work that is rounding bounds nothing
+        Mask useful = finite & (work > 1e3 * p.noise * sum) & (work > 1e-3 * fastest * p.noise);
+        Lane found = select(useful, total / work, splat(std::numeric_limits<double>::infinity()));
+        Mask falling = finite & (work >= 0.0) & (total < -larger(noise, splat(p.noise) * fastest));
+        Mask better = (found < high) | (falling & ~falls);
+        for (int k = 0; k < n; ++k) kept[k] = select(better, u[k], kept[k]);
+        high = smaller(high, found);
+        falls = falls | falling;
+    }
+
+    Store<Lane> best;
+    Store<Lane> span;
+};
+
+}  // namespace jld

@@ -1,0 +1,238 @@
+"""The kernel: bounds that the core's own prover admits, the same in whatever lane and company; honest refusals."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cases_spatial
+from cases import CASES, grid_assembly
+from jld_core import Assembly, LimitAnalysis, Status
+from jld_core.arrays import Bits
+from jld_core.errors import InputError
+from jld_core.lanes import FALLS, OPEN, PROVEN, Lanes, build, fits, library
+from jld_core.lanes.kernel import TRIES
+from jld_core.lanes.pattern import factor_pattern
+
+PLANAR = [name for name, (_, options) in CASES.items() if "crush_dry" not in options]
+EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
+
+
+@pytest.fixture(scope="session")
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """A library for each variant that this processor has: the built one, else one compiled now; first the fastest."""
+    there = library.built()
+    named = os.environ.get(library.SWITCH, "")
+    if os.sep in named:  # `make sanitize`
+        return {"given": named}
+    found = {}
+    for name in filter(library.runs_here, build.variants()):
+        if name in there:
+            found[name] = str(there[name])
+        elif build.compilers():
+            folder = tmp_path_factory.mktemp(name)
+            found[name] = str(build.compile_variant(name, folder, build.compilers()[0]))
+    if not found:
+        pytest.skip("no compiler, and no kernel")
+    return found
+
+
+@pytest.fixture(scope="session")
+def kernel(kernels: dict[str, str]) -> str:
+    return next(iter(kernels.values()))
+
+
+def labellings(assembly: Assembly, count: int, seed: int = 0) -> Bits:
+    dice = np.random.default_rng(seed)
+    return dice.random((count, len(assembly.interfaces))) < dice.random((count, 1))
+
+
+def lanes(analysis: LimitAnalysis, variant: str, **keys: object) -> Lanes:
+    opening = analysis.interior.opening()
+    return Lanes(analysis.template, None if opening is None else opening.velocity, variant=variant, **keys)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("cells", "friction", "expected"), [(1, 0.75, 0.75), (2, 0.75, 0.5), (3, 0.2, 0.2)])
+def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expected: float) -> None:
+    """Pushed sideways by λ times its weight a tower b wide and h high falls at λ = min(μ, b / h)."""
+    assembly = grid_assembly([*["a"] * cells, "#"], friction=friction, tension=2e6, shear=2e6)
+    labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
+    labels[0, ~assembly.free_faces] = True
+    analysis = LimitAnalysis(assembly)
+    found = lanes(analysis, kernel).solve(labels)
+    scale = analysis.template.scaling.load
+    assert found.verdict[0] == PROVEN
+    assert found.low[0] * scale <= expected + 1e-12
+    assert found.high[0] * scale == pytest.approx(expected, rel=2e-8)
+
+
+@pytest.mark.parametrize("name", [*PLANAR, *EXTRA])
+def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
+    rows, options = (CASES | EXTRA)[name]
+    analysis = LimitAnalysis(grid_assembly(rows, **options))
+    asked = labellings(analysis.assembly, 24)
+    found = lanes(analysis, kernel).solve(asked, vectors=True)
+    floor = 1e-3 * analysis.assembly.total_dead / analysis.assembly.total_live / analysis.template.scaling.load
+    assert found.forces is not None
+    assert found.velocity is not None
+    for k, labels in enumerate(asked):
+        status, proof = analysis.prove(labels)
+        if np.isfinite(found.low[k]):
+            state = analysis.prover.state(np.append(found.forces[k].ravel(), found.low[k]), labels, held=True)
+            assert state.admissible
+            assert abs(state.load - found.low[k]) <= 1e-9
+        if np.isfinite(found.high[k]):
+            motion = analysis.prover.motion(found.velocity[k], labels)
+            assert motion.margin >= 0.0
+            # strengths of 1e9 turn the last digit of a jump into 1e-10 of λ
+            rounding = 1e-9 if "strong" in name else 1e-11
+            assert motion.bound == pytest.approx(found.high[k], rel=rounding, abs=1e-12)
+        if found.verdict[k] == FALLS:
+            assert status is Status.UNSTABLE
+        elif found.verdict[k] == PROVEN:
+            assert status is Status.COLLAPSE
+            size = max(abs(proof.low), floor)
+            assert found.low[k] <= proof.high + 1e-9 * size
+            assert found.high[k] >= proof.low - 1e-9 * size
+            assert found.high[k] - found.low[k] <= 1e-6 * max(abs(found.low[k]), abs(found.high[k]))
+        else:
+            assert found.verdict[k] == OPEN
+
+
+SETTLED = {
+    "wall": 24,
+    "beam": 24,
+    "overhang": 24,
+    "lifted": 24,
+    "very strong": 24,
+    "cantilever": 24,
+    "crushable inner": 24,
+}
+
+
+@pytest.mark.parametrize(("name", "expected"), SETTLED.items())
+def test_kernel_settles_what_it_is_made_for(kernel: str, name: str, expected: int) -> None:
+    rows, options = (CASES | EXTRA)[name]
+    analysis = LimitAnalysis(grid_assembly(rows, **options))
+    found = lanes(analysis, kernel).solve(labellings(analysis.assembly, 24))
+    assert int((found.verdict != OPEN).sum()) >= expected
+
+
+def answers(kernel: Lanes, asked: Bits) -> list[np.ndarray]:
+    found = kernel.solve(asked, vectors=True)
+    assert found.forces is not None
+    assert found.velocity is not None
+    return [found.low, found.high, found.verdict, found.iterations, found.forces, found.velocity]
+
+
+@pytest.mark.parametrize("name", ["wall", "beam", "cantilever", "no shear strength"])
+def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
+    rows, options = CASES[name]
+    analysis = LimitAnalysis(grid_assembly(rows, **options))
+    made = lanes(analysis, kernel)
+    asked = labellings(analysis.assembly, 37, seed=3)
+    together = answers(made, asked)
+    order = np.random.default_rng(1).permutation(len(asked))
+    for one, other in zip(together, answers(made, asked[order]), strict=True):
+        np.testing.assert_array_equal(one[order], other)
+    for k in (0, 7, 36):
+        for one, other in zip(together, answers(made, asked[k : k + 1]), strict=True):
+            np.testing.assert_array_equal(one[k], other[0])
+    # threads share the problem and nothing else
+    with ThreadPoolExecutor(2) as pool:
+        parts = list(pool.map(lambda part: answers(made, part), (asked[:18], asked[18:])))
+    for k, one in enumerate(together):
+        np.testing.assert_array_equal(one, np.concatenate([part[k] for part in parts]))
+
+
+def test_variants_agree(kernels: dict[str, str]) -> None:
+    """To the last bit where both have fused products, to rounding otherwise."""
+    if len(kernels) < 2:
+        pytest.skip("one variant alone")
+    analysis = LimitAnalysis(grid_assembly(*[CASES["wall"][0]]))
+    asked = labellings(analysis.assembly, 40)
+    found = {name: answers(lanes(analysis, path), asked) for name, path in kernels.items()}
+    for (first, one), (second, other) in itertools.combinations(found.items(), 2):
+        if "base" in (first, second):
+            np.testing.assert_array_equal(one[2], other[2])
+            np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
+        else:
+            for a, b in zip(one, other, strict=True):
+                np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("most", [1, 3, 5, 7])
+def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int) -> None:
+    analysis = LimitAnalysis(grid_assembly(CASES["wall"][0]))
+    asked = labellings(analysis.assembly, 16)
+    hasty = library.Try.from_buffer_copy(TRIES[0])
+    hasty.most = most
+    found = lanes(analysis, kernel, tries=(hasty,)).solve(asked)
+    assert (found.verdict == OPEN).any()
+    for k, labels in enumerate(asked):
+        _, proof = analysis.prove(labels)
+        assert found.low[k] <= proof.high
+        assert found.high[k] >= proof.low
+
+
+def test_rows_of_another_shape_are_left_to_others(kernel: str) -> None:
+    crushable = LimitAnalysis(grid_assembly(*[CASES["crushable wall"][0]], crush_dry=1e4))
+    assert not fits(crushable.template)
+    with pytest.raises(ValueError, match="another shape"):
+        Lanes(crushable.template, variant=kernel)
+    assert not fits(LimitAnalysis(cases_spatial.stools([cases_spatial.OBLONG])).template)
+
+
+def test_pattern_holds_the_fill() -> None:
+    dice = np.random.default_rng(5)
+    places = np.array([[x, y] for y in range(5) for x in range(6)], dtype=float)
+    near = [(i, j) for i in range(30) for j in range(i) if abs(places[i] - places[j]).sum() == 1.0]
+    a, b = np.array(near).T
+    pattern = factor_pattern(a, b, places)
+    matrix = np.zeros((30, 30))
+    matrix[a, b] = matrix[b, a] = dice.random(len(a))
+    matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)
+    factor = np.linalg.cholesky(matrix[np.ix_(pattern.order, pattern.order)])
+    held = np.eye(30, dtype=bool)
+    for column in range(30):
+        held[pattern.row[pattern.column_start[column] : pattern.column_start[column + 1]], column] = True
+    np.testing.assert_array_equal(factor != 0.0, held)
+    for block in range(len(pattern.row)):
+        column = int(np.searchsorted(pattern.column_start, block, side="right")) - 1
+        lost = {
+            tuple(pair) for pair in pattern.pair[pattern.pair_start[block] : pattern.pair_start[block + 1]].tolist()
+        }
+        rows = [k for k in range(column) if held[column, k] and held[pattern.row[block], k]]
+        assert len(lost) == len(rows)
+
+
+def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:
+    monkeypatch.setenv(library.SWITCH, "off")
+    assert library.chosen() is None
+    assert library.described() == "no kernel"
+    with pytest.raises(ValueError, match="no kernel"):
+        Lanes(LimitAnalysis(grid_assembly(CASES["wall"][0])).template)
+    monkeypatch.setenv(library.SWITCH, "mmx")
+    with pytest.raises(InputError, match="mmx"):
+        library.chosen()
+    monkeypatch.setenv(library.SWITCH, kernel)
+    assert library.chosen() == kernel
+    assert "labellings at a time" in library.described()
+
+
+def test_version_names_the_kernel(kernel: str) -> None:
+    command = [sys.executable, "-m", "jld_explore", "--version"]
+    source = str(Path(build.__file__).parents[2])
+    spoken = {}
+    for wish in ("off", kernel):
+        environment = os.environ | {library.SWITCH: wish, "PYTHONPATH": source}
+        spoken[wish] = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+    assert "no kernel" in spoken["off"]
+    assert "labellings at a time" in spoken[kernel]
