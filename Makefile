@@ -38,7 +38,7 @@ bench: setup
 
 # the kernel under the sanitizers of the compiler: addresses and undefined behaviour
 sanitize: setup
-	$(BIN)/python -m jld_core.lanes.build --sanitized out/sanitized
+	$(BIN)/python src/jld_core/lanes/build.py --sanitized out/sanitized
 	LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
 		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_lanes.py
 
