@@ -9,7 +9,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: setup demo test check bench sanitize studies docs clean
+.PHONY: setup browser types demo test check bench sanitize studies docs clean
 
 setup: $(VENV)/.done
 
@@ -30,6 +30,16 @@ check: setup
 
 test: check
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+# the tests of pages use the system's Chromium, and skip where there is none
+browser:
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || { \
+	  apt-get update -qq && \
+	  DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; }
+
+# the front end needs no build; this checks the types in its comments
+types:
+	npm exec --yes --package=typescript@5.9.3 -- tsc -p src/jld_explore/report/assets/tsconfig.json
 
 # without the programs to compare with, their benchmark says so and the others run
 bench: setup

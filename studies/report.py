@@ -22,9 +22,10 @@ from PIL import Image
 
 from jld_core import Scene
 from jld_core.arrays import Bools, Floats
-from jld_core.views.annotations import MEANING, MOVES, PRESS, YIELD
+from jld_core.views.annotations import MEANING, MOVES, YIELD
 from jld_core.views.figures import save_figure
-from jld_core.views.structure import DOTTED, INK
+from jld_core.views.look import INK, PRESS, REST
+from jld_core.views.structure import DOTTED
 from jld_explore import Exploration, ExploreSettings, explore
 
 ROOT: Final = Path(__file__).resolve().parent.parent
@@ -187,7 +188,7 @@ def drawing_handles(*names: str) -> list[Line2D]:
     handles = {
         "dry face": Line2D([], [], color=INK, lw=1.8, label="dry face"),
         "inner face": Line2D([], [], color=INK, lw=0.9, ls=DOTTED, label="inner face"),
-        "at rest": Line2D([], [], color="#8A8A8A", lw=0.7, label="at rest"),
+        "at rest": Line2D([], [], color=REST, lw=0.7, label="at rest"),
         "pressing": Line2D(
             [], [], marker=r"$\longrightarrow$", ms=14, color=PRESS, mew=0.3, lw=0, label="pressing (hollow: pulling)"
         ),

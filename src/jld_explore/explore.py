@@ -12,7 +12,7 @@ from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver, size_up_to
 from jld_explore.evaluation import CERTIFICATES_FILE, EvaluatorSettings, Store
-from jld_explore.report import Exploration, check_folder, write_pictures, write_tables, write_text
+from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Progress, StopReason, Study
 
@@ -97,6 +97,7 @@ def explore(
     done = write_tables(study, name, reason, total)
     if settings.pictures:
         write_pictures(done)
+        write_report(done)
     return done
 
 

@@ -25,7 +25,8 @@ from jld_core.views.figures import (
     save_figure,
     svg_of,
 )
-from jld_core.views.structure import TINTS, painter_order, projection_of
+from jld_core.views.look import TINTS
+from jld_core.views.structure import painter_order, projection_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -18,45 +18,32 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.views import quantities as marks
-from jld_core.views.quantities import Movement
-from jld_core.views.structure import (
-    DOTTED,
-    INK,
+from jld_core.views.look import (
+    HATCH,
+    LOAD,
+    MOVEMENTS,
+    PRESS,
+    REST,
     SOFT,
     SUPPORT,
+    THRUST_COLOUR,
+    THRUST_DASH,
     TINTS,
-    Drawn,
-    LineStyle,
-    element_points,
-    extent,
-    projection_of,
-    typical,
+    USED_STOPS,
+    YIELDS,
 )
+from jld_core.views.quantities import Movement
+from jld_core.views.structure import DOTTED, Drawn, LineStyle, element_points, extent, projection_of
 
-LOAD: Final = "#B8321A"
-PRESS: Final = "#1F4E9E"
-USED: Final = LinearSegmentedColormap.from_list("used", ["#B4B4B4", "#D89A2B", "#8C2300"])
-"""Utilisation 0 … 1: it also gets darker, and the lines wider, so that it reads without colour."""
-
+USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))
 TURN: Final[dict[str, Any]] = {"marker": r"$\circlearrowleft$", "linestyle": "none", "markeredgewidth": 0.2}
 BACK: Final[dict[str, Any]] = {**TURN, "marker": r"$\circlearrowright$"}
-THRUST: Final[dict[str, Any]] = {"color": "#8A2F8F", "linewidth": 1.2, "linestyle": (0, (4.0, 1.5))}
+THRUST: Final[dict[str, Any]] = {"color": THRUST_COLOUR, "linewidth": 1.2, "linestyle": (0, THRUST_DASH)}
 YIELD: Final[dict[str, dict[str, Any]]] = {
-    "yield dry": {"marker": "d", "color": "#F0E442", "markeredgecolor": INK, "markeredgewidth": 0.6},
-    "yield inner": {"marker": "X", "color": LOAD, "markeredgecolor": "white", "markeredgewidth": 0.4},
+    f"yield {kind}": {**mark.style, "markeredgewidth": 0.6 if kind == "dry" else 0.4} for kind, mark in YIELDS.items()
 }
-MOVES: Final[dict[Movement, dict[str, Any]]] = {
-    Movement.HINGE: {"marker": "o", "color": "white", "markeredgecolor": INK},
-    Movement.SLIDE: {"marker": "D", "color": "#E69F00", "markeredgecolor": INK},
-    Movement.OPEN: {"marker": "^", "color": "#56B4E9", "markeredgecolor": INK},
-    Movement.CRACK: {"marker": "X", "color": LOAD, "markeredgecolor": "white"},
-}
-MEANING: Final = {
-    Movement.HINGE: "hinge",
-    Movement.SLIDE: "slide",
-    Movement.OPEN: "joint opens",
-    Movement.CRACK: "crack in a block",
-}
+MOVES: Final[dict[Movement, dict[str, Any]]] = {kind: mark.style for kind, mark in MOVEMENTS.items()}
+MEANING: Final = {kind: mark.meaning for kind, mark in MOVEMENTS.items()}
 FONT: Final = 7.5
 """Size of the legends' letters, points."""
 
@@ -85,7 +72,7 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
             leave = float(np.min(half / abs(along)))
         tip = middle - along * (leave + 0.04 * assembly.size)
         # on small axes the head must leave some of the shaft
-        width = min(3.2, 0.125 * element_points(ax, assembly) * length / typical(assembly))
+        width = min(3.2, 0.125 * element_points(ax, assembly) * length / marks.typical(assembly))
         drawn["body"] = [arrows(ax, tip[None], length * along[None], "body", LOAD, "tip", width)]
         covered += [tip, tip - length * along]
     couples = marks.live_couples(assembly)
@@ -207,7 +194,7 @@ def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Arti
             first = int(np.flatnonzero(mask)[0])
             width = max(float(ink.widths[first]), 0.8)
             handles.append(_line(name, color=ink.colours[first], linewidth=width, linestyle=dash))
-    handles.append(Patch(facecolor=SUPPORT, edgecolor="#9A9A9A", hatch="////", linewidth=0.4, label="support"))
+    handles.append(Patch(facecolor=SUPPORT, edgecolor=HATCH, hatch="////", linewidth=0.4, label="support"))
     return handles
 
 
@@ -242,8 +229,8 @@ def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> li
         "tension": _mark("pulling (hollow)", r"$\Rightarrow$", 13.0, color=PRESS, markeredgewidth=0.3),
         "couples on faces": _line("bending without thrust on face", **TURN, markersize=8.0, color=PRESS),
         "thrust": _line("thrust line", **THRUST),
-        "yield dry": _line("dry face at yield", linestyle="none", markersize=6.0, **YIELD["yield dry"]),
-        "yield inner": _line("inner face at yield", linestyle="none", markersize=6.0, **YIELD["yield inner"]),
+        "yield dry": _line(YIELDS["dry"].meaning, linestyle="none", markersize=6.0, **YIELD["yield dry"]),
+        "yield inner": _line(YIELDS["inner"].meaning, linestyle="none", markersize=6.0, **YIELD["yield inner"]),
     }
     handles += [handle for name, handle in known.items() if name in drawn]
     return handles + load_handles(drawn)
@@ -252,7 +239,7 @@ def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> li
 def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
     """Legend of a picture of a mechanism."""
     handles = label_handles(assembly, labels, ink)
-    handles.append(_line("at rest", color="#8A8A8A", linewidth=0.6))
+    handles.append(_line("at rest", color=REST, linewidth=0.6))
     for kind, style in MOVES.items():
         if str(kind) in drawn:
             handles.append(_line(MEANING[kind], linestyle="none", markersize=6.0, markeredgewidth=0.8, **style))

@@ -25,10 +25,8 @@ from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status, displacement
 from jld_core.views import annotations as furniture
 from jld_core.views import quantities as marks
+from jld_core.views.look import HATCH, PLAIN, PRESS, REST, SUPPORT, TINTS
 from jld_core.views.structure import (
-    PLAIN,
-    SUPPORT,
-    TINTS,
     Drawn,
     LineStyle,
     default_ink,
@@ -36,10 +34,9 @@ from jld_core.views.structure import (
     extent,
     paint,
     projection_of,
-    typical,
 )
 
-FADED: Final = "#9A9A9A"
+FADED: Final = HATCH
 NO_MECHANISM: Final = {
     Status.LOCKED: "none: no live load, however large, brings it down",
     Status.UNSTABLE: "none: it does not stand under any λ ≥ 0",
@@ -116,24 +113,24 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
     if not shown.any():
         return []
     # a few large forces must not leave the ordinary ones without length
-    longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * typical(assembly)
+    longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * marks.typical(assembly)
     shaft = float(np.clip(0.045 * element_points(ax, assembly), 0.3, 1.3))
     at, on_face = marks.pressure_points(assembly, forces)
     feet, arrows = projection(at), projection(vectors) * longest / largest
     for name, mask in (("press", shown & (forces[:, 0] >= 0.0)), ("tension", shown & (forces[:, 0] < 0.0))):
         if mask.any():
             hollow = name == "tension"
-            colour = furniture.PRESS
+            colour = PRESS
             drawn[name] = [furniture.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
     couple = np.linalg.norm(forces[:, assembly.dimension :], axis=1)
-    turning = ~on_face & (couple > marks.SMALL * largest * typical(assembly))
+    turning = ~on_face & (couple > marks.SMALL * largest * marks.typical(assembly))
     if turning.any():
         size_pt = float(np.clip(0.16 * element_points(ax, assembly), 4.0, 9.0))
         drawn["couples on faces"] = [
             *ax.plot(
                 *feet[turning].T,
                 **furniture.TURN,
-                color=furniture.PRESS,
+                color=PRESS,
                 markersize=size_pt,
                 zorder=4.2,
                 label="couples",
@@ -214,7 +211,7 @@ def _draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
         spatial = assembly.dimension == 3
         for ring in assembly.elements.faces[k] if spatial else [tuple(range(len(shape)))]:
             rings += [shape[[*ring, ring[0]]], np.full((1, 2), np.nan)]
-    return [*ax.plot(*np.vstack(rings).T, color="#8A8A8A", linewidth=0.5, zorder=0.9, label="rest")]
+    return [*ax.plot(*np.vstack(rings).T, color=REST, linewidth=0.5, zorder=0.9, label="rest")]
 
 
 def figure_of_assembly(assembly: Assembly, labels: Bits | None = None) -> Figure:

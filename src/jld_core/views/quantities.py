@@ -76,6 +76,12 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
     return np.array([-1 if s else colour[int(k)] for k, s in zip(block, support, strict=True)], dtype=np.int64)
 
 
+def typical(assembly: Assembly) -> float:
+    """Median size of the free elements, scene units: the yardstick of arrows and line widths."""
+    sides = (assembly.elements.upper - assembly.elements.lower)[assembly.elements.free]
+    return float(np.median(np.prod(sides, axis=1) ** (1.0 / assembly.dimension)))
+
+
 def body_load(assembly: Assembly) -> Floats | None:
     """Total (d,) of the live load that `live_points` does not account for, scene units, or None."""
     d = assembly.dimension

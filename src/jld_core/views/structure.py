@@ -20,7 +20,8 @@ from shapely.geometry import Polygon
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.views.quantities import blocks_of
+from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
+from jld_core.views.quantities import blocks_of, typical
 
 Drawn = dict[str, list[Artist]]
 """Artists by what they show."""
@@ -28,16 +29,8 @@ Drawn = dict[str, list[Artist]]
 Move = Callable[[int, Floats], Floats]
 """Where points (k, d) of an element are drawn: (element index, points) → points."""
 
-TINTS: Final = ("#CFE1F2", "#FBE3B5", "#D3EBCD", "#F6D3D9", "#E3D9EE", "#D5EFEE", "#EDE7CF", "#F9D9C0")
-"""Light fills that stay apart for colour-blind readers, also in lightness, and let lines show."""
-
-PLAIN: Final = "#F4F3EF"
-SUPPORT: Final = "#DADADA"
-INK: Final = "#1B1B1B"
-SOFT: Final = "#5C5C5C"
-DOTTED: Final = (0, (1.0, 1.6))
-EYE: Final = (-62.0, 24.0)
-"""Azimuth and elevation of the eye in spatial views, degrees."""
+DOTTED: Final = (0, INNER_DASH)
+"""The dash of inner faces, for matplotlib."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +71,6 @@ def extent(assembly: Assembly, projection: Projection, move: Move | None = None)
     shapes = [shape if move is None else move(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     points = projection(np.vstack(shapes))
     return points.min(axis=0), points.max(axis=0)
-
-
-def typical(assembly: Assembly) -> float:
-    """Median size of the free elements, scene units: the yardstick of arrows and line widths."""
-    sides = (assembly.elements.upper - assembly.elements.lower)[assembly.elements.free]
-    return float(np.median(np.prod(sides, axis=1) ** (1.0 / assembly.dimension)))
 
 
 def element_points(ax: Axes, assembly: Assembly) -> float:
@@ -131,7 +118,7 @@ def _paint_planar(
     drawn: Drawn = {}
     kinds: list[tuple[str, Ints, dict[str, Any]]] = [
         ("elements", np.flatnonzero(~support), {"linewidths": 0.0}),
-        ("supports", np.flatnonzero(support), {"linewidths": 0.4, "hatch": "////", "edgecolors": "#9A9A9A"}),
+        ("supports", np.flatnonzero(support), {"linewidths": 0.4, "hatch": "////", "edgecolors": HATCH}),
     ]
     for name, members, style in kinds:
         polygons = PolyCollection(

@@ -28,7 +28,16 @@ from jld_explore.cli import exchange, samples
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
-from jld_explore.report import check_folder, check_writable, read_folder, words, write_pictures, write_text
+from jld_explore.report import (
+    check_folder,
+    check_writable,
+    read_folder,
+    scene_page,
+    words,
+    write_pictures,
+    write_report,
+    write_text,
+)
 from jld_explore.space import search_space
 from jld_explore.study import Interrupted
 
@@ -72,6 +81,7 @@ class Picture(StrEnum):
     PNG = "png"
     SVG = "svg"
     PDF = "pdf"
+    HTML = "html"
 
 
 class Condense(StrEnum):
@@ -236,13 +246,18 @@ def plot(
         done = read_folder(source)
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
-        for path in write_pictures(done, str(kind), out):
+        html = kind is Picture.HTML
+        for path in [write_report(done, out)] if html else write_pictures(done, str(kind), out):
             _say(str(path))
         return
-    _, assembly = _load(source)
+    scene, assembly = _load(source)
     target = out or source.with_suffix(f".{kind}")
+    if target.suffix == ".html":
+        write_text(target, scene_page(scene, assembly))
+        _say(str(target))
+        return
     if target.suffix not in (".png", ".svg", ".pdf"):
-        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
+        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg, .pdf or .html")
     from jld_core.views import figures
 
     figures.save_figure(figures.figure_of_assembly(assembly), target)

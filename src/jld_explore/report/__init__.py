@@ -13,6 +13,7 @@ from jld_explore.report.folder import (
 )
 from jld_explore.report.front import on_front
 from jld_explore.report.notebook import ExplorationView
+from jld_explore.report.page_of_study import scene_page, study_page, write_report
 from jld_explore.report.tables import results_table
 from jld_explore.report.words import assembly
 
@@ -25,7 +26,10 @@ __all__ = [
     "on_front",
     "read_folder",
     "results_table",
+    "scene_page",
+    "study_page",
     "write_pictures",
+    "write_report",
     "write_tables",
     "write_text",
 ]

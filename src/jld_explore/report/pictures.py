@@ -23,11 +23,10 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.views import figures as core
 from jld_core.views.annotations import frame
-from jld_core.views.structure import INK, PLAIN, SOFT, LineStyle, element_points, extent, paint, projection_of
+from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
+from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.exploration import Exploration
 
-DOTS: Final = "#7C9CBF"
-FRONT: Final = "#B8321A"
 SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])
 MANY: Final = 5000
 """Dots from which a scatter is stored as an image, so that vector files stay small."""

@@ -1,0 +1,120 @@
+"""One file that shows a search: the page's modules, its style and its data, joined into HTML that loads nothing.
+
+The front end under `assets/` is plain modules that a browser runs as they are; `linked` joins them into one script, so
+that a page opens from disk, where browsers refuse to import.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import html
+import json
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any, Final
+
+from jld_core import __version__
+
+_IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w./]+)";\n', re.M)
+_STAR: Final = re.compile(r'^import \* as (\w+) from "\./([\w./]+)";\n', re.M)
+_EXPORT: Final = re.compile(r"^export ((?:async )?(?:function|class|const) (\w+))", re.M)
+_BUNDLE: Final = re.compile(r"export\{([^}]*)\};?\s*$")
+_TOKEN: Final = re.compile(r"\{\{(\w+)\}\}")
+
+PLANAR: Final = {"figures.js": "figures_planar.js"}
+"""Modules that stand for others in pages of planar scenes, which need no WebGL."""
+
+
+def asset(name: str) -> str:
+    """Text of a file of the front end."""
+    return files("jld_explore.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
+    """One script from a module and all it imports, each in a scope of its own, in the order of need.
+
+    entry: its file name. instead: modules that stand for others. Raises ValueError for a circle of imports.
+    """
+    instead = instead or {}
+    done: dict[str, str] = {}
+
+    def visit(name: str, above: tuple[str, ...]) -> None:
+        if name in above:
+            raise ValueError(f"the modules {' → '.join((*above, name))} import one another in a circle")
+        if name in done:
+            return
+        text = asset(name)
+        for _, wanted in (*_IMPORT.findall(text), *_STAR.findall(text)):
+            visit(instead.get(wanted, wanted), (*above, name))
+        done[name] = _scoped(name, text, instead, last=name == entry)
+
+    visit(entry, ())
+    script = "const $modules = {};\n" + "".join(done.values())
+    if "</script" in script.lower() or "<!--" in script:
+        raise ValueError("a module holds text that would end its own script")
+    return script
+
+
+def _scoped(name: str, text: str, instead: Mapping[str, str], last: bool) -> str:
+    text = _IMPORT.sub(lambda m: f"const {{{m[1].replace(' as ', ': ')}}} = {_place(m[2], instead)};\n", text)
+    text = _STAR.sub(lambda m: f"const {m[1]} = {_place(m[2], instead)};\n", text)
+    bundle = _BUNDLE.search(text)
+    if bundle:
+        pairs = [pair.strip().split(" as ") for pair in bundle[1].split(",")]
+        names = ", ".join(f"{pair[-1]}: {pair[0]}" for pair in pairs)
+        text = text[: bundle.start()]
+    else:
+        names = ", ".join(found for _, found in _EXPORT.findall(text))
+        text = _EXPORT.sub(r"\1", text)
+    if last:
+        return f"{{\n{text}}}\n"
+    return f'$modules["{name}"] = (() => {{\n{text}\nreturn {{ {names} }};\n}})();\n'
+
+
+def _place(name: str, instead: Mapping[str, str]) -> str:
+    return f'$modules["{instead.get(name, name)}"]'
+
+
+def page(data: Mapping[str, Any]) -> str:
+    """HTML of a report, self-contained.
+
+    data: as from `page_data`. Its policy lets only this script and this style run, by their hashes.
+    """
+    script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
+    style = asset("page.css")
+    policy = (
+        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    return filled(
+        asset("report.html"),
+        {
+            "policy": html.escape(policy, quote=False),
+            "version": html.escape(__version__),
+            "title": html.escape(str(data["title"])),
+            "style": style,
+            "data": packed(data),
+            "script": script,
+        },
+    )
+
+
+def packed(data: Mapping[str, Any]) -> str:
+    """Data as base64 of gzip of JSON: letters and digits only, whatever the names in a scene are."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return base64.b64encode(gzip.compress(text.encode("utf-8"), compresslevel=6, mtime=0)).decode("ascii")
+
+
+def filled(template: str, parts: Mapping[str, str]) -> str:
+    """A template with each {{name}} replaced by its part, which is not read again."""
+    return _TOKEN.sub(lambda found: parts[found[1]], template)
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+
+
+__all__ = ["asset", "filled", "linked", "packed", "page"]

@@ -1,0 +1,245 @@
+"""What a page shows, as one JSON object: structure, loads and solutions (the contract is docs/guide/page.md).
+
+Python computes everything that needs mechanics or geometry; the page only places marks where it is told to. Numbers
+are rounded to what a drawing or a tooltip can show; `results.csv` keeps them in full.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
+from jld_core.assembly import Assembly
+from jld_core.limit import LimitAnalysisResult
+from jld_core.scene import Scene
+from jld_core.views import look
+from jld_core.views import quantities as marks
+
+FORMAT: Final = "jld-page"
+VERSION: Final = 1
+PLACES: Final = 9
+"""Significant digits of places and load factors."""
+DIGITS: Final = 6
+"""Significant digits of forces, velocities and utilisations."""
+
+
+def page_data(
+    *,
+    kind: str,
+    scene: Scene,
+    assembly: Assembly,
+    candidates: Bools,
+    facts: Mapping[str, str],
+    warnings: Sequence[str] = (),
+    how: str = "",
+    table: dict[str, Any] | None = None,
+    solutions: Mapping[int, dict[str, Any]] | None = None,
+    convergence: Sequence[dict[str, Any]] = (),
+    summary: Mapping[str, Any] | None = None,
+    studio: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The object that a page is made of.
+
+    kind: "report" or "studio". candidates: (m,) faces whose label may be chosen. facts: shown by name. how: a sentence
+    on how to get forces that the page does not hold, {rank} in it. table: as from `table_of`. solutions: by number
+    of the row. convergence: name, solves, seconds, best. studio: what the studio adds.
+    """
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": kind,
+        "title": scene.name,
+        "facts": [{"name": name, "value": value} for name, value in facts.items()],
+        "warnings": list(warnings),
+        "how": how,
+        "look": look.rules(),
+        "structure": structure_of(assembly, candidates),
+        "cases": cases_of(assembly),
+        "loads": loads_of(assembly),
+        "table": table,
+        "solutions": {str(row): solution for row, solution in (solutions or {}).items()},
+        "convergence": list(convergence),
+        "scene": scene.model_dump(mode="json", exclude_defaults=True),
+        "summary": dict(summary or {}),
+        "studio": None if studio is None else dict(studio),
+    }
+
+
+def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
+    """Elements and faces, in the order of the assembly; places in scene units."""
+    elements, faces = assembly.elements, assembly.interfaces
+    planar = assembly.dimension == 2
+    weight = np.linalg.norm(elements.weight, axis=1)
+    return {
+        "dimension": assembly.dimension,
+        "units": {"length": assembly.units[0], "force": assembly.units[1]},
+        "size": rounded(assembly.size),
+        "typical": rounded(marks.typical(assembly)),
+        "elements": [
+            {
+                "id": name,
+                "support": bool(elements.support[k]),
+                "shape": rounded(elements.shape[k]),
+                "faces": [] if planar else [list(ring) for ring in elements.faces[k]],
+                "centroid": rounded(elements.centroid[k]),
+                "weight": rounded(weight[k], DIGITS),
+            }
+            for k, name in enumerate(elements.ids)
+        ],
+        "faces": [
+            {
+                "elements": [int(faces.a[k]), int(faces.b[k])],
+                "polygon": rounded(faces.polygon[k]),
+                "origin": rounded(faces.origin[k]),
+                "normal": rounded(faces.normal[k]),
+                "area": rounded(faces.area[k], DIGITS),
+                "candidate": bool(candidates[k]),
+            }
+            for k in range(len(faces))
+        ],
+        "edges": _bare_edges(assembly) if planar else [],
+        "resultants": ["N", "V", "M"] if planar else ["N", "V1", "V2", "M1", "M2", "MT"],
+    }
+
+
+def _bare_edges(assembly: Assembly) -> list[dict[str, Any]]:
+    """Pieces of the outlines of free elements that no interface covers: element, from, to."""
+    touching: list[list[Floats]] = [[] for _ in assembly.elements.ids]
+    for k, polygon in enumerate(assembly.interfaces.polygon):
+        touching[assembly.interfaces.a[k]].append(polygon)
+        touching[assembly.interfaces.b[k]].append(polygon)
+    near = 1e-6 * assembly.size
+    pieces = []
+    for element in assembly.elements.free:
+        shape = assembly.elements.shape[element]
+        for start, end in zip(shape, np.roll(shape, -1, axis=0), strict=True):
+            length = float(np.linalg.norm(end - start))
+            along = (end - start) / length
+            covered = []
+            for polygon in touching[element]:
+                arm = polygon - start
+                off = arm[:, 0] * along[1] - arm[:, 1] * along[0]
+                if np.all(abs(off) <= max(near, 1e-3 * length)):
+                    low, high = sorted((arm @ along).tolist())
+                    covered.append((max(low, 0.0), min(high, length)))
+            for low, high in _gaps(covered, length, near):
+                ends = start + np.outer([low, high], along)
+                pieces.append({"element": int(element), "from": rounded(ends[0]), "to": rounded(ends[1])})
+    return pieces
+
+
+def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) -> list[tuple[float, float]]:
+    """What intervals leave of [0, length], pieces no longer than `near` apart."""
+    found, at = [], 0.0
+    for low, high in sorted(covered):
+        if low - at > near:
+            found.append((at, low))
+        at = max(at, high)
+    if length - at > near:
+        found.append((at, length))
+    return found
+
+
+def cases_of(assembly: Assembly) -> list[str]:
+    """Names of the load cases; one empty name where the scene has one only."""
+    return [""]
+
+
+def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
+    """Live loads as they are drawn: on points, on all bodies together, and couples."""
+    planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
+    found: list[dict[str, Any]] = []
+    for name in cases_of(assembly):
+        for at, vector in assembly.live_points:
+            nearest = int(np.argmin(np.linalg.norm(assembly.elements.centroid - np.asarray(at), axis=1)))
+            found.append(_load(name, "live", ids[nearest], at, vector))
+        total = marks.body_load(assembly)
+        if total is not None:
+            found.append(_load(name, "body", "", np.zeros(d), total))
+        for k in marks.live_couples(assembly):
+            moment = assembly.live[k, d:] if not planar else assembly.live[k, 2:]
+            found.append(_load(name, "couple", ids[k], assembly.elements.centroid[k], moment))
+    return found
+
+
+def _load(case: str, kind: str, element: str, at: Any, vector: Any) -> dict[str, Any]:
+    return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
+
+
+def solution_of(results: Mapping[str, LimitAnalysisResult], governing: str | None = None) -> dict[str, Any]:
+    """What is proven of one layout, by load case, ready to be drawn.
+
+    results: by name of the case, all of one labelling. governing: name of the case that governs, default the first.
+    """
+    first = next(iter(results.values()))
+    return {
+        "labelling": "".join("d" if dry else "i" for dry in first.labels),
+        "governing": 0 if governing is None else list(results).index(governing),
+        "cases": [_case(name, result) for name, result in results.items()],
+    }
+
+
+def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
+    assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
+    found: dict[str, Any] = {
+        "name": name,
+        "load_factor": rounded(result.load_factor),
+        "bracket": [rounded(end, 15) for end in result.bracket],
+        "gap": rounded(result.gap, DIGITS),
+        "status": str(result.status),
+        "friction": result.friction,
+        "forces": None,
+        "utilisation": None,
+        "pressure": None,
+        "on_face": None,
+        "vectors": None,
+        "thrust": [],
+        "mechanism": None,
+        "scale": 0.0,
+        "movements": None,
+        "places": None,
+    }
+    if forces is not None:
+        pressure, on_face = marks.pressure_points(assembly, forces)
+        found |= {
+            "forces": rounded(forces, DIGITS),
+            "utilisation": rounded(marks.utilisation(result), 4),
+            "pressure": rounded(pressure, DIGITS),
+            "on_face": [bool(on) for on in on_face],
+            "vectors": rounded(marks.down_the_load_path(assembly, marks.face_vectors(assembly, forces)), DIGITS),
+            "thrust": [rounded(piece, DIGITS) for piece in marks.thrust_segments(assembly, forces)],
+        }
+    if mechanism is not None:
+        kinds, places = marks.movements(result)
+        found |= {
+            "mechanism": rounded(mechanism, DIGITS),
+            "scale": rounded(marks.mechanism_scale(assembly, mechanism), DIGITS),
+            "movements": [str(kind) for kind in kinds],
+            "places": rounded(places, DIGITS),
+        }
+    return found
+
+
+def rounded(values: Any, digits: int = PLACES) -> Any:
+    """Nested lists of numbers with so many significant digits; None for NaN and infinities."""
+    array = np.asarray(values, dtype=float)
+    if array.ndim == 0:
+        return float(f"{array:.{digits}g}") if np.isfinite(array) else None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = np.where((array == 0.0) | ~np.isfinite(array), 0.0, np.floor(np.log10(abs(array))))
+    clean = abs(power) < 280
+    factor = 10.0 ** np.where(clean, digits - 1 - power, 0.0)
+    # dividing by a power of ten gives the double nearest to the decimal number, which prints short
+    shift = 10.0 ** np.where(clean, np.abs(digits - 1 - power), 0.0)
+    whole = np.round(np.where(digits - 1 - power >= 0, array * shift, array / shift))
+    short = np.where(digits - 1 - power >= 0, whole / shift, whole * shift)
+    return _plain(np.where(clean & np.isfinite(factor), short, array))
+
+
+def _plain(array: Floats) -> Any:
+    if array.ndim > 1:
+        return [_plain(row) for row in array]
+    return [float(v) if np.isfinite(v) else None for v in array]

@@ -1,0 +1,125 @@
+"""Pages of finished searches and of single scenes: which rows and which forces they hold."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.limit import LimitAnalysisResult
+from jld_core.models import solve
+from jld_core.scene import Scene
+from jld_core.views import facts_of_assembly, facts_of_result
+from jld_explore.report import words
+from jld_explore.report.exploration import Exploration
+from jld_explore.report.page import page
+from jld_explore.report.page_data import page_data, solution_of
+from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
+from jld_explore.report.tables import CONVERGENCE
+from jld_explore.space import from_string, search_space
+
+NAME: Final = "report.html"
+"""The page in a study's folder."""
+
+SOLVED: Final = 50
+"""Rows from the top whose forces and mechanism a page holds, besides those of the front."""
+
+PATIENCE: Final = 1.5
+"""Seconds after which no further row is solved for a page: a search with a time limit must end soon after it."""
+
+HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
+
+Solve = Callable[[Bits], Mapping[str, LimitAnalysisResult]]
+"""A labelling (m,) to its results by load case."""
+
+
+def study_page(done: Exploration, patience: float = PATIENCE) -> str:
+    """HTML of a finished search, self-contained. patience: seconds for solving what is drawn; the best come first."""
+    return page(study_data(done, patience))
+
+
+def scene_page(scene: Scene, assembly: Assembly) -> str:
+    """HTML of a scene with its own labels, solved."""
+    found = _solve(assembly)(assembly.labels)
+    facts = {**facts_of_assembly(assembly), **facts_of_result(next(iter(found.values())))}
+    candidates = assembly.free_faces
+    return page(
+        page_data(
+            kind="report",
+            scene=scene,
+            assembly=assembly,
+            candidates=candidates,
+            facts=facts,
+            solutions={0: solution_of(found)},
+        )
+    )
+
+
+def study_data(
+    done: Exploration, patience: float = PATIENCE, kind: str = "report", studio: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The data of the page of a search, as `page_data` has it."""
+    rows = chosen_rows(done.results, done.front)
+    front_of = done.scene.search.front
+    marked = with_evidence(done.front, done.summary)
+    history = done.folder / CONVERGENCE
+    curves = [curve_of(str(done.summary["driver"]), pd.read_csv(history))] if history.exists() else []
+    left_out = len(done.results) - len(rows)
+    return page_data(
+        kind=kind,
+        scene=done.scene,
+        assembly=done.assembly,
+        candidates=search_space(done.scene, done.assembly).candidates,
+        facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary, done.results)},
+        warnings=[str(text) for text in done.summary.get("warnings", [])],
+        how=HOW,
+        table=table_of(rows, marked, done.assembly, count=front_of.count, sense=front_of.sense, left_out=left_out),
+        solutions=_solutions(rows, done.front, _solve(done.assembly), patience),
+        convergence=curves,
+        summary=done.summary,
+        studio=studio,
+    )
+
+
+def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any]) -> pd.DataFrame:
+    """The front with its column `evidence`; in folders older than that column: proven where all of it is."""
+    if "evidence" in front:
+        return front
+    everything = summary.get("proven") and summary.get("stop_reason") == "exhausted"
+    return front.assign(evidence="proven" if everything else "found")
+
+
+def _solve(assembly: Assembly) -> Solve:
+    return lambda labels: {"": solve(assembly, labels)}
+
+
+def _solutions(rows: pd.DataFrame, front: pd.DataFrame, solved: Solve, patience: float) -> dict[int, dict[str, Any]]:
+    start = time.perf_counter()
+    found: dict[int, dict[str, Any]] = {}
+    for place in _worth(rows, front):
+        if found and time.perf_counter() - start > patience:
+            break
+        found[place] = solution_of(solved(from_string(str(rows["labelling"].iloc[place]))))
+    return dict(sorted(found.items()))
+
+
+def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
+    """Positions of the rows whose forces are worth most: the best, the front, the following."""
+    ranked = np.flatnonzero(rows["rank"].notna())[:SOLVED].tolist()
+    edge = np.flatnonzero(rows.index.isin(front.index)).tolist()
+    return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))
+
+
+def write_report(done: Exploration, out: Path | None = None, patience: float = PATIENCE) -> Path:
+    """Write the page of a search into its folder, or into `out`. Returns the file."""
+    from jld_explore.report.folder import write_text
+
+    target = (out or done.folder) / NAME
+    write_text(target, study_page(done, patience))
+    return target

@@ -1,0 +1,132 @@
+"""The table of a page: the rows of results.csv by column, rounded, with what is known of each row."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from jld_core.assembly import Assembly
+from jld_explore.report.page_data import rounded
+from jld_explore.space import from_string, pack
+
+MOST: Final = 20_000
+"""Rows that a page holds: the strongest, and the front."""
+
+TITLES: Final = {
+    "load_factor": "λ",
+    "bracket_lo": "λ at least",
+    "bracket_hi": "λ at most",
+    "multiplicity": "mirror images",
+    "dry_faces": "dry faces",
+    "largest_block_cells": "elements in the largest block",
+    "load_factor_associative": "λ associative",
+    "load_factor_zero_dilation": "λ without dilation",
+    "seconds": "seconds",
+}
+_FIRST: Final = ("rank", "load_factor", "bracket_lo", "bracket_hi", "governing", "status")
+_LAST: Final = ("load_factor_associative", "load_factor_zero_dilation", "multiplicity", "settled", "seconds", "driver")
+_NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_lo", "bracket_hi")
+
+
+def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
+    """The rows of a page, in the order of the results: the first ones, and all of the front."""
+    if len(results) <= most:
+        return results
+    kept = np.arange(len(results)) < most
+    kept |= results.index.isin(front.index)
+    return results[kept]
+
+
+def table_of(
+    results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, count: str, sense: str, left_out: int
+) -> dict[str, Any]:
+    """The object `table` of a page's data.
+
+    results: columns of results.csv, the rows to show. front: those of them on the front, with a column `evidence`.
+    count, sense: the front's. left_out: rows that are not shown.
+    """
+    bits = np.array([from_string(text) for text in results["labelling"]], dtype=bool).reshape(len(results), -1)
+    evidence = pd.Series("visited", index=results.index, dtype=object)
+    known = front.index.intersection(results.index)
+    evidence.loc[known] = front.loc[known, "evidence"].astype(str)
+    columns = [
+        _column(name, results[name], assembly)
+        for name in _ordered(list(map(str, results.columns)))
+        if name != "labelling" and results[name].notna().any()
+    ]
+    counts = [c["name"] for c in columns if c["kind"] != "text" and not c["name"].startswith(_NO_COUNT)]
+    return {
+        "rows": len(results),
+        "columns": columns,
+        "labellings": base64.b64encode(pack(bits).tobytes()).decode("ascii"),
+        "evidence": evidence.tolist(),
+        "count": count,
+        "sense": sense,
+        "counts": sorted(counts, key=lambda name: name != count),
+        "left_out": left_out,
+    }
+
+
+def _ordered(names: list[str]) -> list[str]:
+    """Rank and λ first, then what is counted, then how it was found."""
+    first = [name for name in _FIRST if name in names]
+    last = [name for name in _LAST if name in names]
+    return [*first, *(name for name in names if name not in first and name not in last), *last]
+
+
+def _column(name: str, values: pd.Series[Any], assembly: Assembly) -> dict[str, Any]:
+    kind, shown = _values(values, digits=4 if name == "seconds" else 10)
+    return {"name": name, "title": _title(name), "unit": _unit(name, assembly), "kind": kind, "values": shown}
+
+
+def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
+    if pd.api.types.is_integer_dtype(values):
+        return "integer", [None if pd.isna(v) else int(v) for v in values]
+    if pd.api.types.is_float_dtype(values):
+        return "number", rounded(values.to_numpy(dtype=float, na_value=np.nan), digits)
+    return "text", ["" if pd.isna(v) else str(v) for v in values]
+
+
+def _title(name: str) -> str:
+    if name.startswith("load_factor["):
+        return f"λ, {name[len('load_factor[') : -1]}"
+    return TITLES.get(name, name.replace("_", " "))
+
+
+def _unit(name: str, assembly: Assembly) -> str:
+    length = assembly.units[0]
+    if name == "dry_length":
+        return length if assembly.dimension == 2 else f"{length}²"
+    return "kg" if name in ("largest_block_mass", "mass") else ""
+
+
+def curve_of(name: str, history: pd.DataFrame) -> dict[str, Any]:
+    """One curve of convergence from the columns of convergence.csv, at its steps."""
+    found = history[np.isfinite(history["best"].astype(float))]
+    return {
+        "name": name,
+        "solves": [int(v) for v in found["solves"]],
+        "seconds": rounded(found["seconds"].to_numpy(dtype=float), 5),
+        "best": rounded(found["best"].to_numpy(dtype=float), 10),
+    }
+
+
+def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
+    """What is proven, by name: the best λ with its bracket, the bound over all layouts and the gap, versions."""
+    facts: dict[str, str] = {}
+    best = results[results["load_factor"].notna()].head(1)
+    if summary.get("best") is not None and len(best):
+        row = best.iloc[0]
+        facts["bracket of the best"] = f"{row['bracket_lo']:.9g} … {row['bracket_hi']:.9g}"
+    bound, gap = summary.get("bound"), summary.get("gap")
+    facts["bound over all layouts"] = "none is known" if bound is None else f"{bound:.9g}"
+    if gap is not None:
+        facts["gap to the bound"] = f"{gap:.2g}"
+    versions = summary.get("versions", {})
+    if versions:
+        facts["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return facts

@@ -1,0 +1,285 @@
+"""The page of a search in a real browser: every view, by mouse and by keyboard."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from browser_visits import Open, Visit, looks_like
+from jld_core import build_assembly, load_scene, parse_scene
+from jld_core.views import look, quantities
+from jld_explore import ExploreSettings, explore, read_folder
+from jld_explore.report import page as joined
+from jld_explore.report import page_of_study, scene_page
+from paths import SCENES
+from scenes_of_pages import HOSTILE, small_scene, spatial_scene
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the page of a search; the page holds forces of the front and the best only."""
+    where = tmp_path_factory.mktemp("browser") / "study"
+    explore(parse_scene(small_scene()), where, ExploreSettings(jobs=1, pictures=False))
+    done = read_folder(where)
+    (where / "report.html").write_text(page_of_study.study_page(done, patience=60.0), encoding="utf-8")
+    return where
+
+
+@pytest.fixture(scope="module")
+def spatial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a search of a spatial scene."""
+    where = tmp_path_factory.mktemp("browser") / "spatial"
+    explore(parse_scene(spatial_scene()), where, ExploreSettings(jobs=1, budget=20, pictures=False))
+    (where / "report.html").write_text(page_of_study.study_page(read_folder(where), patience=60.0), encoding="utf-8")
+    return where
+
+
+def rows(found: Visit) -> list[list[str]]:
+    """Texts of the rows of the table in sight."""
+    cells = "() => [...document.querySelectorAll('tr[data-row]')].map(r => [...r.cells].map(c => c.innerText))"
+    return list(found.run(cells))
+
+
+def test_a_page_opens_from_disk_with_its_best_layout(visit: Open, study: Path) -> None:
+    found = visit(study / "report.html")
+    assert found.run("() => document.body.dataset.ready") == "yes"
+    done = read_folder(study)
+    assert found.text("h1") == "two courses"
+    assert "Rank 1" in found.text(".pane h3")
+    assert f"{done.summary['best']:.5g}" in found.text(".pane .verdict")
+    assert found.text(".count") == f"{len(done.results)} layouts"
+    assert f"{done.summary['bound']:.9g}" in found.text("#facts")
+    looks_like(found, "report")
+
+
+def test_views_follow_clicks_and_links(visit: Open, study: Path) -> None:
+    found = visit(f"{(study / 'report.html').as_uri()}#rank=2&view=mechanism")
+    assert "Rank 2" in found.text(".pane h3")
+    assert found.run("() => document.querySelector('[role=tab][aria-selected=true]').dataset.view") == "mechanism"
+    assert found.page.locator(".motion").is_visible()
+    moved = "() => [...document.querySelectorAll('svg.figure > g')].map(g => g.getAttribute('transform')).join()"
+    full = found.run(moved)
+    found.page.locator("#phase").fill("0")
+    assert found.run(moved) != full
+    at_rest = found.run(moved)
+    assert "matrix(1 0 0 1 0 0)" in at_rest.replace("-0", "0")
+    found.page.locator(".play").click()
+    found.page.wait_for_function(f"() => ({moved})() !== {json.dumps(at_rest)}")
+    found.page.locator(".play").click()
+    found.page.locator("#phase").fill("1")
+    looks_like(found, "mechanism", "#viewer")
+    found.page.locator("[data-view=forces]").click()
+    assert "view=forces" in found.page.url
+    assert found.page.locator("path.force").count() > 0
+    looks_like(found, "forces", "#viewer")
+
+
+def test_the_thrust_line_and_values_are_there_on_request(visit: Open, tmp_path: Path) -> None:
+    scene = load_scene(SCENES / "ferris_tinloi_1.json")
+    (tmp_path / "scene.html").write_text(scene_page(scene, build_assembly(scene)), encoding="utf-8")
+    found = visit(tmp_path / "scene.html")
+    found.page.locator("[data-view=forces]").click()
+    for name in ("ids", "values"):
+        assert found.page.locator(f"text.note{'.id' if name == 'ids' else '.value'}").count() == 0
+        found.page.locator(f"[data-show={name}]").check()
+        assert found.page.locator(f"text.note{'.id' if name == 'ids' else '.value'}").count() > 0
+
+
+def test_a_face_says_its_forces_under_the_pointer(visit: Open, study: Path) -> None:
+    found = visit(f"{(study / 'report.html').as_uri()}#view=forces")
+    found.page.locator("line.touch").first.hover(force=True)
+    tip = found.text(".stage .tip")
+    assert "face 0" in tip
+    assert "N = " in tip
+    assert "utilisation" in tip
+
+
+def test_the_table_filters_sorts_and_brushes_with_the_picture(visit: Open, study: Path) -> None:
+    found = visit(study / "report.html")
+    done = read_folder(study)
+    found.page.locator("[data-filter=dry_faces]").fill("3..4")
+    wanted = int(done.results["dry_faces"].between(3, 4).sum())
+    assert 0 < wanted < len(done.results)
+    assert found.text(".count") == f"{wanted} of {len(done.results)} layouts"
+    found.page.locator("[data-filter=dry_faces]").fill("nonsense")
+    assert found.page.locator("[data-filter=dry_faces]").get_attribute("aria-invalid") == "true"
+    found.page.locator("[data-filter=dry_faces]").fill("")
+    found.page.locator("th[data-column=blocks] button").click()
+    assert found.page.locator("th[data-column=blocks]").get_attribute("aria-sort") == "ascending"
+    head = found.run("() => [...document.querySelectorAll('th')].findIndex(t => t.dataset.column === 'blocks')")
+    blocks = [int(row[head]) for row in rows(found)]
+    assert blocks == sorted(blocks)
+    assert blocks[0] == int(done.results["blocks"].min())
+    canvas = found.page.locator("canvas.scatter")
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    assert box is not None
+    found.page.mouse.move(box["x"] + 70, box["y"] + 15)
+    found.page.mouse.down()
+    found.page.mouse.move(box["x"] + 0.55 * box["width"], box["y"] + 0.6 * box["height"], steps=4)
+    found.page.mouse.up()
+    chosen = found.text(".count")
+    assert chosen != f"{len(done.results)} layouts"
+    assert not chosen.startswith("0 ")
+    found.page.locator(".reset").click()
+    assert found.text(".count") == f"{len(done.results)} layouts"
+
+
+def test_a_point_of_the_picture_is_a_layout(visit: Open, study: Path) -> None:
+    found = visit(study / "report.html")
+    canvas = found.page.locator("canvas.scatter")
+    canvas.focus()
+    before = found.page.url
+    canvas.press("ArrowRight")
+    canvas.press("ArrowRight")
+    assert found.page.url != before
+    assert "Chosen: rank" in str(canvas.get_attribute("aria-label"))
+
+
+def test_keyboard_goes_along_the_table_and_compares(visit: Open, study: Path) -> None:
+    found = visit(study / "report.html")
+    scroll = found.page.locator(".scroll")
+    scroll.focus()
+    for key in ("ArrowDown", "ArrowDown", "c", "ArrowDown"):
+        scroll.press(key)
+    assert found.page.locator(".pane").count() == 2
+    assert "rank=4" in found.page.url
+    assert "compare=3" in found.page.url
+    differ = found.page.locator(".drawing").first.locator("line.differs").count()
+    texts = [str(read_folder(study).results["labelling"].iloc[k]) for k in (3, 2)]
+    assert differ == sum(a != b for a, b in zip(*texts, strict=True)) > 0
+    looks_like(found, "compare", "#viewer")
+    found.page.locator("#uncompare").click()
+    assert found.page.locator(".pane").count() == 1
+
+
+def test_a_layout_without_forces_says_how_to_get_them(visit: Open, study: Path, tmp_path: Path) -> None:
+    page = tmp_path / "few.html"
+    page.write_text(page_of_study.study_page(read_folder(study), patience=0.0), encoding="utf-8")
+    found = visit(f"{page.as_uri()}#rank=3&view=forces")
+    assert "jld solve FOLDER --rank 3" in found.text(".lacking")
+    assert found.page.locator("svg.figure").is_visible()
+
+
+def test_downloads_are_the_scene_the_summary_and_the_table(visit: Open, study: Path) -> None:
+    found = visit(study / "report.html")
+    for name in ("scene.json", "summary.json", "layouts.csv"):
+        with found.page.expect_download() as waiting:
+            found.page.locator(f"[data-file='{name}']").click()
+        content = Path(waiting.value.path()).read_text(encoding="utf-8")
+        if name == "layouts.csv":
+            assert len(content.splitlines()) == len(read_folder(study).results) + 1
+        elif name == "scene.json":
+            parse_scene(json.loads(content))
+        else:
+            assert json.loads(content)["best"] == read_folder(study).summary["best"]
+    with found.page.expect_download() as waiting:
+        found.page.locator(".save-picture").click()
+    assert Path(waiting.value.path()).read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_a_hostile_name_is_shown_as_it_is(visit: Open, tmp_path: Path) -> None:
+    scene = parse_scene(small_scene(name=HOSTILE))
+    (tmp_path / "scene.html").write_text(scene_page(scene, build_assembly(scene)), encoding="utf-8")
+    found = visit(tmp_path / "scene.html")
+    assert found.text("h1") == " ".join(HOSTILE.split())
+    assert found.page.title() == f"{HOSTILE} – jld"
+
+
+def test_data_that_is_not_understood_is_said(visit: Open, tmp_path: Path, study: Path) -> None:
+    data = page_of_study.study_data(read_folder(study), patience=0.0)
+    for change, words in (({"version": 99}, "version 99"), ({"look": {}}, "look lacks tints")):
+        (tmp_path / "page.html").write_text(joined.page({**data, **change}), encoding="utf-8")
+        found = visit(tmp_path / "page.html")
+        assert found.run("() => document.body.dataset.ready") == "failed"
+        assert words in found.text("#facts")
+
+
+def test_the_page_demands_what_the_schema_demands(visit: Open, tmp_path: Path) -> None:
+    """One contract, stated for both sides: the keys that contract.js requires are those of the schema."""
+    (tmp_path / "x.html").write_text("<!doctype html><title>x</title><link rel=icon href='data:,'>", encoding="utf-8")
+    found = visit(tmp_path / "x.html", ready=False)
+    script = joined.linked("data.js")
+    required = found.run(f'() => {{ {script}; return $modules["contract.js"].REQUIRED; }}')
+    schema = json.loads(joined.asset("page.schema.json"))
+    defined = {**schema["$defs"], "PageData": schema}
+    assert {name: sorted(keys) for name, keys in required.items()} == {
+        name: sorted(defined[name]["required"]) for name in required
+    }
+    objects = {name for name, part in defined.items() if part.get("type") == "object"}
+    assert objects - set(required) == {"Edge"}
+
+
+def test_blocks_and_tints_are_those_of_the_pictures(visit: Open, tmp_path: Path) -> None:
+    """The page numbers and colours blocks by itself, for layouts by the thousand: by the rule of jld_core."""
+    scene = parse_scene(small_scene(rows=["abcde", "fghij", "klmno", "##.##"]))
+    assembly = build_assembly(scene)
+    (tmp_path / "x.html").write_text("<!doctype html><title>x</title><link rel=icon href='data:,'>", encoding="utf-8")
+    found = visit(tmp_path / "x.html", ready=False)
+    rng = np.random.default_rng(3)
+    labellings = rng.random((40, len(assembly.interfaces))) < 0.55
+    data = page_of_study.page_data(
+        kind="report", scene=scene, assembly=assembly, candidates=assembly.free_faces, facts={}
+    )
+    letters = ["".join("d" if dry else "i" for dry in row) for row in labellings]
+    script = joined.linked("viewer.js", joined.PLANAR)
+    got = found.run(
+        f'([structure, rows, most]) => {{ {script}; const m = $modules["blocks.js"];'
+        " return rows.map((row) => [m.blocksOf(structure, row), m.coloursOf(structure, row, most)]); }",
+        [data["structure"], letters, len(look.TINTS)],
+    )
+    for labels, (blocks, colours) in zip(labellings, got, strict=True):
+        assert blocks == quantities.blocks_of(assembly, labels).tolist()
+        assert colours == quantities.block_colours(assembly, labels, len(look.TINTS)).tolist()
+
+
+def test_dark_and_small(visit: Open, study: Path) -> None:
+    dark = visit(f"{(study / 'report.html').as_uri()}#view=forces", color_scheme="dark")
+    assert dark.pixels()[:, :5].mean() < 60
+    looks_like(dark, "dark")
+    phone = visit(study / "report.html", size=(390, 800), is_mobile=True, has_touch=True)
+    assert phone.run("() => document.documentElement.scrollWidth") <= 390
+    looks_like(phone, "phone")
+
+
+def test_a_spatial_layout_turns_explodes_and_is_cut(visit: Open, spatial: Path) -> None:
+    found = visit(spatial / "report.html")
+    canvas = found.page.locator("canvas.spatial")
+    canvas.scroll_into_view_if_needed()
+
+    def drawn() -> Any:
+        return found.pixels("canvas.spatial")
+
+    first = drawn()
+    assert (np.ptp(first, axis=(0, 1)) > 100).all()  # not empty
+    assert abs(first - first[0, 0]).max(axis=2).astype(bool).mean() > 0.05
+    looks_like(found, "spatial", "#viewer")
+    states = [first]
+    canvas.focus()
+    for act in (
+        lambda: canvas.press("ArrowLeft"),
+        lambda: found.page.get_by_label("explode").fill("1"),
+        lambda: found.page.get_by_label("see through").fill("0.7"),
+        lambda: (
+            found.page.get_by_label("Cut across").select_option("0"),
+            found.page.get_by_label("place of the cut").fill("0.4"),
+        ),
+        lambda: found.page.locator("[data-view=forces]").click(),
+    ):
+        act()
+        states.append(drawn())
+        assert abs(states[-1] - states[-2]).mean() > 0.2
+    box = canvas.bounding_box()
+    assert box is not None
+    found.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    found.page.mouse.down()
+    found.page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.5 * box["height"], steps=3)
+    found.page.mouse.up()
+    assert abs(drawn() - states[-1]).mean() > 0.2
+    found.page.get_by_role("button", name="reset view").click()
+    found.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    assert found.page.locator(".stage .tip").is_visible()
