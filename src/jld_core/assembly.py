@@ -111,8 +111,9 @@ class Assembly(Shown):
 
     dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
     units; dead holds self-weight and is never scaled by λ. labels: (m,) the labels the scene itself gives.
-    live_points: places and vectors of the live point forces, for drawing. In a notebook it shows
-    what is modelled.
+    live_points: places and vectors of the live point forces, for drawing. moved: farthest that a corner was moved to
+    close gaps and overlaps, length. warnings: what is possible and hardly meant, a sentence each. In a notebook it
+    shows what is modelled.
     """
 
     name: str
@@ -125,6 +126,8 @@ class Assembly(Shown):
     live: Floats
     labels: Bits
     live_points: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
+    moved: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     @property
     def freedoms(self) -> int:

@@ -39,6 +39,12 @@ ROUNDING: Final = 1e-12
 CONTACT: Final = 1e-7
 """Gap, offset and misalignment, relative to the shorter edge, at which two faces still touch."""
 
+SNAP: Final = 1e-4
+"""Default of a scene's "tolerance", relative to the shortest edge: gaps and overlaps up to it are closed."""
+
+NEAR: Final = 1e-2
+"""Gap, relative to the shorter edge, below which faces that are not joined are worth a warning."""
+
 OVERLAP: Final = 1e-7
 """Area shared by two elements, relative to the smaller one, above which they overlap."""
 

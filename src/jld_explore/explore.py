@@ -28,7 +28,7 @@ class ExploreSettings:
     """How to search. driver: a name, or None to choose. budget: classes; seconds: time limit; seed, jobs as said.
 
     resume: go on with a folder that holds a study. certificates: let past solves settle labellings. pictures: draw
-    what was found at the end.
+    what was found at the end. strict: take what is possible but hardly meant as an error.
     """
 
     driver: str | None = None
@@ -40,6 +40,7 @@ class ExploreSettings:
     resume: bool = False
     certificates: bool = False
     pictures: bool = True
+    strict: bool = False
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -59,6 +60,11 @@ def explore(
     settings = settings or ExploreSettings()
     check_folder(folder, settings.resume)
     assembly = build_assembly(scene)
+    if assembly.warnings and settings.strict:
+        raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
+    if announce is not None:
+        for warning in assembly.warnings:
+            announce(f"warning: {warning}")
     space = search_space(scene, assembly)
     name, total = choose_driver(space, settings)
     if announce is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import json
 import random
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,6 @@ import pytest
 from cases import grid_document
 from command import Outcome, call, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_explore import explore as explore_module
 from jld_explore.report import assembly as described
 from jld_explore.space import search_space
 
@@ -541,7 +541,7 @@ def test_a_space_that_turns_out_empty_leaves_nothing_behind(
     file, out = tmp_path / "scene.json", tmp_path / "out"
     rows = DOMINOES["two corners of one colour gone"]
     file.write_text(json.dumps(grid_document(rows, block_cells=[2, 2])))
-    monkeypatch.setattr(explore_module, "size_up_to", lambda *_: None)
+    monkeypatch.setattr(sys.modules["jld_explore.explore"], "size_up_to", lambda *_: None)
     outcome = call(
         monkeypatch, capsys, "explore", file, "--out", out, "--driver", "enumeration", "--jobs", "1", "--json"
     )

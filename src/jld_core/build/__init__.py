@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from jld_core.build.assemble import build_assembly
 from jld_core.build.elements import faces_of_pairs
+from jld_core.build.plausibility import Resultant, resultant
 
 __all__ = [
+    "Resultant",
     "build_assembly",
     "faces_of_pairs",
+    "resultant",
 ]

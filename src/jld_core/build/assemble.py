@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -11,6 +13,7 @@ from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces
 from jld_core.build import loads, materials
 from jld_core.build.elements import faces_of_pairs
 from jld_core.build.planar import planar_geometry
+from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.scene import Contact, Scene
@@ -23,17 +26,15 @@ def build_assembly(scene: Scene) -> Assembly:
 
     Raises InputError: geometry, references, loads or materials that cannot be used, each by name.
     """
-    if scene.dimension == 3:
-        elements, interfaces, given = spatial_geometry(scene)
-    else:
-        elements, interfaces, given = planar_geometry(scene)
+    geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
+    elements, interfaces, given = geometry.elements, geometry.interfaces, geometry.given
     _check_paths(elements, interfaces)
     dead = loads.generalised(scene.loads.dead, elements, "loads.dead")
     dead[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
     live = loads.generalised(scene.loads.live, elements, "loads.live")
     if not np.any(live):
         raise InputError("loads.live", "the live load is zero", "at least one load that acts on a free element")
-    return Assembly(
+    assembly = Assembly(
         name=scene.name,
         dimension=scene.dimension,
         units=(scene.units.length, scene.units.force),
@@ -44,7 +45,9 @@ def build_assembly(scene: Scene) -> Assembly:
         live=live,
         labels=_own_labels(scene, elements, interfaces, given),
         live_points=_points(scene, elements),
+        moved=geometry.moved,
     )
+    return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
 
 
 def _check_paths(elements: Elements, interfaces: Interfaces) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
 from jld_core.errors import InputError
-from jld_core.scene import Element, Scene
+from jld_core.scene import Contact, Element, Scene
 
 
 def collect_elements(
@@ -48,6 +50,21 @@ def collect_elements(
         shape=tuple(shape),
         faces=faces,
     )
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Elements and interfaces of a scene, and what had to be done to them.
+
+    given: the scene's own entry for each interface, None where it was found. moved: farthest that a corner moved to
+    close gaps and overlaps, length. warnings: what was found near enough to be meant as contact, and is none.
+    """
+
+    elements: Elements
+    interfaces: Interfaces
+    given: list[Contact | None]
+    moved: float = 0.0
+    warnings: tuple[str, ...] = ()
 
 
 def refuse_twins(ids: list[str]) -> None:

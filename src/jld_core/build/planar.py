@@ -6,22 +6,27 @@ from collections import deque
 
 import numpy as np
 
-from jld_core.assembly import Elements, Interfaces
-from jld_core.build.elements import collect_elements, pair_index, refuse_twins
+from jld_core import tolerances
+from jld_core.arrays import Floats
+from jld_core.assembly import Elements
+from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins
 from jld_core.errors import InputError
 from jld_core.geometry import (
     PlanarContact,
     check_polygons,
     find_planar_contacts,
+    near_misses,
     planar_interfaces,
     polygons,
+    snap_polygons,
     without_repeats,
+    words_of,
 )
 from jld_core.scene import Contact, Element, Grid, Scene
 
 
-def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | None]]:
-    """Elements and interfaces of a planar scene, and the scene's own entry for each interface.
+def planar_geometry(scene: Scene) -> Geometry:
+    """Elements and interfaces of a planar scene, gaps and overlaps within its tolerance closed.
 
     Raises InputError for polygons or interfaces that cannot be used.
     """
@@ -30,6 +35,7 @@ def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | 
     ids = [entry.id for entry in entries]
     refuse_twins(ids)
     outlines = without_repeats([np.array(entry.polygon, dtype=float) for entry in entries])
+    outlines, moved = _closed(scene, ids, outlines)
     check_polygons(ids, outlines)
     area, centroid = np.empty(len(ids)), np.empty((len(ids), 2))
     for chosen, stack in polygons.by_corner_count(outlines):
@@ -40,14 +46,44 @@ def planar_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | 
     volume = area * thickness
     elements = collect_elements(scene, entries, centroid, volume, outlines, ())
     given: list[Contact | None]
+    warnings: tuple[str, ...] = ()
     if scene.interfaces is None:
         contacts = find_planar_contacts(outlines)
         given = [None] * len(contacts)
+        if scene.grid is None:
+            free = ~elements.support
+            misses = [miss for miss in near_misses(outlines) if free[miss.a] or free[miss.b]]
+            warnings = words_of(misses, ids, scene.units.length)
     else:
         contacts = [_given_contact(entry, position, elements) for position, entry in enumerate(scene.interfaces)]
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
-    return elements, planar_interfaces([contacts[k] for k in kept], thickness), [given[k] for k in kept]
+    interfaces = planar_interfaces([contacts[k] for k in kept], thickness)
+    return Geometry(elements, interfaces, [given[k] for k in kept], moved, warnings)
+
+
+def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
+    """Outlines with gaps and overlaps up to the scene's tolerance closed, and the largest movement.
+
+    Cells of a grid meet as they are, and stated interfaces are of the outlines as they were drawn. What moves by no
+    more than two edges may differ that touch is left as it was.
+    """
+    if scene.grid is not None or scene.interfaces is not None:
+        return outlines, 0.0
+    edges = np.concatenate([np.hypot(*(np.roll(outline, -1, axis=0) - outline).T) for outline in outlines])
+    shortest = float(edges[edges > 0.0].min(initial=np.inf))
+    tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
+    if not 0.0 < tolerance < np.inf:
+        return outlines, 0.0
+    snapped = snap_polygons(outlines, tolerance)
+    if snapped.collapsed and scene.tolerance is not None:
+        lost = ids[snapped.collapsed[0]]
+        raise InputError(
+            "tolerance", f"within {tolerance:g} element {lost!r} has no area", "less than the elements measure"
+        )
+    if snapped.collapsed or snapped.largest <= tolerances.CONTACT * shortest:
+        return outlines, 0.0
+    return snapped.paths, snapped.largest
 
 
 def _cells(grid: Grid) -> list[Element]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
-from jld_core.assembly import Elements, Interfaces
-from jld_core.build.elements import collect_elements, pair_index, refuse_twins
+from jld_core.assembly import Elements
+from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins
 from jld_core.errors import InputError
 from jld_core.geometry import (
     Faces,
@@ -18,14 +18,17 @@ from jld_core.geometry import (
     find_spatial_contacts,
     given_normals,
     near_pairs,
+    near_solids,
+    snap_solids,
     solids,
     spatial_interfaces,
+    words_of,
 )
 from jld_core.scene import Contact, Scene
 
 
-def spatial_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact | None]]:
-    """Elements and interfaces of a spatial scene, and the scene's own entry for each interface.
+def spatial_geometry(scene: Scene) -> Geometry:
+    """Elements and interfaces of a spatial scene, gaps and overlaps within its tolerance closed.
 
     Interfaces between two supports are dropped.
     Raises InputError for polyhedra or interfaces that cannot be used.
@@ -35,21 +38,51 @@ def spatial_geometry(scene: Scene) -> tuple[Elements, Interfaces, list[Contact |
     refuse_twins(ids)
     vertices: list[Floats] = [np.array(entry.vertices, dtype=float) for entry in entries]
     faces: list[Faces] = [tuple(tuple(face) for face in entry.faces or []) for entry in entries]
+    vertices, moved = _closed(scene, vertices, faces)
     vertices, faces, volume, centroid = solids(ids, vertices, faces)
     elements = collect_elements(scene, entries, centroid, volume, vertices, tuple(faces))
     facets = facets_of(vertices, faces)
     pairs = near_pairs(elements.lower, elements.upper, tolerances.FACE * (elements.upper - elements.lower).max(axis=1))
     check_overlaps(ids, vertices, facets, pairs)
     given: list[Contact | None]
+    warnings: tuple[str, ...] = ()
     if scene.interfaces is None:
         free = ~(elements.support[pairs[0]] & elements.support[pairs[1]])
         contacts = find_spatial_contacts(facets, (pairs[0][free], pairs[1][free]))
         given = [None] * len(contacts)
+        reach = tolerances.NEAR * (elements.upper - elements.lower).max(axis=1)
+        one, two = near_pairs(elements.lower, elements.upper, reach)
+        free = ~(elements.support[one] & elements.support[two])
+        warnings = words_of(near_solids(facets, (one[free], two[free])), ids, scene.units.length)
     else:
         contacts = _given_contacts(scene.interfaces, elements, facets)
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
-    return elements, spatial_interfaces([contacts[k] for k in kept]), [given[k] for k in kept]
+    interfaces = spatial_interfaces([contacts[k] for k in kept])
+    return Geometry(elements, interfaces, [given[k] for k in kept], moved, warnings)
+
+
+def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
+    """Vertices with gaps up to the scene's tolerance closed and faces near one plane put into it; the largest movement.
+
+    What moves by no more than two faces may differ that touch is left as it was.
+    """
+    if scene.interfaces is not None or scene.tolerance == 0.0:
+        return vertices, 0.0
+    edges = [
+        np.linalg.norm(np.roll(corners[list(loop)], -1, axis=0) - corners[list(loop)], axis=1)
+        for corners, of_solid in zip(vertices, faces, strict=True)
+        for loop in of_solid
+    ]
+    every = np.concatenate(edges)
+    shortest = float(every[every > 0.0].min(initial=np.inf))
+    tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
+    if not 0.0 < tolerance < np.inf:
+        return vertices, 0.0
+    snapped = snap_solids(vertices, faces, tolerance)
+    if snapped.largest <= tolerances.FACE * shortest:
+        return vertices, 0.0
+    return snapped.vertices, snapped.largest
 
 
 def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) -> list[SpatialContact]:

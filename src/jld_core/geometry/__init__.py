@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps, words_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
     find_planar_contacts,
+    near_misses,
     planar_interfaces,
     without_repeats,
 )
@@ -18,12 +20,15 @@ from jld_core.geometry.spatial_contacts import (
     find_spatial_contacts,
     given_normals,
     near_pairs,
+    near_solids,
     spatial_interfaces,
 )
 
 __all__ = [
     "Faces",
     "Facets",
+    "NearMiss",
+    "Overlap",
     "PlanarContact",
     "Snapped",
     "SnappedSolids",
@@ -35,10 +40,13 @@ __all__ = [
     "find_spatial_contacts",
     "given_normals",
     "merge_points",
+    "near_misses",
     "near_pairs",
+    "near_solids",
     "parts_of",
     "planar_interfaces",
     "rectangle_torsion_length",
+    "refuse_overlaps",
     "snap_paths",
     "snap_polygons",
     "snap_solids",
@@ -46,4 +54,5 @@ __all__ = [
     "spatial_interfaces",
     "straight",
     "without_repeats",
+    "words_of",
 ]

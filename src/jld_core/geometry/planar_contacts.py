@@ -19,6 +19,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import polygons as measures
+from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps
 from jld_core.geometry.polyhedra import spread
 
 
@@ -70,17 +71,25 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
             f"its polygon is wrong ({reason})",
             "an outline that does not meet itself",
         )
+    _refuse_overlaps(ids, shapes, size)
+
+
+def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
+    """Raise InputError naming the pairs that share an area, with depth and place."""
     left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     left, right = left[left < right], right[left < right]
-    shared = shapely.area(shapely.intersection(shapes[left], shapes[right]))
-    over = np.flatnonzero(shared > tolerances.OVERLAP * np.minimum(size[left], size[right]))
-    if over.size:
-        a, b = min(zip(left[over].tolist(), right[over].tolist(), strict=True))
-        raise InputError(
-            f"elements {ids[a]!r} and {ids[b]!r}",
-            "they overlap",
-            "elements that touch along edges at the most",
-        )
+    # what only touches shares no area: sorting these out first spares the intersections
+    apart = shapely.touches(shapes[left], shapes[right])
+    left, right = left[~apart], right[~apart]
+    regions = shapely.intersection(shapes[left], shapes[right])
+    over = np.flatnonzero(shapely.area(regions) > tolerances.OVERLAP * np.minimum(size[left], size[right]))
+    pairs = []
+    for k in sorted(over.tolist(), key=lambda k: (left[k], right[k])):
+        box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(regions[k]))
+        sides = np.hypot(*(box[1:3] - box[:2]).T) if len(box) > 3 else np.zeros(1)
+        place = shapely.get_coordinates(shapely.point_on_surface(regions[k]))[0]
+        pairs.append(Overlap(ids[left[k]], ids[right[k]], float(sides.min()), place))
+    refuse_overlaps(pairs, "elements that touch along edges at the most")
 
 
 def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
@@ -91,18 +100,21 @@ def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
     from one another or around a corner are several.
     Source: interface frame of Iannuzzo et al. 2024, normals from element faces.
     """
-    shapes = _shapes(polygons)
-    reach = tolerances.CONTACT * _spans(polygons)
-    x0, y0, x1, y1 = shapely.bounds(shapes).T
-    boxes = shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
-    left, right = shapely.STRtree(shapes).query(boxes)
-    low, high = np.minimum(left, right), np.maximum(left, right)
-    near = np.unique(np.column_stack([low, high])[low < high], axis=0).reshape(-1, 2)
+    near = _near(_shapes(polygons), tolerances.CONTACT * _spans(polygons))
     found = []
     for pair, pieces in _touching_pieces(polygons, near):
         a, b = near[pair].tolist()
         found += [PlanarContact(a, b, ends, normal) for ends, normal in _join_in_line(pieces)]
     return found
+
+
+def _near(shapes: Any, reach: Floats) -> Ints:
+    """(p, 2) pairs a < b of polygons whose boxes, widened by their reach, meet, sorted."""
+    x0, y0, x1, y1 = shapely.bounds(shapes).T
+    boxes = shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
+    left, right = shapely.STRtree(shapes).query(boxes)
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    return np.unique(np.column_stack([low, high])[low < high], axis=0).reshape(-1, 2)
 
 
 def _spans(polygons: list[Floats]) -> Floats:
@@ -119,12 +131,24 @@ def _shapes(polygons: list[Floats]) -> Any:
     return shapely.polygons(shapely.linearrings(np.concatenate(polygons), indices=owner))
 
 
-def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
-    """Overlaps of the edges of pairs of polygons: (ends along the first's outline, outward normal of the first).
+@dataclass(frozen=True)
+class _FacingEdges:
+    """Pairs of edges of near polygons that face one another, where they do.
 
-    near: (p, 2) indices of polygons. Yields the pairs that touch, ascending, with their overlaps in order of the
-    edges of the first, then of the second.
+    pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
+    normal of that edge. offset: (k,) signed distance to the other edge, the larger one of both ends. length: (k,) of
+    the shorter edge.
     """
+
+    pair: Ints
+    ends: Floats
+    outward: Floats
+    offset: Floats
+    length: Floats
+
+
+def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
+    """Edges that run against one another within a share of the shorter one's length, in order of pairs and edges."""
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
     start = np.concatenate(polygons)
@@ -140,7 +164,7 @@ def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, 
     i, j = first[near[pair, 0]] + number // of_second, first[near[pair, 1]] + number % of_second
     opposite = np.einsum("ij,ij->i", unit[i], unit[j]) < 0.0
     pair, i, j = pair[opposite], i[opposite], j[opposite]
-    reach = tolerances.CONTACT * np.minimum(length[i], length[j])
+    reach = share * np.minimum(length[i], length[j])
     offset = start[j] - start[i]
     along0, off0 = np.einsum("ij,ij->i", offset, unit[i]), np.einsum("ij,ij->i", offset, outward[i])
     along1 = along0 + np.einsum("ij,ij->i", unit[i], edge[j])
@@ -152,12 +176,41 @@ def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, 
     slope = (off1 - off0) / np.where(along1 == along0, 1.0, along1 - along0)
     apart = np.maximum(abs(off0 + slope * (low - along0)), abs(off0 + slope * (high - along0)))
     hit = np.flatnonzero((high - low > reach) & (apart <= reach))
-    pair, i = pair[hit], i[hit]
-    shift = (0.5 * apart[hit] * np.sign(off0[hit]))[:, None] * outward[i]
-    ends = np.stack([start[i] + low[hit, None] * unit[i] + shift, start[i] + high[hit, None] * unit[i] + shift], axis=1)
-    cuts = np.flatnonzero(np.diff(pair, prepend=-1)).tolist()
-    for a, b in itertools.pairwise([*cuts, len(pair)]):
-        yield int(pair[a]), [(ends[k], outward[i[k]]) for k in range(a, b)]
+    pair, i, j = pair[hit], i[hit], j[hit]
+    ends = np.stack([start[i] + low[hit, None] * unit[i], start[i] + high[hit, None] * unit[i]], axis=1)
+    return _FacingEdges(pair, ends, outward[i], apart[hit] * np.sign(off0[hit]), np.minimum(length[i], length[j]))
+
+
+def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
+    """Overlaps of the edges of pairs of polygons: (ends along the first's outline, outward normal of the first).
+
+    near: (p, 2) indices of polygons. Yields the pairs that touch, ascending, with their overlaps in order of the
+    edges of the first, then of the second.
+    """
+    facing = _facing_edges(polygons, near, tolerances.CONTACT)
+    ends = facing.ends + (0.5 * facing.offset[:, None] * facing.outward)[:, None]
+    cuts = np.flatnonzero(np.diff(facing.pair, prepend=-1)).tolist()
+    for a, b in itertools.pairwise([*cuts, len(facing.pair)]):
+        yield int(facing.pair[a]), [(ends[k], facing.outward[k]) for k in range(a, b)]
+
+
+def near_misses(polygons: list[Floats]) -> list[NearMiss]:
+    """Edges that run against one another, apart by less than `tolerances.NEAR` of their length, and are no contact.
+
+    polygons: n arrays (k, 2), counter-clockwise. What has another element in between is left out.
+    """
+    shapes = _shapes(polygons)
+    near = _near(shapes, tolerances.NEAR * _spans(polygons))
+    facing = _facing_edges(polygons, near, tolerances.NEAR)
+    kept = np.flatnonzero(abs(facing.offset) > tolerances.CONTACT * facing.length)
+    middle = facing.ends[kept].mean(axis=1) + 0.5 * facing.offset[kept, None] * facing.outward[kept]
+    # inside of an element there is no gap: a plate lies between, or the two overlap by less than is refused
+    covered = np.zeros(len(kept), dtype=bool)
+    covered[shapely.STRtree(shapes).query(shapely.points(middle), predicate="within")[0]] = True
+    one, two = near[facing.pair[kept[~covered]]].T.tolist()
+    gaps = abs(facing.offset[kept[~covered]]).tolist()
+    found = [NearMiss(*found) for found in zip(one, two, gaps, middle[~covered], strict=True)]
+    return sorted(found, key=lambda miss: (miss.a, miss.b))
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:

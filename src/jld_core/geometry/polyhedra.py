@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
+from jld_core.geometry.misfits import Overlap, refuse_overlaps
 
 Faces = tuple[tuple[int, ...], ...]
 
@@ -314,6 +315,7 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
     )
     convex = np.maximum.reduceat(bulge, start) <= tolerances.FACE * span
     both = convex[a] & convex[b]
+    found = []
     a, b, reach = a[both], b[both], reach[both]
     for part in np.array_split(np.arange(len(a)), 1 + len(a) // 10_000):
         apart = np.zeros(len(part), dtype=bool)
@@ -324,18 +326,17 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
                 apart |= np.bincount(owner, weights=lowest >= -reach[part][owner], minlength=len(part)) > 0.0
         for index in part[~apart].tolist():
             planes = np.flatnonzero((facets.element == a[index]) | (facets.element == b[index]))
-            if _ball(facets, planes) > 0.5 * reach[index]:
-                raise InputError(
-                    f"elements {ids[a[index]]!r} and {ids[b[index]]!r}",
-                    "they overlap",
-                    "elements that touch along faces at the most",
-                )
+            radius, place = _ball(facets, planes)
+            if radius > 0.5 * reach[index]:
+                found.append(Overlap(ids[a[index]], ids[b[index]], 2.0 * radius, place))
+    refuse_overlaps(found, "elements that touch along faces at the most")
 
 
-def _ball(facets: Facets, planes: Ints) -> float:
-    """Radius of the largest ball behind all planes, negative where there is none."""
+def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
+    """Radius of the largest ball behind all planes, negative where there is none, and its centre."""
     normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
     behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
     rows = np.column_stack([normal, np.ones(len(planes))])
     answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=behind, bounds=[(None, None)] * 4)
-    return -float(answer.fun or 0.0)
+    place = middle if answer.x is None else middle + answer.x[:3]
+    return -float(answer.fun or 0.0), np.asarray(place)

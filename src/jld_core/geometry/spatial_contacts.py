@@ -17,6 +17,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import polygons as measures
+from jld_core.geometry.misfits import NearMiss
 from jld_core.geometry.polyhedra import Facets, spread
 
 # Facets further from opposite than this (cosine) cannot lie on one another within the tolerance of contact.
@@ -79,11 +80,35 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
     return [contact for _, contact in found]
 
 
-def _opposite_facets(facets: Facets, a: Ints, b: Ints) -> tuple[Ints, Ints]:
+def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
+    """Parallel facets apart by less than `tolerances.NEAR` of the smaller one, overlapping in projection, no contact.
+
+    facets: of all elements. pairs: elements a < b worth looking at, sorted, each (p,).
+    """
+    one, two = _opposite_facets(facets, *pairs, tolerances.NEAR)
+    size = np.minimum(facets.size[one], facets.size[two])
+    off = np.abs(np.einsum("ij,ij->i", facets.origin[two] - facets.origin[one], facets.normal[one]))
+    parallel = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two]) < -1.0 + tolerances.NEAR**2
+    kept = parallel & (off > tolerances.FACE * size) & (off <= tolerances.NEAR * size)
+    one, two, off, size = one[kept], two[kept], off[kept], size[kept]
+    if not len(one):
+        return []
+    frames = _Frames.on(facets)
+    shared = shapely.intersection(_regions(facets, frames, one, one), _regions(facets, frames, two, one))
+    found = []
+    for k in np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist():
+        flat = shapely.get_coordinates(shapely.point_on_surface(shared[k]))[0]
+        facet = one[k]
+        place = facets.origin[facet] + flat @ np.array([frames.e1[facet], frames.e2[facet]])
+        found.append(NearMiss(int(facets.element[facet]), int(facets.element[two[k]]), float(off[k]), place))
+    return sorted(found, key=lambda miss: (miss.a, miss.b))
+
+
+def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
     """Pairs of facets of the element pairs that face one another in about one plane."""
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
-    reach = tolerances.FACE * facets.size
+    reach = share * facets.size
     low, high = facets.lower - reach[:, None], facets.upper + reach[:, None]
     box_low, box_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
 

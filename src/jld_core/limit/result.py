@@ -72,6 +72,7 @@ class LimitAnalysisResult(Shown):
             "iterations": self.iterations,
             "route": list(self.route),
             "seconds": dict(self.seconds),
+            "warnings": list(assembly.warnings),
             **self.extra,
             "mechanism": mechanism,
             "forces": forces,

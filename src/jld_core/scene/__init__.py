@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from jld_core.scene.reading import load_scene, parse_scene
-from jld_core.scene.schema import BodyLoad, Contact, Dry, Element, Grid, Materials, PointLoad, Scene, Search
+from jld_core.scene.schema import BodyLoad, Contact, Dry, Element, Grid, Inner, Materials, PointLoad, Scene, Search
 
 __all__ = [
     "BodyLoad",
@@ -11,6 +11,7 @@ __all__ = [
     "Dry",
     "Element",
     "Grid",
+    "Inner",
     "Materials",
     "PointLoad",
     "Scene",

@@ -264,6 +264,7 @@ class Scene(_Part):
     grid: Grid | None = None
     elements: Annotated[list[Element], Field(min_length=1)] | None = None
     thickness: Positive | None = None
+    tolerance: NonNegative | None = None
     interfaces: list[Contact] | None = None
     materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
     loads: Annotated[Loads, Field(description='an object with "live"')]

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.assembly import Assembly
+from jld_core.build import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult
 from jld_core.program import Template
 from jld_core.shown import show_with
@@ -33,12 +34,27 @@ def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
         "dimension": "planar" if assembly.dimension == 2 else "spatial",
         "elements": f"{len(elements)}: {len(elements.free)} free, {int(elements.support.sum())} supports",
         "interfaces": f"{len(faces)}: {dry} dry, {len(faces) - dry} inner in the scene's own labelling",
-        "dead load": f"{assembly.total_dead:.6g} {force} in total",
-        "live load": f"{assembly.total_live:.6g} {force} in total, times λ",
+        "dead load": _load(resultant(assembly.dead, elements), force, length),
+        "live load": "λ × " + _load(resultant(assembly.live, elements), force, length),
         "program": f"{kind}, {structure.shape[1]} unknowns, {structure.equalities} equations, "
         f"{structure.linear - 1} inequalities, {len(structure.cones)} cones",
         "size": f"{assembly.size:.6g} {length}",
+        **({"snapped": f"corners moved by {assembly.moved:.3g} {length} at the most"} if assembly.moved else {}),
     }
+
+
+def _load(sum_of: Resultant, force: str, length: str) -> str:
+    """A load in words: its resultant, the line it acts along, and the moment apart from it."""
+    moment = f"{sum_of.moment:.6g} {force}·{length}"
+    if sum_of.cancels:
+        cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""
+        return f"a couple of {moment}{cancel}"
+    along = ", ".join(f"{x:.6g}" for x in sum_of.force)
+    through = ", ".join(f"{x:.6g}" for x in sum_of.point)
+    words = f"({along}) {force} through ({through}) {length}"
+    if sum_of.total > 1.000001 * float(np.linalg.norm(sum_of.force)):
+        words += f", of forces of {sum_of.total:.6g} {force} in all"
+    return words + (f", and {moment} about that line" if abs(sum_of.moment) > 1e-9 * sum_of.total else "")
 
 
 def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:

@@ -21,6 +21,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
 from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.mechanics import require_materials
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
@@ -38,7 +39,7 @@ from jld_explore.report import (
     write_report,
     write_text,
 )
-from jld_explore.space import search_space
+from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Interrupted
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
@@ -90,10 +91,29 @@ class Condense(StrEnum):
     OFF = "off"
 
 
-def _load(path: Path) -> tuple[Scene, Assembly]:
+Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
+
+
+def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene, Assembly]:
+    """A scene and its assembly, with a line on stderr for each warning unless quiet."""
     scene = load_scene(path)
     try:
-        return scene, build_assembly(scene)
+        assembly = build_assembly(scene)
+    except InputError as error:
+        raise error.within(str(path)) from None
+    if assembly.warnings and strict:
+        more = f" (and {len(assembly.warnings) - 1} more)" if len(assembly.warnings) > 1 else ""
+        raise InputError(str(path), assembly.warnings[0] + more, "a scene without warnings, or no --strict")
+    for warning in () if quiet else assembly.warnings:
+        sys.stderr.write(f"jld: warning: {path}: {warning}\n")
+    return scene, assembly
+
+
+def _check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
+    """What may be labelled; refused as `jld explore` would where the scene asks for a search."""
+    asked = "search" in scene.model_fields_set
+    try:
+        return search_space(scene, assembly, allow_empty=not asked, need_materials=asked)
     except InputError as error:
         raise error.within(str(path)) from None
 
@@ -103,13 +123,15 @@ def _say(text: str) -> None:
 
 
 @app.command()
-def check(scene: SceneFile) -> None:
+def check(scene: SceneFile, strict: Strict = False) -> None:
     """Parse a scene, find its interfaces, and print what will be modelled."""
-    parsed, assembly = _load(scene)
+    parsed, assembly = _load(scene, strict)
+    space = _check_search(scene, parsed, assembly)
     try:
-        _say(words.assembly(parsed, assembly, search_space(parsed, assembly, allow_empty=True, need_materials=False)))
+        require_materials(assembly, assembly.labels, ~assembly.labels)
     except InputError as error:
         raise error.within(str(scene)) from None
+    _say(words.assembly(parsed, assembly, space))
 
 
 @app.command()
@@ -136,12 +158,15 @@ def solve(
     solver: Annotated[str, typer.Option(help="Solver: " + ", ".join(SOLVERS) + ".")] = "auto",
     gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
+    strict: Strict = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
     if out is not None:
         check_writable(out)
-    _, assembly = _load(scene)
+    parsed, assembly = _load(scene, strict, quiet=as_json)
+    if "search" in parsed.model_fields_set:
+        _check_search(scene, parsed, assembly)
     if not gap > 0.0:
         raise InputError("--gap", f"{gap:g} is no width", "a number above 0")
     try:
@@ -197,6 +222,7 @@ def explore_command(
     aim: Annotated[
         str | None, typer.Option(help="Exact and genetic drivers: best, or front (the best for every count).")
     ] = None,
+    strict: Strict = False,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
     certificates: Annotated[
         bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
@@ -221,6 +247,7 @@ def explore_command(
         seed=seed,
         resume=resume,
         certificates=certificates,
+        strict=strict,
         options={"population": population, "sampler": sampler, "storage": storage, "aim": aim},
     )
     announce = None if as_json else _say

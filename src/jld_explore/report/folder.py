@@ -64,6 +64,7 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
         bound=study.driver.bound,
         proven=study.driver.finished,
     )
+    found["warnings"] = list(study.assembly.warnings)
     if isinstance(study.driver, Exact):
         found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
         if study.driver.aim == "front":

@@ -1,0 +1,185 @@
+"""What a scene may say and hardly means: numbers of another unit, loads beside the structure. Never an error.
+
+Only scenes in metres and newtons are judged: what is usual is known in those units alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly, Elements
+from jld_core.build.materials import friction, gravity_vector
+from jld_core.scene import Contact, Dry, Inner, Scene
+
+_FRICTION: Final = 2.0  # friction coefficient above which an angle in degrees was written
+_ANGLE: Final = 2.0  # degrees below which radians, or the coefficient, were written
+_DENSITY: Final = (300.0, 9000.0)  # kg/m³: light earth mixtures to steel
+_STRENGTH: Final = 1e9  # Pa
+_GRAVITY: Final = (1.0, 25.0)  # m/s²
+_ELEMENT: Final = (1e-3, 1e3)  # m
+
+
+@dataclass(frozen=True)
+class Resultant:
+    """What a set of generalised forces adds up to.
+
+    force: (d,) sum. moment: couple left over, about the out-of-plane axis (planar) or along the force (spatial); of a
+    set whose forces cancel, the whole couple's magnitude. point: (d,) the point of the line of action nearest to the
+    middle of the structure; NaN where the forces cancel. total: sum of the magnitudes of the forces.
+    """
+
+    force: Floats
+    moment: float
+    point: Floats
+    total: float
+
+    @property
+    def cancels(self) -> bool:
+        """Whether the forces add up to nothing but rounding."""
+        return bool(np.isnan(self.point).any())
+
+
+def resultant(loads: Floats, elements: Elements) -> Resultant:
+    """Resultant of (n, 3) planar or (n, 6) spatial generalised forces about the elements' centroids, free ones only."""
+    free = elements.free
+    d = elements.centroid.shape[1]
+    middle = 0.5 * (elements.lower.min(axis=0) + elements.upper.max(axis=0))
+    forces, arm = loads[free, :d], elements.centroid[free] - middle
+    force, total = forces.sum(axis=0), float(np.linalg.norm(forces, axis=1).sum())
+    if d == 2:
+        moment = float((loads[free, 2] + arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]).sum())
+        if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
+            return Resultant(force, moment, np.full(2, np.nan), total)
+        across = np.array([-force[1], force[0]]) / (force @ force)
+        return Resultant(force, 0.0, middle + moment * across, total)
+    couple = (loads[free, 3:] + np.cross(arm, forces)).sum(axis=0)
+    if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
+        return Resultant(force, float(np.linalg.norm(couple)), np.full(3, np.nan), total)
+    size = force @ force
+    return Resultant(force, float(couple @ force / np.sqrt(size)), middle + np.cross(force, couple) / size, total)
+
+
+def implausible(scene: Scene, assembly: Assembly) -> list[str]:
+    """One sentence for each number that can hardly be meant: what, its value, what is usual, what was probably meant.
+
+    Empty for scenes whose units are not metres and newtons.
+    """
+    if (scene.units.length, scene.units.force) != ("m", "N"):
+        return []
+    return [*_of_friction(scene), *_of_weight(scene), *_of_strengths(scene, assembly), *_of_geometry(assembly)]
+
+
+def _of_friction(scene: Scene) -> Iterator[str]:
+    sources: list[tuple[str, Dry | Contact]] = []
+    if scene.materials.dry is not None:
+        sources.append(("materials.dry", scene.materials.dry))
+    sources += [(f"interfaces[{k}]", contact) for k, contact in enumerate(scene.interfaces or [])]
+    for where, source in sources:
+        value = friction(source)
+        if value is None or value == 0.0:
+            continue
+        if source.friction_angle is not None and source.friction_angle < _ANGLE:
+            meant = f"{np.degrees(source.friction_angle):.3g}° if it is in radians"
+            yield f"{where}.friction_angle is {source.friction_angle:g}°; usual is 15 to 45; {meant}"
+        elif value > _FRICTION:
+            if source.friction_angle is not None:
+                yield f"{where}.friction_angle is {source.friction_angle:g}°; usual is 15 to 45"
+            else:
+                yield (
+                    f"{where}.friction_coefficient is {value:g}; usual is 0.3 to 1; "
+                    f'"friction_angle": {value:g} if degrees are meant'
+                )
+
+
+def _of_weight(scene: Scene) -> Iterator[str]:
+    low, high = _DENSITY
+    densities = [("materials.density", scene.materials.density)]
+    densities += [(f"elements[{k}].density", element.density) for k, element in enumerate(scene.elements or [])]
+    for where, value in densities:
+        if value is None or value == 0.0 or low <= value <= high:
+            continue
+        meant = ""
+        if low <= 1e3 * value <= high and value < 9.0:
+            meant = f"; {1e3 * value:g} if t/m³ or g/cm³ are meant"
+        elif low <= value * 1e3 / 9.81 <= high:
+            meant = f"; {value * 1e3 / 9.81:.4g} if a unit weight in kN/m³ is meant"
+        elif low <= value / 9.81 <= high:
+            meant = f"; {value / 9.81:.4g} if a unit weight in N/m³ is meant"
+        yield f"{where} is {value:g} kg/m³; usual is {low:g} to {high:g}{meant}"
+    gravity = scene.materials.gravity
+    if isinstance(gravity, float | int) and gravity < 0.0:
+        yield f"materials.gravity is {gravity:g}; a number already acts downwards, so {-gravity:g} was probably meant"
+    size = float(np.linalg.norm(gravity_vector(scene.materials, scene.dimension)))
+    if size and not _GRAVITY[0] <= size <= _GRAVITY[1]:
+        yield f"materials.gravity is {size:g} m/s²; usual is 9.81; 9.81 even where lengths were drawn in mm"
+
+
+def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
+    elements = assembly.elements
+    free = elements.free
+    weight = np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum()
+    along = np.argmax(abs(elements.weight[free].sum(axis=0)))
+    own = float(weight * np.ptp(np.concatenate([elements.lower[free], elements.upper[free]])[:, along]))
+    named = "tensile_strength", "shear_strength", "compressive_strength"
+    sources: list[tuple[str, Dry | Inner | Contact | None]] = [
+        ("materials.dry", scene.materials.dry),
+        ("materials.inner", scene.materials.inner),
+    ]
+    sources += [(f"interfaces[{k}]", contact) for k, contact in enumerate(scene.interfaces or [])]
+    for where, source in sources:
+        for name in named:
+            value = getattr(source, name, None)
+            if not value:  # without this strength: a model of its own
+                continue
+            if value > _STRENGTH:
+                yield (
+                    f"{where}.{name} is {value:g} Pa; usual is below {_STRENGTH:g} (1 GPa); {value / 1e6:g} if it was "
+                    "turned into Pa twice"
+                )
+            elif value < own:
+                yield (
+                    f"{where}.{name} is {value:g} Pa, below the {own:.3g} Pa that the structure's own weight presses "
+                    f"with; usual is above; {value * 1e6:g} if MPa are meant"
+                )
+
+
+def _of_geometry(assembly: Assembly) -> Iterator[str]:
+    elements = assembly.elements
+    extent = (elements.upper - elements.lower).max(axis=1)
+    for bad, what, meant in (
+        (extent < _ELEMENT[0], "below 1 mm", "lengths in a larger unit"),
+        (extent > _ELEMENT[1], "above 1 km", "lengths in mm"),
+    ):
+        if bad.any():
+            first = int(np.flatnonzero(bad)[0])
+            count = int(np.count_nonzero(bad))
+            yield (
+                f"element {elements.ids[first]!r} measures {extent[first]:.4g} m"
+                + (f" (and {count - 1} more are {what})" if count > 1 else "")
+                + f"; usual is 1 mm to 1 km; {meant} were probably meant"
+            )
+    live = resultant(assembly.live, elements)
+    if live.cancels:
+        return
+    low, high = elements.lower.min(axis=0), elements.upper.max(axis=0)
+    along = live.force / np.linalg.norm(live.force)
+    corners = np.stack(np.meshgrid(*np.column_stack([low, high]), indexing="ij"), axis=-1).reshape(-1, len(low))
+    arms = corners - live.point
+    if len(low) == 2:
+        beside = arms @ np.array([-along[1], along[0]])
+        miss = 0.0 if beside.min() <= 0.0 <= beside.max() else float(abs(beside).min())
+    else:
+        # a line misses the box by at least what it misses the ball around it
+        centre = 0.5 * (low + high) - live.point
+        miss = float(np.linalg.norm(centre - (centre @ along) * along)) - 0.5 * float(np.linalg.norm(high - low))
+    if miss > assembly.size:
+        where = ", ".join(f"{x:.4g}" for x in live.point)
+        yield (
+            f"the line of action of the live load passes {miss:.4g} m beside the structure (through {where}), whose "
+            f'size is {assembly.size:.4g} m; usual is through it; "at" is a place in the scene, not in the element'
+        )
