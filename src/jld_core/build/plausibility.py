@@ -55,7 +55,7 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
         moment = float((loads[free, 2] + arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]).sum())
         if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
             return Resultant(force, moment, np.full(2, np.nan), total)
-        across = np.array([-force[1], force[0]]) / (force @ force)
+        across = np.array([force[1], -force[0]]) / (force @ force)
         return Resultant(force, 0.0, middle + moment * across, total)
     couple = (loads[free, 3:] + np.cross(arm, forces)).sum(axis=0)
     if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:

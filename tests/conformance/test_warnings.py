@@ -1,0 +1,140 @@
+"""What is possible and hardly meant: one sentence each, an error with --strict, and nothing where units are others."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from cases_spatial import assembly as spatial_assembly
+from cases_spatial import box
+from command import call
+from jld_core import build_assembly, load_scene, parse_scene
+from jld_core.build import resultant
+from paths import SCENES
+
+
+def with_(path: str, value: object) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads(json.dumps(grid_document(["aa", "ab", "##"])))
+    target = document
+    *keys, last = path.split(".")
+    for key in keys:
+        target = target[key]
+    if path == "materials.dry.friction_angle":
+        target.pop("friction_coefficient", None)
+    if path == "materials.dry.friction_coefficient":
+        target.pop("friction_angle", None)
+    target[last] = value
+    return document
+
+
+ODD = [
+    ("materials.dry.friction_coefficient", 35.0, "friction_coefficient is 35", '"friction_angle": 35'),
+    ("materials.dry.friction_angle", 0.6, "friction_angle is 0.6°", "34.4° if it is in radians"),
+    ("materials.density", 2.4, "density is 2.4 kg/m³; usual is 300 to 9000", "2400 if t/m³"),
+    ("materials.density", 24.0, "density is 24 kg/m³", "2446 if a unit weight in kN/m³"),
+    ("materials.density", 24000.0, "density is 24000 kg/m³", "2446 if a unit weight in N/m³"),
+    ("materials.inner.tensile_strength", 2.0, "tensile_strength is 2 Pa, below the", "2e+06 if MPa are meant"),
+    ("materials.inner.shear_strength", 2e12, "shear_strength is 2e+12 Pa", "2e+06 if it was turned into Pa twice"),
+    ("materials.gravity", -9.81, "materials.gravity is -9.81", "so 9.81 was probably meant"),
+    ("grid.cell", [400.0, 200.0], None, None),
+    ("grid.cell", [4000.0, 2000.0], "measures 4000 m", "lengths in mm were probably meant"),
+    ("grid.cell", [4e-4, 2e-4], "measures 0.0004 m", "lengths in a larger unit were probably meant"),
+    (
+        "loads.live",
+        [{"element": "c0r0", "force": [0, -1], "at": [350.0, 0.0]}],
+        "the line of action of the live load passes 349",
+        "through 350",
+    ),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "what", "meant"), ODD, ids=[f"{o[0]}={o[1]}" for o in ODD])
+def test_what_can_hardly_be_meant(path: str, value: object, what: str | None, meant: str | None) -> None:
+    assembly = build_assembly(parse_scene(with_(path, value)))
+    about = [warning for warning in assembly.warnings if what is not None and what in warning]
+    if what is None:
+        assert not [w for w in assembly.warnings if path.rpartition(".")[2] in w]
+        return
+    assert len(about) == 1, assembly.warnings
+    assert str(meant) in about[0]
+    assert "usual is" in about[0] or "acts downwards" in about[0]
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.json")), ids=lambda path: path.stem)
+def test_real_scenes_are_plausible(path: Path) -> None:
+    assert build_assembly(load_scene(path)).warnings == ()
+
+
+def test_other_units_are_not_judged() -> None:
+    document = with_("materials.dry.friction_coefficient", 35.0)
+    assert build_assembly(parse_scene({**document, "units": {"length": "mm", "force": "N"}})).warnings == ()
+
+
+def test_they_reach_whoever_asks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(with_("materials.density", 2.4)))
+    line = f"jld: warning: {file}: materials.density is 2.4 kg/m³"
+    for command in ("check", "solve"):
+        outcome = call(monkeypatch, capsys, command, file)
+        assert outcome.code == 0
+        assert outcome.err.startswith(line)
+        strict = call(monkeypatch, capsys, command, file, "--strict")
+        assert (strict.code, strict.out) == (2, "")
+        assert strict.err.startswith(f"jld: {file}: materials.density is 2.4")
+    told = json.loads(call(monkeypatch, capsys, "solve", file, "--json").out)["warnings"]
+    assert told[0].startswith("materials.density is 2.4")
+    options = ("--driver", "random", "--budget", "3", "--jobs", "1")
+    assert call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "no", *options, "--strict").code == 2
+    assert not (tmp_path / "no").exists()
+    found = json.loads(call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out", *options, "--json").out)
+    assert found["warnings"] == told
+
+
+def test_check_says_what_the_load_adds_up_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """1000 N at x = 1.7: not moment over size, which is no force."""
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(with_("loads.live", [{"element": "c0r0", "force": [0, -1000], "at": [1.7, 0.0]}])))
+    out = call(monkeypatch, capsys, "check", file).out
+    (line,) = [line for line in out.splitlines() if line.startswith("live load")]
+    assert "λ × (0, -1000) N through (1.7, " in line
+
+
+def test_check_refuses_what_explore_would_refuse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = with_("search", {"block_cells": [9, 9]})
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(document))
+    outcomes = [call(monkeypatch, capsys, command, file) for command in ("check", "solve")]
+    outcomes.append(call(monkeypatch, capsys, "explore", file, "--out", tmp_path / "out"))
+    assert [outcome.code for outcome in outcomes] == [2, 2, 2]
+    assert len({outcome.err for outcome in outcomes}) == 1
+
+
+def test_resultants() -> None:
+    """A wrench in space: force along z through (1, 2), couple of 3 about it; a planar couple."""
+    pair = [box("base", (0, 0, -1), (1, 1, 0), support=True), box("top", (0, 0, 0), (1, 1, 1))]
+
+    assembly = spatial_assembly(pair)
+    loads = np.zeros((2, 6))
+    loads[1, 2] = 5.0
+    centre = assembly.elements.centroid[1]
+    loads[1, 3:] = np.cross([1.0 - centre[0], 2.0 - centre[1], 0.0], [0.0, 0.0, 5.0])
+    loads[1, 5] += 3.0
+    found = resultant(loads, assembly.elements)
+    assert found.force == pytest.approx([0, 0, 5])
+    assert found.moment == pytest.approx(3.0)
+    assert found.point[:2] == pytest.approx([1.0, 2.0])
+    flat = build_assembly(parse_scene(with_("loads.live", [{"element": "c0r0", "moment": 7.0}])))
+    couple = resultant(flat.live, flat.elements)
+    assert couple.cancels
+    assert couple.moment == pytest.approx(7.0)
