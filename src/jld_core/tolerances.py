@@ -1,4 +1,8 @@
-"""Every tolerance of the package: dimensionless, each with the reason for its size."""
+"""Every tolerance that bounds a result: dimensionless, each with the reason for its size.
+
+What steers a method and leaves the proof of its answer to these, such as residuals asked of an auxiliary program or
+steps of a repair, stands where it is used.
+"""
 
 from __future__ import annotations
 
@@ -53,6 +57,32 @@ SYMMETRY: Final = 1e-8
 
 GAP_FLOOR: Final = 1e-3
 """Share of total weight / total live load below which a load factor counts as zero in a relative width."""
+
+PROVEN: Final = 1e-6
+"""Relative distance of a bound from the best found at which the best is proven to be the best: as wide as `GAP`, since
+neither is known better."""
+
+COMPLEMENTARITY: Final = 1e-3
+"""Largest complementarity gap over the dissipation of a run without dilation that converged, docs/method.md (4.3)."""
+
+VIOLATION: Final = 1e-4
+"""Largest (|V| − μN)⁺ over the largest N of such a run; what is reported at the end is admissible exactly."""
+
+DILATION: Final = 1e-6
+"""Largest dilation of a pressed face over the largest slip of such a run: solvers reach it, real joints are rougher."""
+
+SETTLED: Final = 1e-6
+"""Difference of λ between the last two programs of such a run, relative."""
+
+FIXED_POINT: Final = 1e-8
+"""Change of x / (l/2) and of c_T,e / c_T at which effective areas count as fixed, docs/method.md (2.14): below
+what moves λ within `GAP`."""
+
+DECIMALS: Final = 1e-9
+"""Relative slack of inclusive limits on weights and lengths of blocks: what sums of decimal numbers may be off."""
+
+SUMMATION: Final = 1e-14
+"""Share of the terms of a stored bound by which it is raised: sums in another order round differently."""
 
 FACE: Final = 1e-5
 """Gap between two faces of polyhedra, relative to the smaller of the two, at which they still touch; deviation

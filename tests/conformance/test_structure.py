@@ -116,6 +116,21 @@ def test_no_circle_of_files() -> None:
         done |= free
 
 
+PROVING = ("limit", "models", "program", "mechanics", "drivers", "evaluation", "space", "study", "report")
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if MODULES[p].split(".")[1] in PROVING], ids=lambda p: MODULES[p])
+def test_tolerances_that_others_may_use_stand_in_one_place(path: Path) -> None:
+    """A public constant of the size of a tolerance; what steers a method alone is private to its module."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        target = (
+            node.target if isinstance(node, ast.AnnAssign) else node.targets[0] if isinstance(node, ast.Assign) else 0
+        )
+        value = getattr(node, "value", None)
+        if isinstance(target, ast.Name) and isinstance(value, ast.Constant) and isinstance(value.value, float):
+            assert target.id.startswith("_") or value.value > 1e-3, f"{path}: {target.id} belongs to tolerances.py"
+
+
 @pytest.mark.parametrize("wing", sorted(set(FLOOR)))
 def test_a_face_lists_what_it_hands_on(wing: str) -> None:
     module = importlib.import_module(wing)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import time
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -23,9 +22,6 @@ from jld_core.limit import LimitAnalysis, LimitAnalysisResult, State, Status, nu
 from jld_core.mechanics import Contact, PlanarYield, PrescribedFriction, SpatialYield
 from jld_core.program import Template
 from jld_core.solvers import ProximalSolver
-
-FIXED: Final = 1e-8
-"""Change of x / (l/2) and of c_T,e / c_T at which the effective areas count as fixed."""
 
 _PRESSED = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
 _STEPS = 5  # steps towards larger λ before the forces are held
@@ -117,7 +113,7 @@ def solve_effective_area(
     forces = (plain.forces / analysis.template.scaling.face).ravel()
     fixed, solves = _iterate(analysis, labels, forces, most, weight)
     seconds, proven, scaling = time.perf_counter() - start, fixed.proven, analysis.template.scaling
-    if fixed.state.admissible and fixed.moved <= FIXED:
+    if fixed.state.admissible and fixed.moved <= tolerances.FIXED_POINT:
         bracket = (fixed.state.load * scaling.load, proven.bracket[1])
         floor = tolerances.GAP_FLOOR * analysis.assembly.total_dead / analysis.assembly.total_live
         gap = relative_width(*bracket, floor)
@@ -167,7 +163,7 @@ def _iterate(analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, w
         forces = state.forces.ravel()
         own = prover.state(np.append(forces, state.load), labels, passes=1)
         slack = min(max(margin, -2.0 * own.slack), _SHY * min(1 + steps // 5, 5))
-        if own.admissible and (moved <= FIXED or steps > _STEPS):
+        if own.admissible and (moved <= tolerances.FIXED_POINT or steps > _STEPS):
             proven = _proven(analysis, frozen, labels)
             solves += proven.iterations
             left = change(contact, contact_of(analysis.assembly, own.forces, labels))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -14,22 +14,9 @@ from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Motion, Prover, State, Status, load_floor
 from jld_core.mechanics import Contact, PrescribedFriction
-from jld_core.models.effective_area import FIXED, base_yield, change, contact_of
+from jld_core.models.effective_area import base_yield, change, contact_of
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, ProximalSolver, RawSolution, RawStatus
-
-VIOLATION: Final = 1e-4
-"""Largest (|V| − μN)⁺ over the largest N of a converged run."""
-
-DILATION: Final = 1e-6
-"""Largest dilation of a pressed face over the largest slip of a converged run."""
-
-COMPLEMENTARITY: Final = 1e-3
-"""Largest Γ over the dissipation of a converged run."""
-
-SETTLED: Final = 1e-6
-"""Difference of λ between the last two programs, relative, of a converged run: of the least Γ and of the problem
-frozen at it (robust), of the last two without any dilation (plain)."""
 
 _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
 _BACK = 6  # times that a proximal step goes back half way before it is given up
@@ -82,7 +69,9 @@ class Pair:
     state: in equilibrium, and admissible under true friction as far as that could be had. motion: of the
     problem frozen at the state's N, None where none has finite dissipation. locked: that problem has no finite
     λ. violation, dilation: as in the result. gap: Γ. dissipation: Σ D_N(J). moved: change of the effective areas
-    that the forces ask for. floor: scaled λ below which λ counts as zero. settled: see `SETTLED`.
+    that the forces ask for. floor: scaled λ below which λ counts as zero. settled: λ of the
+    last two programs agree, of the least Γ and the problem frozen at it (robust), of the last two without any
+    dilation (plain).
     """
 
     state: State
@@ -118,11 +107,11 @@ class Pair:
         if self.motion is None:
             return False
         return (
-            self.violation <= VIOLATION
-            and self.dilation <= DILATION
-            and self.relative_gap <= COMPLEMENTARITY
+            self.violation <= tolerances.VIOLATION
+            and self.dilation <= tolerances.DILATION
+            and self.relative_gap <= tolerances.COMPLEMENTARITY
             and self.settled
-            and self.moved <= FIXED
+            and self.moved <= tolerances.FIXED_POINT
         )
 
 
@@ -275,7 +264,7 @@ class Run:
         gap = motion.bound - state.load
         moved = 0.0 if contact is None else change(contact, self.contact_under(state))
         size = max(abs(motion.bound), abs(state.load), self.floor)
-        settled = abs(gap) <= SETTLED * size if settled is None else settled
+        settled = abs(gap) <= tolerances.SETTLED * size if settled is None else settled
         return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled)
 
     # --- the two variants ---------------------------------------------------------------------------------
@@ -346,7 +335,7 @@ class Run:
             violation = float(max(0.0, sets.excess(table, labels).max(initial=0.0))) / float(
                 table[:, 0].max(initial=1e-300)
             )
-            settled = abs(point[-1] - last) <= SETTLED * abs(point[-1]) and violation <= VIOLATION
+            settled = abs(point[-1] - last) <= tolerances.SETTLED * abs(point[-1]) and violation <= tolerances.VIOLATION
             if settled and alpha == 0.0:
                 break
             alpha = 0.0 if settled else alpha

@@ -271,7 +271,7 @@ class _MechanismTable(_Table):
         values[~finite] = 0.0
         # sums in another order may round differently: the bound is raised by more than that
         size = abs(mechanism.constant) + float(abs(values).max(axis=0).sum())
-        constant = mechanism.constant + float(values[1].sum()) + 1e-14 * size
+        constant = mechanism.constant + float(values[1].sum()) + tolerances.SUMMATION * size
         self.put(constant, mechanism.falls, values[0] - values[1], *_words(~finite))
 
     def bounds(self, labellings: Bits, words: tuple[Words, Words], since: int) -> tuple[Floats, Bools]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from jld_explore.space.counts import counts
 from jld_explore.space.labelling import (
-    ROUNDING,
     above,
     below,
     block_sizes,
@@ -24,7 +23,6 @@ from jld_explore.space.limits import feasible, within_limits
 from jld_explore.space.search_space import SearchSpace, search_space
 
 __all__ = [
-    "ROUNDING",
     "SearchSpace",
     "above",
     "below",

@@ -23,9 +23,6 @@ from jld_core.geometry import find_planar_contacts
 Packed = NDArray[np.uint8]
 """Labellings as bits, (k, ceil(m / 8)): rows sort as the 0/1 strings do."""
 
-ROUNDING: Final = 1e-9
-"""Relative slack of inclusive bounds on weights and lengths: what sums of decimal numbers may be off."""
-
 _ENTRIES: Final = 1 << 23
 """Entries of one temporary array in `blocks_of`; larger batches are taken in parts."""
 
@@ -188,13 +185,13 @@ def block_sizes(assembly: Assembly, blocks: Ints, extents: bool = True) -> Block
 
 
 def above(values: Floats | Ints, most: float | None) -> Bools:
-    """True where values exceed an inclusive bound, ROUNDING apart; None is no bound."""
-    return np.asarray(values > np.inf if most is None else values > most * (1.0 + ROUNDING))
+    """True where values exceed an inclusive bound, rounding of decimals apart; None is no bound."""
+    return np.asarray(values > np.inf if most is None else values > most * (1.0 + tolerances.DECIMALS))
 
 
 def below(values: Floats | Ints, least: float | None) -> Bools:
-    """True where values fall short of an inclusive bound, ROUNDING apart; None is no bound."""
-    return np.asarray(values < -np.inf if least is None else values < least * (1.0 - ROUNDING))
+    """True where values fall short of an inclusive bound, rounding of decimals apart; None is no bound."""
+    return np.asarray(values < -np.inf if least is None else values < least * (1.0 - tolerances.DECIMALS))
 
 
 def canonical(labellings: Bits, group: Ints) -> Bits:

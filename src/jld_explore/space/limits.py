@@ -48,7 +48,7 @@ def within_limits(space: SearchSpace, labellings: Bits, blocks: Ints) -> Bools:
     """(k,) True where block sizes, number of blocks and number of dry faces are within their limits.
 
     labellings: (k, m); blocks: (k, n), their blocks as `blocks_of` names them. Bounds are inclusive, and
-    lengths and weights may pass them by ROUNDING. A block without a free element has no size.
+    lengths and weights may pass them by `tolerances.DECIMALS`. A block without a free element has no size.
     """
     search = space.search
     sizes = block_sizes(space.assembly, blocks, extents=search.block_extent != [None, None])

@@ -26,6 +26,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Relaxation, Status, has_hull, load_floor
@@ -34,14 +35,14 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch
 from jld_explore.drivers.exact.conflicts import Conflict, conflict_of
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.optimum import PROVEN, Best
+from jld_explore.drivers.exact.optimum import Best
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.exact.record import Record, key_of
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import SearchSpace, canonical, counts
 
-_STEP: Final = 5e-7
+_STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
 _SEARCH: Final = 10
@@ -186,7 +187,7 @@ class Exact(Driver):
                 high = found.high if math.isfinite(found.high) else math.inf
             if math.isfinite(found.zero_dilation):
                 # there may be other solutions without dilation; the associative λ bounds them all
-                high = max(high, found.associative * (1.0 + PROVEN))
+                high = max(high, found.associative * (1.0 + tolerances.PROVEN))
             self._known[np.packbits(labels).tobytes()] = (low, high, count)
         for target, best in self.found.items():
             low = self._incumbent(target)

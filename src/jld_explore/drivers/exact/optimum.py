@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import pandas as pd
 
+from jld_core import tolerances
 from jld_core.limit import Status
-
-PROVEN: Final = 1e-6
-"""Relative distance of bound and incumbent at which the optimum is proven."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +29,13 @@ class Best:
 
     @property
     def proven(self) -> bool:
-        """Nothing is better by more than PROVEN, relative."""
+        """Nothing is better by more than `tolerances.PROVEN`, relative."""
         if self.bound == -math.inf:
             return True
         if not (math.isfinite(self.bound) and math.isfinite(self.load_factor)):
             return False
         size = max(abs(self.bound), abs(self.load_factor), self.floor)
-        return bool(self.bound - self.load_factor <= PROVEN * size)
+        return bool(self.bound - self.load_factor <= tolerances.PROVEN * size)
 
 
 def front(found: Iterable[Best]) -> list[dict[str, Any]]:

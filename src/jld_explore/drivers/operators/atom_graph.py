@@ -17,7 +17,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Ints
-from jld_explore.space import ROUNDING, SearchSpace
+from jld_explore.space import SearchSpace
 
 Parts = list[int]
 """The name of the part of each atom, (atoms,); names are any integers."""
@@ -201,14 +201,14 @@ def limits_of(space: SearchSpace, graph: AtomGraph) -> Limits:
         return least, inf if high is None else high * (1.0 + slack)
 
     low, high = bounds(search.block_cells, 0.0)
-    light, heavy = bounds(search.block_weight, ROUNDING)
+    light, heavy = bounds(search.block_weight, tolerances.DECIMALS)
     per_cell = {w / c for w, c in zip(graph.weight, graph.cells, strict=True) if c}
     if max(per_cell) - min(per_cell) <= 1e-12 * max(per_cell) and max(per_cell) > 0.0:
         unit = max(per_cell)
         low = max(low, ceil(light / unit - 1e-9) if light > 0.0 else low)
         high = min(high, floor(heavy / unit + 1e-9) if heavy < inf else high)
         light, heavy = 0.0, inf
-    short, long = bounds(search.block_extent, ROUNDING)
+    short, long = bounds(search.block_extent, tolerances.DECIMALS)
     return Limits(
         cells=(max(0, int(low)) if low > -inf else 0, high),
         weight=(max(0.0, light), heavy),
