@@ -25,6 +25,7 @@ from jld_core.exchange.options import (
     Notes,
     complete,
     listed,
+    rounded,
     several,
 )
 from jld_core.exchange.paths import Path, flatten
@@ -103,7 +104,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     _support(cells, marks, options, size, tolerance, notes)
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
     document |= {key: value for key, value in drawing.facts.items() if key not in ("loads",)}
-    document["elements"] = [_element(cell) for cell in cells]
+    document["elements"] = [_element(cell, size) for cell in cells]
     if options.thickness is not None or "thickness" not in document:
         document["thickness"] = 1.0 if options.thickness is None else options.thickness
         if options.thickness is None:
@@ -301,11 +302,11 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
         raise InputError("", "all of its elements are supports", "at least one that is free")
 
 
-def _element(cell: _Cell) -> dict[str, Any]:
+def _element(cell: _Cell, size: float) -> dict[str, Any]:
     # corners of neighbours in straight edges were needed to cut, and are no corners of the element
     cell.points = straight(cell.points)
-    points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
-    entry: dict[str, Any] = {"id": cell.name, "polygon": points.tolist()}
+    cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
+    entry: dict[str, Any] = {"id": cell.name, "polygon": rounded(points, size)}
     return entry | ({"support": True} if cell.support else {})
 
 
@@ -322,7 +323,7 @@ def _labels(
             drawn[role].append(shapely.LineString(np.concatenate([points, points[:1]]) if path.closed else points))
     if not any(drawn.values()):
         return {}
-    outlines = [np.array(_element(cell)["polygon"]) for cell in cells]
+    outlines = [cell.points for cell in cells]
     contacts = [c for c in find_planar_contacts(outlines) if not (cells[c.a].support and cells[c.b].support)]
     if not contacts:
         return {}

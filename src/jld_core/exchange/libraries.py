@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from jld_core.errors import InputError
 
-EXTRAS: Final = {"ezdxf": "dxf", "trimesh": "mesh", "svgelements": "svg"}
+EXTRAS: Final = {"ezdxf": "dxf", "meshio": "mesh", "svgelements": "svg"}
 """The extra of this project that brings each library."""
 
 _LARGEST: Final = 256 * 1024 * 1024

@@ -7,8 +7,14 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any, Final
 
+import numpy as np
+
+from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.scene import Scene
+
+_ZERO: Final = 1e-15
+"""Coordinate, relative to the size of what is drawn, that is a zero and its rounding."""
 
 LOWEST: Final = "lowest"
 """The word for supports that are found: whatever touches the lowest point."""
@@ -127,6 +133,12 @@ class Notes:
     def report(self) -> Report:
         """What was noted."""
         return Report(tuple(self.found), tuple(self.snapped), tuple(self.assumed), tuple(self.skipped), self.largest)
+
+
+def rounded(points: Floats, size: float) -> list[list[float]]:
+    """Coordinates as a scene takes them: what rounding left of a zero is zero."""
+    cleaned: list[list[float]] = np.where(np.abs(points) < _ZERO * size, 0.0, points).tolist()
+    return cleaned
 
 
 def several(count: int, word: str, plural: str | None = None) -> str:

@@ -9,12 +9,15 @@ from jld_core.errors import InputError
 from jld_core.exchange.drawing import planar_scene
 from jld_core.exchange.libraries import readable
 from jld_core.exchange.options import Imported, ImportOptions, Notes
+from jld_core.exchange.read_compas import read_compas
 from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
+from jld_core.exchange.read_mesh import read_mesh
 from jld_core.exchange.read_svg import read_svg
+from jld_core.exchange.solids import spatial_scene
 
-KINDS: Final = ("dxf", "csv", "svg")
-"""Endings that can be read."""
+KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
+"""Endings that can be read; json is that of COMPAS."""
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> Imported:
@@ -31,6 +34,10 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         raise InputError(str(path), f"files that end in {path.suffix or 'nothing'!r} are not read", f"one of {known}")
     readable(path)
     try:
+        if ending == "json":
+            return spatial_scene(read_compas(path, notes), options, notes)
+        if ending in ("obj", "ply", "stl"):
+            return spatial_scene(read_mesh(path, notes), options, notes)
         if ending == "dxf":
             drawing = read_dxf(path, options, notes)
         elif ending == "svg":

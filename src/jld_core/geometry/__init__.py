@@ -14,7 +14,7 @@ from jld_core.geometry.planar_contacts import (
 from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.geometry.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
 from jld_core.geometry.snapping import Snapped, merge_points, snap_paths, snap_polygons, straight
-from jld_core.geometry.snapping_solids import SnappedSolids, parts_of, snap_solids
+from jld_core.geometry.snapping_solids import SnappedSolids, snap_solids
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     find_spatial_contacts,
@@ -43,7 +43,6 @@ __all__ = [
     "near_misses",
     "near_pairs",
     "near_solids",
-    "parts_of",
     "planar_interfaces",
     "rectangle_torsion_length",
     "refuse_overlaps",

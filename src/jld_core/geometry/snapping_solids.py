@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
@@ -67,7 +65,7 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
     place = _onto_planes(place, loops, group, normal, origin, tolerance)
     moved = place[node]
     shift = np.linalg.norm(moved - points, axis=1)
-    shared = np.bincount(group, minlength=1)
+    shared = np.bincount(group[group >= 0], minlength=1)
     return SnappedSolids(
         [moved[a:b] for a, b in itertools.pairwise(start)],
         float(shift.max(initial=0.0)),
@@ -89,13 +87,14 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
         middle[k], lower[k], upper[k] = corners.mean(axis=0), corners.min(axis=0), corners.max(axis=0)
     area = np.linalg.norm(vector, axis=1)
     normal = vector / np.where(area == 0.0, 1.0, area)[:, None]
+    own = np.array([np.abs((place[loop] - middle[k]) @ normal[k]).max() for k, loop in enumerate(loops)])
     one, two = near_pairs(lower, upper, np.full(len(loops), tolerance))
     swap = area[one] < area[two]
     one, two = np.where(swap, two, one), np.where(swap, one, two)
     cosine = np.einsum("ij,ij->i", normal[one], normal[two])
     # between solids faces look at each other or go on, within one they go on
     facing = np.where(solid[one] == solid[two], cosine, np.abs(cosine))
-    kept = (facing > _FLAT) & (area[two] > 0.0)
+    kept = (facing > _FLAT) & (area[two] > 0.0) & (own[one] <= tolerance)
     one, two = one[kept], two[kept]
     off = np.array(
         [
@@ -123,6 +122,8 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
                     group[other] = len(origins)
                     pending.append(other)
         origins.append(seed)
+    # what is no plane by far puts nothing anywhere
+    group[own > tolerance] = -1
     return group, normal[origins], middle[origins]
 
 
@@ -133,6 +134,7 @@ def _onto_planes(
     count = np.array([len(loop) for loop in loops])
     node = np.concatenate(loops)
     pairs = np.unique(np.column_stack([node, np.repeat(group, count)]), axis=0)
+    pairs = pairs[pairs[:, 1] >= 0]
     first = np.searchsorted(pairs[:, 0], np.arange(len(place) + 1))
     moved = place.copy()
     for k in range(len(place)):
@@ -145,26 +147,3 @@ def _onto_planes(
         if np.linalg.norm(step) <= _FAR * tolerance:
             moved[k] = place[k] + step
     return moved
-
-
-def parts_of(points: Floats, triangles: Ints, tolerance: float) -> Ints:
-    """(f,) connected part of each face of a mesh, numbered by first appearance; corners within the tolerance are one.
-
-    points: (n, 3). triangles: (f, 3) indices of points.
-    """
-    node = merge_points(points, tolerance)
-    corner = node[triangles]
-    size = int(node.max()) + 1
-    links = coo_array(
-        (
-            np.ones(2 * len(corner)),
-            (np.concatenate([corner[:, 0], corner[:, 1]]), np.concatenate([corner[:, 1], corner[:, 2]])),
-        ),
-        shape=(size, size),
-    )
-    _, part = connected_components(links, directed=False)
-    of_face = part[corner[:, 0]]
-    _, first, inverse = np.unique(of_face, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse]

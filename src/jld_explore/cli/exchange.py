@@ -21,7 +21,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 def import_command(
-    file: Annotated[Path, typer.Argument(help="DXF, SVG or CSV file.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="DXF, SVG, CSV, OBJ, PLY, STL or COMPAS JSON file.", show_default=False)],
     out: Out,
     support: Annotated[
         list[str] | None, typer.Option(help="Layer of supports, or: lowest. May be given again.")

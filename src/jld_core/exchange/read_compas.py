@@ -1,0 +1,140 @@
+"""COMPAS JSON → solids: assemblies of compas_assembly and compas_cra, models of compas_dem. COMPAS is not needed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path as File
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import MOST
+from jld_core.exchange.libraries import text_of
+from jld_core.exchange.options import Notes
+from jld_core.exchange.solids import Part, Solids
+
+FACTS: Final = "jld"
+"""Attribute of an assembly that jld wrote: the keys of the scene that COMPAS has no place for."""
+
+_KEYS: Final = ("units", "materials", "loads", "labels", "search", "source", "notes")
+_ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
+
+
+def read_compas(path: File, notes: Notes) -> Solids:
+    """Blocks, supports and interfaces of a COMPAS file.
+
+    Raises InputError: no JSON, or nothing in it that is an assembly.
+    """
+    try:
+        document = json.loads(text_of(path), parse_constant=_refuse)
+    except json.JSONDecodeError as error:
+        raise InputError("", f"it is not JSON (line {error.lineno}, column {error.colno})", "COMPAS JSON") from None
+    except RecursionError:
+        raise InputError("", "it is nested too deeply", "COMPAS JSON") from None
+    try:
+        data = _data(document)
+        graph = _data(data["graph"])
+        if "elements" in data:
+            parts, of_node = _elements(data["elements"], graph)
+        else:
+            parts, of_node = _nodes(graph)
+        contacts = list(_contacts(graph, of_node))
+        facts = _data(data.get("attributes") or {}).get(FACTS) or {}
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        what = f"{type(error).__name__}: {error}"[:80]
+        raise InputError("", f"it is no COMPAS assembly ({what})", "an assembly or a block model") from error
+    kind = document.get("dtype", "?") if isinstance(document, dict) else "?"
+    notes.found.append(f"{kind} of {len(parts)} blocks")
+    name = str(facts.get("name") or (data.get("attributes") or {}).get("name") or data.get("name") or path.stem)
+    if facts.get("interfaces"):
+        contacts = []
+    keys = {key: facts[key] for key in (*_KEYS, "interfaces") if key in facts}
+    return Solids(parts, contacts, keys, name)
+
+
+def _refuse(name: str) -> float:
+    raise InputError("", f"it holds the number {name}", "finite numbers only")
+
+
+def _data(value: Any) -> dict[str, Any]:
+    """The data of an object, or of the envelope it is sent in."""
+    inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
+    if not isinstance(inner, dict):
+        raise InputError("", "it holds no object where COMPAS has one", "an assembly or a block model")
+    return inner
+
+
+def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
+    """Blocks at the nodes of a graph, as compas_assembly and compas_cra have them."""
+    default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
+    parts, names = [], {}
+    nodes = graph["node"].items()
+    if len(nodes) > MOST:
+        raise InputError("", f"it has {len(nodes)} blocks", f"at most {MOST}")
+    for key, attributes in sorted(nodes, key=lambda item: (len(item[0]), item[0])):
+        block = attributes["block"]
+        if block is None:
+            raise InputError(f"node {key}", "it holds no block", "a mesh at every node")
+        names[key] = str(attributes.get("name") or _data(block).get("attributes", {}).get("name") or f"b{key}")
+        support = bool(attributes.get("is_support", default))
+        keys = {name: attributes[name] for name in _ELEMENT if attributes.get(name) is not None and name != "block"}
+        if attributes.get("block_name"):
+            keys["block"] = str(attributes["block_name"])
+        parts.append(_part(names[key], key, _data(block), support, keys, None))
+    return _unique(parts, names)
+
+
+def _elements(elements: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
+    """Elements of a model, as compas_dem has them, and the nodes of its graph that stand for them."""
+    node_of = {str(attributes.get("element")): key for key, attributes in graph["node"].items()}
+    parts, names = [], {}
+    for number, (guid, element) in enumerate(elements.items()):
+        data = _data(element)
+        key = node_of.get(guid, str(number))
+        names[key] = f"b{key}"
+        move = data.get("transformation")
+        matrix = None if move is None else np.array(_data(move)["matrix"], dtype=float)
+        parts.append(_part(names[key], key, _data(data["geometry"]), bool(data.get("is_support", False)), {}, matrix))
+    return _unique(parts, names)
+
+
+def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[str, str]]:
+    if len({part.name for part in parts}) == len(parts):
+        return parts, names
+    # names that are not one's own are no names
+    numbered = {key: f"b{key}" for key in names}
+    return [
+        Part(numbered[part.group], part.group, part.vertices, part.faces, part.support, part.keys) for part in parts
+    ], numbered
+
+
+def _part(
+    name: str, key: str, mesh: dict[str, Any], support: bool, keys: dict[str, Any], matrix: Floats | None
+) -> Part:
+    vertex, face = mesh["vertex"], mesh["face"]
+    number = {label: k for k, label in enumerate(vertex)}
+    points = np.array([[v[axis] for axis in "xyz"] for v in vertex.values()], dtype=float).reshape(-1, 3)
+    if matrix is not None:
+        points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    loops = face.values() if isinstance(face, dict) else face
+    faces = tuple(tuple(number[str(index)] for index in loop) for loop in loops)
+    if not faces:
+        raise InputError(f"node {key}", "its block has no faces", "a closed mesh")
+    return Part(name, key, points, faces, support, keys)
+
+
+def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
+    """Interfaces along the edges: name, name, corners; those of two corners or none are no plane contacts."""
+    for u, others in graph.get("edge", {}).items():
+        for v, attributes in others.items():
+            faces = attributes.get("interfaces") or attributes.get("contacts") or []
+            if not faces and attributes.get("interface"):
+                faces = [attributes["interface"]]
+            for face in faces:
+                corners = [p["data"] if isinstance(p, dict) else p for p in _data(face).get("points") or []]
+                if len(corners) > 2:
+                    yield names[u], names[v], np.array(corners, dtype=float)

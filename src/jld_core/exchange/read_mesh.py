@@ -1,0 +1,159 @@
+"""OBJ and PLY, by meshio, and STL → solids: one for each group, named solid or closed part.
+
+meshio and not trimesh, by measurement (benchmarks/results/exchange.md): it keeps faces of any number of corners, where
+trimesh cuts them into fans, which is wrong for faces that are not convex.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from itertools import accumulate
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import MOST
+from jld_core.exchange.libraries import library, readable
+from jld_core.exchange.options import Notes
+from jld_core.exchange.solids import Part, Solids, split
+from jld_core.geometry import Faces
+
+
+def read_mesh(path: File, notes: Notes) -> Solids:
+    """Solids of a mesh file.
+
+    Raises InputError: broken, without meshio, or with counts past all reason.
+    """
+    meshio = library("meshio", path)
+    kind = path.suffix.lower().lstrip(".")
+    data = readable(path).read_bytes()
+    _refuse_counts(kind, data)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its overflow where a text is taken for a count
+            read = {"obj": _obj, "ply": _ply, "stl": _stl}[kind]
+            points, groups = read(meshio, path, data)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a parser trips over in a file that is broken
+        what = " ".join(str(error).split()) or type(error).__name__
+        kind = kind.upper()
+        raise InputError("", f"it is no {kind} that can be read ({what[:120]})", f"a file in {kind}") from error
+    if sum(len(faces) for _, faces in groups) > MOST:
+        raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
+    if not np.isfinite(points).all():
+        raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
+    parts = [part for name, faces in groups for part in _parts(name, points, faces)]
+    if not parts:
+        raise InputError("", "it holds no faces", "closed surfaces, one for each block")
+    notes.found.append(f"{len(groups)} groups" if len(groups) > 1 else "one group, by closed part")
+    return Solids(parts, name=path.stem)
+
+
+def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
+    if not faces:
+        return []
+    top = max(max(loop) for loop in faces)
+    if top >= len(points) or min(min(loop) for loop in faces) < 0:
+        raise InputError(f"group {name!r}" if name else "", f"a face names vertex {top + 1}", f"1 to {len(points)}")
+    used = sorted({index for loop in faces for index in loop})
+    number = {old: new for new, old in enumerate(used)}
+    loops = tuple(tuple(number[index] for index in loop) for loop in faces)
+    solids = split(points[used], loops, 1e-9 * float(np.ptp(points[used], axis=0).max()))
+    return [
+        Part(
+            name if len(solids) == 1 and name else f"{name or 'b'}.{k + 1}" if name else f"b{k + 1}",
+            name,
+            points[used],
+            tuple(loops[face] for face in solid.tolist()),
+        )
+        for k, solid in enumerate(solids)
+    ]
+
+
+def _cells(mesh: Any) -> list[tuple[int, ...]]:
+    """Faces of three and more corners, in the order of the file."""
+    kept = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad", "polygon")]
+    return [tuple(loop) for loops in kept for loop in loops]
+
+
+def _obj(meshio: Any, path: File, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+    text = _absolute(data.decode("utf-8", "replace"))
+    # objects are groups too, and what stands before the first is one without a name
+    text = "g \n" + re.sub(r"(?m)^o(?=\s)", "g", text)
+    mesh = meshio.obj._obj.read_buffer(io.StringIO(text))
+    names = [name.strip() for name in re.findall(r"(?m)^[ \t]*g(?=\s)[ \t]*(.*?)[ \t]*\r?$", text)]
+    which = [number for block in mesh.cell_data["obj:group_ids"] for number in block]
+    faces: dict[str, list[tuple[int, ...]]] = {}
+    for loop, group in zip(_cells(mesh), which, strict=True):
+        faces.setdefault(names[group], []).append(loop)
+    points = np.asarray(mesh.points, dtype=float)
+    points = points[:, :3] if points.ndim == 2 and points.shape[1] >= 3 else np.zeros((0, 3))
+    return points, [(name, tuple(loops)) for name, loops in faces.items()]
+
+
+def _absolute(text: str) -> str:
+    """An OBJ text with faces that count corners backwards made to count from the first."""
+    if not re.search(r"(?m)^f.*[ \t]-\d", text):
+        return text
+    lines, seen = [], 0
+    for line in text.splitlines():
+        seen += line.startswith("v ")
+        if line.startswith("f "):
+            corners = [int(word.split("/")[0]) for word in line.split()[1:]]
+            line = "f " + " ".join(str(c if c > 0 else seen + 1 + c) for c in corners)
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _ply(meshio: Any, path: File, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+    mesh = meshio.ply._ply.read_buffer(io.BytesIO(data))
+    return np.asarray(mesh.points, dtype=float), [("", tuple(_cells(mesh)))]
+
+
+def _stl(meshio: Any, path: File, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+    """Triangles as they stand; meshio would lose the names, and some files that trimesh writes."""
+    if _is_binary(data):
+        record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+        points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)
+        return points, [("", _triples(0, len(points)))]
+    text = data.decode("utf-8", "replace")
+    heads = [(m.start(), m.group(1).strip()) for m in re.finditer(r"(?m)^[ \t]*solid\b[ \t]*(.*?)\r?$", text)]
+    ends = [*(start for start, _ in heads[1:]), len(text)]
+    words = [re.findall(r"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text[a:b]) for (a, _), b in zip(heads, ends, strict=True)]
+    whole = 3 * text.count("endfacet")
+    if sum(map(len, words)) != whole:
+        raise InputError(
+            "", f"it holds {sum(map(len, words))} corners and {whole // 3} whole triangles", "a whole file"
+        )
+    stops = [0, *accumulate(map(len, words))]
+    points = np.array([corner for solid in words for corner in solid], dtype=float).reshape(-1, 3)
+    return points, [(name, _triples(a, b)) for (_, name), a, b in zip(heads, stops, stops[1:], strict=False)]
+
+
+def _triples(begin: int, end: int) -> Faces:
+    return tuple((k, k + 1, k + 2) for k in range(begin, end, 3))
+
+
+def _is_binary(data: bytes) -> bool:
+    return len(data) >= 84 and 84 + 50 * int.from_bytes(data[80:84], "little") == len(data)
+
+
+def _refuse_counts(kind: str, data: bytes) -> None:
+    """Compare what a header promises with what is there, before memory is taken for it."""
+    size = len(data)
+    if kind == "ply":
+        head = data[: data.find(b"end_header")] if b"end_header" in data[:65536] else b""
+        counts = [int(number) for number in re.findall(rb"element\s+\w+\s+(\d{1,18})", head)]
+        if not head.lower().startswith(b"ply") or not counts:
+            raise InputError("", "it has no PLY header", "ply … end_header")
+        if sum(counts) > size:
+            raise InputError("", f"its header promises {sum(counts)} entries in {size} bytes", "a whole file")
+    if kind == "stl" and not _is_binary(data) and not data[:512].lstrip().lower().startswith(b"solid"):
+        count = int.from_bytes(data[80:84], "little") if size >= 84 else -1
+        raise InputError("", f"its header promises {count} triangles in {size} bytes", "a whole file")

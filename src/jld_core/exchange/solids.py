@@ -1,0 +1,293 @@
+"""From meshes to spatial elements: parts, snapped, their triangles merged to plane faces, supports by name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
+from jld_core.errors import InputError
+from jld_core.exchange.drawing import MOST, check_supports
+from jld_core.exchange.options import (
+    LOWEST,
+    METRES,
+    SNAP,
+    Imported,
+    ImportOptions,
+    Notes,
+    complete,
+    listed,
+    rounded,
+    several,
+)
+from jld_core.geometry import Faces, facets_of, find_spatial_contacts, merge_points, near_pairs, snap_solids
+from jld_core.geometry import solids as closed_solids
+
+
+@dataclass(frozen=True)
+class Part:
+    """One solid as a file holds it. group: what its support is told by. keys: more keys of its element."""
+
+    name: str
+    group: str
+    vertices: Floats
+    faces: Faces
+    support: bool = False
+    keys: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Solids:
+    """What a file holds. contacts: (name, name, corners) where it gives interfaces. facts: keys of a scene."""
+
+    parts: list[Part]
+    contacts: list[tuple[str, str, Floats]] = field(default_factory=list)
+    facts: dict[str, Any] = field(default_factory=dict)
+    name: str = "solids"
+
+
+def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Imported:
+    """A spatial scene out of solids.
+
+    Raises InputError: no solid, one that is not closed, no support, or past all reason.
+    """
+    parts = found.parts
+    if not parts:
+        raise InputError("", "it holds no solid", "closed surfaces, one for each block")
+    if sum(len(part.faces) + len(part.vertices) for part in parts) > 4 * MOST:
+        raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
+    scale = METRES[options.unit] if options.unit is not None else 1.0
+    names = _names([part.name for part in parts])
+    vertices = [scale * part.vertices for part in parts]
+    every = np.concatenate(vertices)
+    if not np.isfinite(every).all():
+        raise InputError("", "it holds a coordinate that is no number", "finite numbers only")
+    size = float(np.ptp(every, axis=0).max())
+    if not 1e-12 <= size <= 1e12:
+        raise InputError("", f"it is {size:g} large, out of range", "from 1e-12 to 1e+12")
+    tolerance = SNAP * size if options.tolerance is None else options.tolerance
+    snapped = snap_solids(vertices, [part.faces for part in parts], tolerance)
+    notes.largest = snapped.largest
+    if snapped.moved:
+        moved = several(snapped.moved, "vertex", "vertices")
+        notes.snapped.append(f"{moved}, by at most {snapped.largest:.3g}; tolerance {tolerance:.3g}")
+    kept = [_without_slivers(v, part.faces) for v, part in zip(snapped.vertices, parts, strict=True)]
+    bent = sum(map(len, kept))
+    kept = [_flat(v, loops) for v, loops in zip(snapped.vertices, kept, strict=True)]
+    if sum(map(len, kept)) > bent:
+        notes.found.append("faces that are no planes are cut into triangles, the same on both sides")
+    whole, faces, volume, _ = closed_solids(names, snapped.vertices, kept)
+    turned = sum(a != b for a, b in zip(faces, kept, strict=True))
+    notes.skip("surfaces", turned, "they were inside out or mended, and are turned outward")
+    given = sum(len(part.faces) for part in parts)
+    whole, faces = _merged(whole, faces)
+    if (now := sum(map(len, faces))) < given:
+        notes.found.append(f"{given} faces merged to {now} plane ones")
+    low = min(float(v[:, 2].min()) for v in whole)
+    supports = [
+        part.support
+        or options.role(part.group) == "support"
+        or (LOWEST in options.support and float(v[:, 2].min()) <= low + max(tolerance, 1e-9 * size))
+        for part, v in zip(parts, whole, strict=True)
+    ]
+    if LOWEST in options.support:
+        chosen = (name for name, support in zip(names, supports, strict=True) if support)
+        notes.found.append(f"supports where the lowest point is: {listed(chosen)}")
+    check_supports(supports, options)
+    document: dict[str, Any] = {"name": found.name, **found.facts}
+    document["elements"] = [
+        {
+            "id": name,
+            "vertices": rounded(v, size),
+            "faces": [list(loop) for loop in loops],
+            **part.keys,
+            **({"support": True} if support else {}),
+        }
+        for name, v, loops, support, part in zip(names, whole, faces, supports, parts, strict=True)
+    ]
+    if found.contacts:
+        document["interfaces"] = _given(
+            found.contacts, dict(zip((p.name for p in parts), names, strict=True)), scale, size
+        )
+        notes.found.append(f"{several(len(found.contacts), 'interface')} as the file gives them")
+    else:
+        _say_contacts(whole, faces, notes)
+    if options.unit is None and "units" not in document:
+        notes.assumed.append("lengths in m: the file names no unit, give --unit")
+    free = len(parts) - sum(supports)
+    counted = f"{several(free, 'element')} and {several(sum(supports), 'support')}"
+    notes.found.insert(0, f"{counted}, volume {volume.sum():.6g}")
+    return Imported(complete(document, options, notes, dimension=3), notes.report())
+
+
+def _names(given: Sequence[str]) -> list[str]:
+    """Names that are not empty and used once each."""
+    taken: set[str] = set()
+    names = []
+    for number, name in enumerate(given):
+        base = name.strip() or f"b{number}"
+        fresh, k = base, 1
+        while fresh in taken:
+            k += 1
+            fresh = f"{base}.{k}"
+        taken.add(fresh)
+        names.append(fresh)
+    return names
+
+
+def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
+    """Faces less those that snapping has made a line or a point, with corners that fell together taken once."""
+    node = merge_points(vertices, 0.0)
+    first = np.unique(node, return_index=True)[1]
+    kept = []
+    for loop in faces:
+        named = [int(first[node[index]]) for index in loop]
+        short = tuple(index for position, index in enumerate(named) if index != named[position - 1])
+        if len(set(short)) > 2:
+            kept.append(short)
+    return tuple(kept)
+
+
+def _flat(vertices: Floats, faces: Faces) -> Faces:
+    """Faces with those that are no plane cut into triangles, from the same corners whichever solid they belong to."""
+    found: list[tuple[int, ...]] = []
+    for loop in faces:
+        corners = vertices[list(loop)]
+        arm = corners - corners[0]
+        normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+        length = float(np.linalg.norm(normal))
+        off = np.abs((corners - corners.mean(axis=0)) @ normal).max() / length if length > 0.0 else 0.0
+        if len(loop) == 3 or off <= 0.1 * tolerances.FACE * float(np.ptp(corners, axis=0).max()):
+            found.append(loop)
+            continue
+        first = _apex(corners)
+        turned = loop[first:] + loop[:first]
+        found += [(turned[0], turned[k], turned[k + 1]) for k in range(1, len(turned) - 1)]
+    return tuple(found)
+
+
+def _apex(corners: Floats) -> int:
+    """The corner a bent face is cut from: an end of the shorter diagonal of four, else the first in space."""
+    order = np.lexsort(corners.T)
+    if len(corners) != 4:
+        return int(order[0])
+    diagonals = [float(np.linalg.norm(corners[k] - corners[k + 2])) for k in (0, 1)]
+    if abs(diagonals[0] - diagonals[1]) <= 1e-9 * max(diagonals):
+        return int(order[0])
+    return int(np.argmin(diagonals))
+
+
+def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
+    """Solids with one face for every plane piece of their surface, where that piece has no hole."""
+    facets = facets_of(list(vertices), list(faces))
+    start = np.searchsorted(facets.element, np.arange(len(vertices) + 1))
+    merged_vertices, merged_faces = [], []
+    for k, (points, loops) in enumerate(zip(vertices, faces, strict=True)):
+        pieces = facets.loops[start[k] : start[k + 1]]
+        if any(len(piece) > 1 for piece in pieces):
+            used = sorted({index for loop in loops for index in loop})
+            rename = {old: new for new, old in enumerate(used)}
+            merged_vertices.append(points[used])
+            merged_faces.append(tuple(tuple(rename[index] for index in loop) for loop in loops))
+            continue
+        place: dict[tuple[float, ...], int] = {}
+        outlines = tuple(
+            tuple(place.setdefault(tuple(corner), len(place)) for corner in piece[0].tolist()) for piece in pieces
+        )
+        merged_vertices.append(np.array(list(place)))
+        merged_faces.append(outlines)
+    return merged_vertices, merged_faces
+
+
+def _given(
+    contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
+) -> list[dict[str, Any]]:
+    """Interfaces as a scene states them, their corners put into the plane that fits them best."""
+    entries = []
+    for a, b, corners in contacts:
+        points = scale * corners
+        middle = points.mean(axis=0)
+        normal = np.linalg.svd(points - middle)[2][2]
+        flat = points - np.outer((points - middle) @ normal, normal)
+        entries.append({"elements": [names[a], names[b]], "polygon": rounded(flat, size)})
+    return entries
+
+
+def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> None:
+    """Say which pairs touch in several places: curved contacts as facets, which labels of a pair hold together."""
+    lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
+    pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
+    contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
+    of_pair: dict[tuple[int, int], int] = {}
+    for contact in contacts:
+        of_pair[contact.a, contact.b] = of_pair.get((contact.a, contact.b), 0) + 1
+    many = [count for count in of_pair.values() if count > 1]
+    notes.found.append(f"{several(len(contacts), 'contact')} of {several(len(of_pair), 'pair')}")
+    if many:
+        verb = "touches" if len(many) == 1 else "touch"
+        held = "a label given to the pair holds for all of them"
+        notes.found.append(f"{several(len(many), 'pair')} {verb} along {sum(many)} facets: {held}")
+
+
+def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
+    """Faces of a mesh by solid: (k,) numbers of faces each.
+
+    Solids are what is connected by its corners' numbers, where that is closed. In a file without numbers a surface that
+    closes before the file goes on is a solid, so that blocks that touch stay apart; else what touches is connected.
+    Raises InputError where solids that touch cannot be told apart.
+    """
+    loose = _connected(faces)
+    if all(_closed(faces, part) for part in loose):
+        return loose
+    node = merge_points(points, tolerance).tolist()
+    named = tuple(tuple(node[index] for index in loop) for loop in faces)
+    closing: list[Ints] = []
+    open_edges: set[tuple[int, int]] = set()
+    begin = 0
+    for number, loop in enumerate(named):
+        for edge in _edges(loop):
+            open_edges ^= {edge}
+        if not open_edges:
+            closing.append(np.arange(begin, number + 1))
+            begin = number + 1
+    if begin == len(named) and all(_closed(named, part) for part in closing):
+        return closing
+    touching = _connected(named)
+    for part in touching:
+        if max(_uses(named, part).values()) > 3:
+            raise InputError(
+                "", "solids that touch share their corners and cannot be told apart", "a group or a name for each solid"
+            )
+    return touching
+
+
+def _edges(loop: Sequence[int]) -> list[tuple[int, int]]:
+    return [(min(a, b), max(a, b)) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True)]
+
+
+def _connected(faces: Faces) -> list[Ints]:
+    """Faces that share corners, by parts in order of their first face."""
+    start = np.repeat([loop[0] for loop in faces], [len(loop) for loop in faces])
+    end = np.array([index for loop in faces for index in loop])
+    size = int(end.max()) + 1
+    links = coo_array((np.ones(len(end)), (start, end)), shape=(size, size))
+    _, label = connected_components(links, directed=False)
+    part = label[[loop[0] for loop in faces]]
+    _, first = np.unique(part, return_index=True)
+    return [np.flatnonzero(part == part[k]) for k in np.sort(first).tolist()]
+
+
+def _uses(faces: Faces, part: Ints) -> Counter[tuple[int, int]]:
+    """How often each edge of some faces is used."""
+    return Counter(edge for k in part.tolist() for edge in _edges(faces[k]))
+
+
+def _closed(faces: Faces, part: Ints) -> bool:
+    return len(part) > 3 and set(_uses(faces, part).values()) == {2}
