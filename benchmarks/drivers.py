@@ -59,7 +59,7 @@ def known(name: str) -> Known:
     rows = np.concatenate([rows for rows, _ in Enumeration(space).batches()])
     table = {key: solver.evaluate(labels) for key, labels in zip(keys(rows), rows, strict=True)}
     values = load_factors(list(table.values()))
-    front = on_front(values, counts(assembly, rows, space.graph).dry_faces.astype(float), "max")
+    front = on_front(values, counts(assembly, rows, space.graph)["dry_faces"].astype(float), "max")
     return Known(name, space, table, float(np.nanmax(values)), frozenset(np.array(list(table))[front].tolist()))
 
 

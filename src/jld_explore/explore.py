@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     pass
 
 SMALL = 20_000
-"""Classes up to which a space is enumerated when no driver is named."""
+"""Classes up to which a space is enumerated when no driver is named, as `ExploreSettings.small`."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class ExploreSettings:
     """How to search. driver: a name, or None to choose. budget: classes; seconds: time limit; seed, jobs as said.
 
     resume: go on with a folder that holds a study. certificates: let past solves settle labellings. pictures: draw
-    what was found at the end. strict: take what is possible but hardly meant as an error.
+    what was found at the end. strict: take what is possible but hardly meant as an error. small: classes up to which a
+    space is counted beforehand, and enumerated where no driver is named; 0: not counted.
     """
 
     driver: str | None = None
@@ -41,6 +42,7 @@ class ExploreSettings:
     certificates: bool = False
     pictures: bool = True
     strict: bool = False
+    small: int = SMALL
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -128,7 +130,7 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[str, i
     """
     if settings.driver is not None and settings.driver not in DRIVERS:
         raise InputError("--driver", f"no driver is named {settings.driver!r}", "one of " + ", ".join(DRIVERS))
-    known = size_up_to(space, SMALL)
+    known = size_up_to(space, settings.small) if settings.small else None
     if known == 0:
         raise _nothing_to_search()
     return settings.driver or ("enumeration" if known is not None else "genetic"), known

@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 import json
 import random
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ import pytest
 from cases import grid_document
 from command import Outcome, call, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
+from jld_explore import ExploreSettings, explore
 from jld_explore.report import assembly as described
 from jld_explore.space import search_space
 
@@ -534,18 +534,12 @@ def test_constraints_that_parity_forbids(
     assert not out.exists()
 
 
-def test_a_space_that_turns_out_empty_leaves_nothing_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_space_that_turns_out_empty_leaves_nothing_behind(tmp_path: Path) -> None:
     """Where the space is too large to be seen through beforehand, the end of the search is the same."""
-    file, out = tmp_path / "scene.json", tmp_path / "out"
-    rows = DOMINOES["two corners of one colour gone"]
-    file.write_text(json.dumps(grid_document(rows, block_cells=[2, 2])))
-    monkeypatch.setattr(sys.modules["jld_explore.explore"], "size_up_to", lambda *_: None)
-    outcome = call(
-        monkeypatch, capsys, "explore", file, "--out", out, "--driver", "enumeration", "--jobs", "1", "--json"
-    )
-    complaint(outcome, f"jld: {file}: search: ", "no labelling satisfies the constraints")
+    scene = parse_scene(grid_document(DOMINOES["two corners of one colour gone"], block_cells=[2, 2]))
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match="search: no labelling satisfies the constraints"):
+        explore(scene, out, ExploreSettings(driver="enumeration", small=0))
     assert not out.exists()
 
 

@@ -93,23 +93,23 @@ def test_counts_leave_supports_out() -> None:
     space = space_of(["ab", "cd", "##"], candidates="all+supports")
     texts = ("", "c0r0-c1r0 c0r0-c0r1 c0r1-c0r2 c1r1-c1r2", "c0r1-c0r2 c1r1-c1r2")
     found = counts(space.assembly, batch(space, *texts), space.graph)
-    assert found.dry_faces.tolist() == [0, 2, 0]
-    assert found.dry_length.tolist() == pytest.approx([0, 0.2, 0])
-    assert found.blocks.tolist() == [1, 2, 1]
-    assert found.largest_block_cells.tolist() == [4, 3, 4]
-    assert np.array_equal(counts(space.assembly, batch(space, *texts)).blocks, found.blocks)
+    assert found["dry_faces"].tolist() == [0, 2, 0]
+    assert found["dry_length"].tolist() == pytest.approx([0, 0.2, 0])
+    assert found["blocks"].tolist() == [1, 2, 1]
+    assert found["largest_block_cells"].tolist() == [4, 3, 4]
+    assert np.array_equal(counts(space.assembly, batch(space, *texts))["blocks"], found["blocks"])
 
 
 def test_counts_of_blocks_around_supports() -> None:
     space = space_of(["a#b"], candidates="all+supports")
     found = counts(space.assembly, np.array([from_string("00"), from_string("01"), from_string("11")]))
-    assert found.blocks.tolist() == [1, 2, 2]
-    assert found.largest_block_cells.tolist() == [2, 1, 1]
-    assert found.dry_faces.tolist() == [0, 0, 0]
+    assert found["blocks"].tolist() == [1, 2, 2]
+    assert found["largest_block_cells"].tolist() == [2, 1, 1]
+    assert found["dry_faces"].tolist() == [0, 0, 0]
 
 
 def test_no_rows() -> None:
     space = space_of(ROWS)
     none = np.empty((0, len(space.fixed)), dtype=bool)
     assert feasible(space, none).shape == (0,)
-    assert counts(space.assembly, none).blocks.shape == (0,)
+    assert counts(space.assembly, none)["blocks"].shape == (0,)

@@ -15,7 +15,7 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
-from jld_explore.space import blocks_of, connectivity, labelling, slits
+from jld_explore.space import block_sizes, blocks_of, connectivity, labelling, slits
 
 
 def plain_blocks(assembly: Assembly, labels: Bits, touching: list[tuple[int, int]]) -> list[int]:
@@ -128,8 +128,8 @@ def test_canonical_is_the_smallest_image(faces: int, seed: int) -> None:
 def test_sizes_count_free_elements_only() -> None:
     assembly = grid_assembly(["ab", "cd", "##"])
     labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
-    sizes = labelling.block_sizes(assembly, blocks_of(connectivity(assembly), labels))
+    sizes = block_sizes(assembly, blocks_of(connectivity(assembly), labels))
     weight = 1400 * 9.81 * 0.1**3
-    assert sizes.cells[0].tolist() == [4, 0, 0, 0, 0, 0]
-    assert sizes.weight[0, 0] == pytest.approx(4 * weight)
-    assert sizes.extent[0, 0] == pytest.approx(0.2)
+    assert sizes["block_cells"][0].tolist() == [4, 0, 0, 0, 0, 0]
+    assert sizes["block_weight"][0, 0] == pytest.approx(4 * weight)
+    assert sizes["block_extent"][0, 0] == pytest.approx(0.2)

@@ -133,7 +133,7 @@ def test_what_each_operator_does() -> None:
     halves = [name if not left else -1 for name, left in zip(whole, west, strict=True)]
 
     def blocks(part: Any) -> int:
-        return int(counts(space.assembly, tools.labels([part])).blocks[0])
+        return int(counts(space.assembly, tools.labels([part]))["blocks"][0])
 
     assert (blocks(whole), blocks(halves)) == (1, 2)
     assert tools.merge(whole, chance) is None  # no joint to merge across

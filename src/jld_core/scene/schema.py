@@ -229,7 +229,7 @@ Sizes = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
 
 
 class Front(_Part):
-    count: Literal["dry_faces", "dry_length", "blocks"] = "dry_faces"
+    count: Annotated[str, Field(min_length=1)] = "dry_faces"
     sense: Literal["max", "min"] = "max"
 
 

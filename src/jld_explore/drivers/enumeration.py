@@ -17,10 +17,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Ints
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation import Evaluation
-from jld_explore.space import SearchSpace, above, below, representatives, within_limits
+from jld_explore.space import SearchSpace, representatives
 
 Names = NDArray[np.unsignedinteger[Any]]
 
@@ -50,7 +50,8 @@ class _Frontier:
     """Rows at one level, as columns of arrays.
 
     block: (n, r) name of each place's block, its smallest place. label: (c, r) decided labels, only where
-    they do not follow from the blocks. closed: (r,) blocks that can no longer grow. dry: (r,) dry faces.
+    they do not follow from the blocks. closed: (r,) blocks that can no longer grow. dry: (c, r) dry faces, as each
+    limit on a number of faces counts them.
     """
 
     level: int
@@ -60,7 +61,7 @@ class _Frontier:
     dry: Ints
 
     def take(self, rows: Ints | slice) -> _Frontier:
-        return _Frontier(self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[rows])
+        return _Frontier(self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[:, rows])
 
 
 class Enumeration(Driver):
@@ -88,11 +89,15 @@ class Enumeration(Driver):
         walls = ends[~space.candidates & space.fixed]
         self._decided = np.concatenate([walls, self._ends])
         self._walls = len(walls)
-        self._counted = space.assembly.free_faces[self._faces]
-        self._dry_at_start = int((space.assembly.free_faces & ~space.candidates & space.fixed).sum())
-        free = self._order[: self._free]
-        self._weight = np.linalg.norm(elements.weight[free], axis=1)
-        self._corner = np.hstack([elements.upper[free], -elements.lower[free]])
+        self._limits, on_terms = space.limits, space.limits.on_terms
+        self._sized = self._limits.sized.take(self._order[: self._free])
+        on_faces = [(terms.faces, bounds) for terms, bounds in on_terms if terms.faces is not None and not terms.blocks]
+        self._counted = [(faces[self._faces].astype(np.int64), bounds) for faces, bounds in on_faces]
+        always = ~space.candidates & space.fixed
+        self._dry_at_start = np.array([[(faces & always).sum()] for faces, _ in on_faces], dtype=np.int64)
+        on_blocks = [bounds for terms, bounds in on_terms if terms.blocks and terms.faces is None]
+        self._fewest = max((bounds.least for bounds in on_blocks), default=-np.inf)
+        self._greatest = min((bounds.most for bounds in on_blocks), default=np.inf)
         least = space.least[self._order]
         first = np.full(len(elements), len(elements))
         np.minimum.at(first, least, np.arange(len(elements)))
@@ -148,37 +153,31 @@ class Enumeration(Driver):
         start = np.ascontiguousarray(self._start[:, None])
         name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
         tall = 0 if self.search.segmentation else len(self._faces)
-        zero = np.zeros(1, dtype=np.int64)
-        stack = [_Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, zero + self._dry_at_start)]
+        zero, dry = np.zeros(1, dtype=np.int64), self._dry_at_start.reshape(len(self._counted), 1)
+        stack = [_Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, dry)]
         while stack:
             frontier = stack.pop()
             if frontier.level == len(self._faces):
                 yield self._complete(frontier)
                 continue
             frontier = self._decide(frontier)
-            total = len(frontier.dry)
+            total = len(frontier.closed)
             cuts = range(0, total, self._rows)
             stack += [frontier.take(slice(i, i + self._rows)) for i in reversed(cuts)]
             yield None
 
     def _complete(self, frontier: _Frontier) -> Bits:
         """Labellings (k, m) of complete rows within all limits."""
-        labels = np.repeat(self.space.fixed[None], len(frontier.dry), axis=0)
+        labels = np.repeat(self.space.fixed[None], len(frontier.closed), axis=0)
         if self.search.segmentation:
             labels[:, self._faces] = (frontier.block[self._ends[:, 0]] != frontier.block[self._ends[:, 1]]).T
         else:
             labels[:, self._faces] = frontier.label.T
-        if self._limited:
+        if self._limits.given:
             blocks = np.empty((len(labels), len(self._order)), dtype=np.int64)
             blocks[:, self._order] = self._order[frontier.block.T.astype(np.int64)]
-            labels = labels[within_limits(self.space, labels, blocks)]
+            labels = labels[self._limits.kept(labels, self.space.graph, blocks)]
         return labels
-
-    @property
-    def _limited(self) -> bool:
-        s = self.search
-        bounds = [*s.block_cells, *s.block_weight, *s.block_extent, *s.blocks, *s.dry_faces]
-        return any(bound is not None for bound in bounds)
 
     def _decide(self, rows: _Frontier) -> _Frontier:
         """The rows one face further: each as inner, then as dry, where that is not hopeless."""
@@ -191,12 +190,9 @@ class Enumeration(Driver):
         if search.segmentation:
             inner &= ~apart | ~self._separated(rows, p, q)
             dry = apart
-        least, most = search.dry_faces
-        counted = bool(self._counted[level])
-        if most is not None:
-            dry = dry & (rows.dry + counted <= most)
-        if least is not None:
-            inner = inner & (rows.dry + int(self._counted[level + 1 :].sum()) >= least)
+        for number, (counted, bounds) in zip(rows.dry, self._counted, strict=True):
+            dry = dry & ~bounds.above(number + counted[level])
+            inner = inner & ~bounds.below(number + counted[level + 1 :].sum())
         child = np.flatnonzero(np.column_stack([inner, dry]))
         parent, is_dry = child >> 1, (child & 1).astype(bool)
         new = rows.take(parent)
@@ -208,7 +204,8 @@ class Enumeration(Driver):
         merged = np.where(is_dry, p, np.maximum(p, q))
         into = np.where(is_dry, p, low)
         block = np.where(new.block == merged, into, new.block)
-        new = _Frontier(level + 1, block, label, new.closed, new.dry + (is_dry & counted))
+        added = np.array([counted[level] for counted, _ in self._counted], dtype=np.int64)
+        new = _Frontier(level + 1, block, label, new.closed, new.dry + added[:, None] * is_dry)
         return self._prune(new, np.where(is_dry, p, low), np.where(is_dry & apart, q, low), apart, is_dry)
 
     def _separated(self, rows: _Frontier, p: Names, q: Names) -> Bools:
@@ -219,51 +216,33 @@ class Enumeration(Driver):
 
     def _hopeless(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
         """(r,) True where the union of the named blocks is above the most (or below the least) of a limit."""
-        search, free = self.search, rows.block[: self._free]
-        side = 1 if most else 0
-        bad = np.zeros(rows.block.shape[1], dtype=bool)
-        cells, weight, extent = search.block_cells[side], search.block_weight[side], search.block_extent[side]
-        if cells is None and weight is None and extent is None:
-            return bad
+        limits, free = self._limits, rows.block[: self._free]
+        if not (limits.has_most if most else limits.has_least):
+            return np.zeros(rows.block.shape[1], dtype=bool)
         members = np.zeros(free.shape, dtype=bool)
         for name in names:
             members |= free == name
-        beyond, scale = (above, 1.0 + _SLACK) if most else (below, 1.0 - _SLACK)
-        if cells is not None:
-            bad |= beyond(members.sum(axis=0), cells)
-        if weight is not None:
-            bad |= beyond(self._weight @ members, weight * scale)
-        if extent is not None:
-            bad |= beyond(self._extent(members), extent * scale)
+        size = self._sized.together(members)
+        bad = limits.too_large(size, _SLACK) if most else limits.too_small(size, _SLACK)
         return np.asarray(bad & members.any(axis=0))
-
-    def _extent(self, members: Bools) -> Floats:
-        """(r,) longest side of the box around the members (free, r)."""
-        corner = np.array([np.where(members, c[:, None], -np.inf).max(axis=0) for c in self._corner.T])
-        d = len(corner) // 2
-        with np.errstate(invalid="ignore"):
-            return np.asarray((corner[:d] + corner[d:]).max(axis=0))
 
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
         """Rows without a block, of the two beside the face just decided, that is closed and too small, and
         within what numbers of blocks allow."""
-        search = self.search
-        small = any(b[0] is not None for b in (search.block_cells, search.block_weight, search.block_extent))
+        small, greatest = self._limits.has_least, self._greatest
         good = np.ones(len(apart), dtype=bool)
         closed = rows.closed
-        fewest, greatest = search.blocks
-        if small or greatest is not None:
+        if small or greatest < np.inf:
             shut_p = apart & self._shut(rows, p)
             shut_q = apart & is_dry & self._shut(rows, q)
             if small:
                 good &= ~(shut_p & self._hopeless(rows, (p,), most=False))
                 good &= ~(shut_q & self._hopeless(rows, (q,), most=False))
             closed = closed + (shut_p & (p < self._free)) + (shut_q & (q < self._free))
-            if greatest is not None:
-                good &= closed <= greatest
-        if fewest is not None:
+            good &= closed <= greatest
+        if self._fewest > -np.inf:
             free = rows.block[: self._free]
-            good &= (free == np.arange(self._free)[:, None]).sum(axis=0) >= fewest
+            good &= (free == np.arange(self._free)[:, None]).sum(axis=0) >= self._fewest
         rows = _Frontier(rows.level, rows.block, rows.label, closed, rows.dry)
         return rows if good.all() else rows.take(np.flatnonzero(good))
 

@@ -15,7 +15,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, Evaluation
-from jld_explore.space import SearchSpace, counts
+from jld_explore.space import SearchSpace, count_named, values_of
 
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
 """Statuses, the best first."""
@@ -47,9 +47,7 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
     """(k,) the count of the scene's front of labellings (k, m), with the sign that makes less better."""
     front = space.search.front
     sign = -1.0 if front.sense == "max" else 1.0
-    if front.count == "dry_faces":  # most scenes' count, known without looking for blocks
-        return np.asarray(sign * labellings[:, space.assembly.free_faces].sum(axis=1))
-    return np.asarray(sign * np.asarray(getattr(counts(space.assembly, labellings, space.graph), front.count)))
+    return np.asarray(sign * values_of(count_named(front.count), space.assembly, labellings, space.graph))
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_explore.report.page_data import rounded
-from jld_explore.space import from_string, pack
+from jld_explore.space import Count, from_string, pack, registered
 
 MOST: Final = 20_000
 """Rows that a page holds: the strongest, and the front."""
@@ -21,8 +21,6 @@ TITLES: Final = {
     "bracket_lo": "λ at least",
     "bracket_hi": "λ at most",
     "multiplicity": "mirror images",
-    "dry_faces": "dry faces",
-    "largest_block_cells": "elements in the largest block",
     "load_factor_associative": "λ associative",
     "load_factor_zero_dilation": "λ without dilation",
     "seconds": "seconds",
@@ -94,14 +92,19 @@ def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
 def _title(name: str) -> str:
     if name.startswith("load_factor["):
         return f"λ, {name[len('load_factor[') : -1]}"
-    return TITLES.get(name, name.replace("_", " "))
+    count = _counts().get(name)
+    return TITLES.get(name, name.replace("_", " ")) if count is None else count.title
 
 
 def _unit(name: str, assembly: Assembly) -> str:
-    length = assembly.units[0]
-    if name == "dry_length":
-        return length if assembly.dimension == 2 else f"{length}²"
+    count = _counts().get(name)
+    if count is not None:
+        return count.unit(assembly)
     return "kg" if name in ("largest_block_mass", "mass") else ""
+
+
+def _counts() -> dict[str, Count]:
+    return {count.name: count for count in registered()}
 
 
 def curve_of(name: str, history: pd.DataFrame) -> dict[str, Any]:

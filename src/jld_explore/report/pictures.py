@@ -26,6 +26,10 @@ from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.exploration import Exploration
+from jld_explore.space import Count, count_named, registered
+
+FIRST: Final = registered()[0].name
+"""The count that pictures weigh λ against where none is named."""
 
 SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])
 MANY: Final = 5000
@@ -47,19 +51,20 @@ def plot_pareto(
     front: pd.DataFrame,
     assembly: Assembly,
     *,
-    count: str = "dry_faces",
+    count: str = FIRST,
     sense: str = "max",
     layouts: int = 8,
 ) -> Figure:
     """λ against the front's count: all labellings that collapse, the front, and layouts along it.
 
-    results, front: tables with the columns of results.csv, front a part of results. count: "dry_faces",
-    "dry_length" or "blocks". sense: "max" or "min", the better direction of the count. layouts: largest
+    results, front: tables with the columns of results.csv, front a part of results. count: a registered
+    one. sense: "max" or "min", the better direction of the count. layouts: largest
     number of layouts drawn; numbers in circles say which point each belongs to.
     Raises ValueError for another count or sense, or labellings that do not fit the assembly.
     """
-    if count not in ("dry_faces", "dry_length", "blocks") or sense not in ("max", "min"):
+    if count not in [known.name for known in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
+    counted = count_named(count)
     shown = _collapsed(results)
     best = _collapsed(front).sort_values(count, kind="stable")
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
@@ -70,7 +75,7 @@ def plot_pareto(
     total = 0.25 + height + 0.75 + (rows * cell[1] if len(chosen) else 0.0) + 0.35
     figure = _figure(width, total)
     ax = _axes(figure, (0.75, total - 0.35 - height, width - 1.0, height))
-    ax.set_xlabel(_count_name(count, assembly), fontsize=9)
+    ax.set_xlabel(counted.label(assembly), fontsize=9)
     ax.set_ylabel("load factor λ [–]", fontsize=9)
     if len(shown):
         many = len(shown) > MANY
@@ -81,7 +86,7 @@ def plot_pareto(
         steps = "steps-pre" if sense == "max" else "steps-post"
         ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label="front", zorder=2.0)
         ax.plot(*points.T, "o", color=FRONT, markersize=5.0, label="on the front", zorder=2.1)
-        _whole_numbers(ax, count)
+        _whole_numbers(ax, counted)
         ax.margins(x=0.04, y=0.07)
     else:
         _say_nothing(ax, "no labelling collapses at a finite load factor")
@@ -94,7 +99,7 @@ def plot_pareto(
         core.draw_assembly(thumb, assembly, labels_of(best["labelling"].iloc[k], assembly), plain=True)
         y = (bottom + cell[1] - 0.2) / total
         figure.text((left + 0.2) / width, y, str(number + 1), **_circle())
-        value = f"λ = {points[k, 1]:#.4g}   {_count_word(count, points[k, 0], assembly)}"
+        value = f"λ = {points[k, 1]:#.4g}   {counted.words(points[k, 0], assembly)}"
         figure.text((left + 0.36) / width, y, value, fontsize=8, va="center", color=INK)
     figure.text(0.5, 0.1 / total, _caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
@@ -109,20 +114,22 @@ def plot_best(result: LimitAnalysisResult) -> Figure:
     return core.figure_of_result(result)
 
 
-def plot_distribution(results: pd.DataFrame) -> Figure:
-    """λ of the labellings that collapse, one box for each number of dry faces, with every labelling as a dot.
+def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
+    """λ of the labellings that collapse, one box for each value of a count, with every labelling as a dot.
 
-    results: columns of results.csv. The numbers along the top say how many classes each box holds.
+    results: columns of results.csv. count: one in whole numbers. The numbers along the top
+    say how many classes each box holds.
     """
     shown = _collapsed(results)
     figure = _figure(8.0, 4.6)
     ax = _axes(figure, (0.75, 0.85, 7.0, 3.25))
-    ax.set_xlabel("dry faces between free elements", fontsize=9)
+    counted = count_named(count)
+    ax.set_xlabel(counted.axis if isinstance(counted.axis, str) else f"{counted.noun}s", fontsize=9)
     ax.set_ylabel("load factor λ [–]", fontsize=9)
     if shown.empty:
         _say_nothing(ax, "no labelling collapses at a finite load factor")
     else:
-        dry, value = shown["dry_faces"].to_numpy(dtype=int), shown["load_factor"].to_numpy(dtype=float)
+        dry, value = shown[count].to_numpy(dtype=int), shown["load_factor"].to_numpy(dtype=float)
         groups = {int(k): value[dry == k] for k in np.unique(dry)}
         many = len(shown) > MANY
         ax.plot(
@@ -135,8 +142,8 @@ def plot_distribution(results: pd.DataFrame) -> Figure:
             boxprops=line, whiskerprops=line, capprops=line, medianprops={"color": FRONT, "linewidth": 1.8},
         )  # fmt: skip
         ax.set_xlim(min(groups) - 0.8, max(groups) + 0.8)
-        _whole_numbers(ax, "dry_faces")
-        ax.set_title("λ by dry faces; above each box how many classes it holds", fontsize=9, pad=18.0)
+        _whole_numbers(ax, counted)
+        ax.set_title(f"λ by {counted.noun}s; above each box how many classes it holds", fontsize=9, pad=18.0)
         note: dict[str, Any] = {"fontsize": 7, "ha": "center", "va": "bottom", "color": SOFT}
         for place, part in groups.items() if len(groups) <= 40 else ():
             turned = 90 if len(groups) > 24 else 0
@@ -267,22 +274,8 @@ def _caption(results: pd.DataFrame) -> str:
     return f"{len(results)} classes ({total} labellings): " + ", ".join(parts) + "; only collapse has a point"
 
 
-def _count_name(count: str, assembly: Assembly) -> str:
-    length = assembly.units[0]
-    size = f"dry length [{length}]" if assembly.dimension == 2 else f"dry area [{length}²]"
-    names = {"dry_faces": "dry faces between free elements", "dry_length": size, "blocks": "blocks"}
-    return names[count]
-
-
-def _count_word(count: str, value: float, assembly: Assembly) -> str:
-    if count == "dry_length":
-        return f"dry {value:.3g} {assembly.units[0]}" + ("" if assembly.dimension == 2 else "²")
-    noun = "dry face" if count == "dry_faces" else "block"
-    return f"{value:g} {noun}" + ("" if value == 1.0 else "s")
-
-
-def _whole_numbers(ax: Axes, count: str) -> None:
-    if count != "dry_length":
+def _whole_numbers(ax: Axes, count: Count) -> None:
+    if count.integer:
         ax.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True, min_n_ticks=1))
 
 

@@ -46,7 +46,6 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
     associative, zero = rows["associative"], rows["zero_dilation"]
     how = settled(rows)
     load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
-    tally = counts(assembly, labellings)
     text = (labellings + np.uint8(ord("0"))).tobytes().decode("ascii")
     table = pd.DataFrame(
         {
@@ -56,10 +55,7 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
             "bracket_lo": rows["low"],
             "bracket_hi": rows["high"],
             "status": statuses(rows),
-            "dry_faces": tally.dry_faces,
-            "dry_length": tally.dry_length,
-            "blocks": tally.blocks,
-            "largest_block_cells": tally.largest_block_cells,
+            **counts(assembly, labellings),
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
             "settled": how,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 import pandas as pd
 
@@ -12,7 +10,7 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report.exploration import Exploration
-from jld_explore.space import SearchSpace
+from jld_explore.space import SearchSpace, registered
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
@@ -37,17 +35,10 @@ def _lines(facts: dict[str, str]) -> str:
     return "\n".join(f"{name:<12} {value}" for name, value in facts.items())
 
 
-COLUMNS: Final = [
-    "rank",
-    "load_factor",
-    "bracket_lo",
-    "bracket_hi",
-    "dry_faces",
-    "blocks",
-    "largest_block_cells",
-    "labelling",
-]
-"""What is shown of a table of results."""
+def columns() -> list[str]:
+    """What is shown of a table of results."""
+    whole = [count.name for count in registered() if count.integer]
+    return ["rank", "load_factor", "bracket_lo", "bracket_hi", *whole, "labelling"]
 
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
@@ -74,7 +65,7 @@ def exploration(done: Exploration, top: int = 10) -> str:
             best_rows(done, top).to_string(index=False),
             "",
             f"front        {front_name(done)}",
-            done.front[COLUMNS].to_string(index=False),
+            done.front[columns()].to_string(index=False),
             "",
             f"written to   {done.folder}",
         ]
@@ -83,7 +74,7 @@ def exploration(done: Exploration, top: int = 10) -> str:
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
     """The first rows of the results that have a rank, in the columns that are shown."""
-    return done.results[done.results["status"] == str(Status.COLLAPSE)][COLUMNS].head(top)
+    return done.results[done.results["status"] == str(Status.COLLAPSE)][columns()].head(top)
 
 
 def front_name(done: Exploration) -> str:

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from jld_explore.space.counts import counts
+from jld_explore.space.counts import (
+    Count,
+    Layouts,
+    Terms,
+    count_named,
+    counts,
+    register,
+    registered,
+    unregister,
+    values_of,
+)
 from jld_explore.space.labelling import (
-    above,
-    below,
-    block_sizes,
     blocks_of,
     canonical,
     connectivity,
@@ -19,27 +26,38 @@ from jld_explore.space.labelling import (
     to_string,
     unpack,
 )
-from jld_explore.space.limits import feasible, within_limits
-from jld_explore.space.search_space import SearchSpace, search_space
+from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, Sized, block_sizes
+from jld_explore.space.search_space import SearchSpace, feasible, search_space
 
 __all__ = [
+    "CELLS",
+    "MEASURES",
+    "Count",
+    "Layouts",
+    "Limits",
+    "Measure",
+    "Range",
     "SearchSpace",
-    "above",
-    "below",
+    "Sized",
+    "Terms",
     "block_sizes",
     "blocks_of",
     "canonical",
     "connectivity",
+    "count_named",
     "counts",
     "feasible",
     "from_string",
     "keys",
     "orbit_sizes",
     "pack",
+    "register",
+    "registered",
     "representatives",
     "search_space",
     "slits",
     "to_string",
     "unpack",
-    "within_limits",
+    "unregister",
+    "values_of",
 ]

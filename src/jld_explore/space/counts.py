@@ -1,42 +1,205 @@
-"""What is counted of a labelling."""
+"""What is counted of a labelling: each count stated once, with all that tables, fronts, pictures and proofs ask of it.
+
+A count that is registered is a column of the results, may be the count of a scene's front, and is a limit where
+"search" has a key of its name. `register` takes one of your own.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError
 from jld_explore.space.labelling import Connectivity, connectivity
-from jld_explore.space.limits import _CHUNK, _cells
+
+Values = dict[str, Ints | Floats]
+"""Values (k,) by the names of counts."""
+
+_CHUNK: Final = 8192
+"""Rows counted together: what stays in a cache level."""
 
 
 @dataclass(frozen=True)
-class Counts:
-    """Per labelling, (k,) each; faces between two free elements and blocks with a free element only.
+class Layouts:
+    """Labellings (k, m) of an assembly, as counts look at them. graph: the assembly's."""
 
-    dry_faces: number of dry faces. dry_length: their length, in spatial scenes their area. blocks: number of
-    blocks. largest_block_cells: free elements in the largest block.
+    assembly: Assembly
+    labellings: Bits
+    graph: Connectivity
+
+    @cached_property
+    def cells(self) -> Ints:
+        """(n, k) free elements in each block, at the row of its smallest element, 0 elsewhere."""
+        return _cells(self.assembly, self.graph, self.labellings)
+
+
+@dataclass(frozen=True)
+class Terms:
+    """A count as a sum of ones, which is what a proof over formulas needs.
+
+    faces: (m,) faces of which each adds one where it is dry, or None. blocks: every block that holds a free element
+    adds one.
     """
 
-    dry_faces: Ints
-    dry_length: Floats
-    blocks: Ints
-    largest_block_cells: Ints
+    faces: Bools | None = None
+    blocks: bool = False
+
+    def most(self, assembly: Assembly) -> int:
+        """What the count cannot exceed, whatever the labels."""
+        faces = 0 if self.faces is None else int(self.faces.sum())
+        return faces + (len(assembly.elements.free) if self.blocks else 0)
 
 
-def counts(assembly: Assembly, labellings: Bits, graph: Connectivity | None = None) -> Counts:
-    """Counts of labellings (k, m), scene units; graph: the assembly's, made where it is not given."""
-    free = assembly.free_faces
-    measure = assembly.interfaces.l1 if assembly.dimension == 2 else assembly.interfaces.area
-    graph = graph or connectivity(assembly)
-    parts = [labellings[low : low + _CHUNK] for low in range(0, max(1, len(labellings)), _CHUNK)]
-    cells = [_cells(assembly, graph, part) for part in parts]
-    return Counts(
-        dry_faces=labellings[:, free].sum(axis=1, dtype=np.int64),
-        # summed row by row in one order, so that a labelling has one length whatever batch it came in
-        dry_length=np.concatenate([np.where(part[:, free], measure[free], 0.0).sum(axis=1) for part in parts]),
-        blocks=np.concatenate([(part > 0).sum(axis=0, dtype=np.int64) for part in cells]),
-        largest_block_cells=np.concatenate([part.max(axis=0, initial=0) for part in cells]),
+def _nothing(_: Assembly) -> str:
+    return ""
+
+
+@dataclass(frozen=True)
+class Count:
+    """One count of labellings.
+
+    name: in scenes and tables. of: its values (k,), equal for images under the scene's symmetries. axis: what it is,
+    without its unit. column: above a column, its name in words where not given. noun: of one of them, or the word before a size. integer: whole numbers. unit: of the assembly.
+    terms: what a proof of a front needs; None: there is none, and a limit on it makes the exact driver enumerate.
+    """
+
+    name: str
+    of: Callable[[Layouts], Ints | Floats]
+    axis: Callable[[Assembly], str] | str
+    noun: str
+    integer: bool = True
+    unit: Callable[[Assembly], str] = _nothing
+    column: str = ""
+    terms: Callable[[Assembly], Terms] | None = None
+
+    @property
+    def title(self) -> str:
+        """Words above a column."""
+        return self.column or self.name.replace("_", " ")
+
+    def label(self, assembly: Assembly) -> str:
+        """Words for an axis, with the unit in brackets."""
+        axis, unit = self.axis if isinstance(self.axis, str) else self.axis(assembly), self.unit(assembly)
+        return f"{axis} [{unit}]" if unit else axis
+
+    def words(self, value: float, assembly: Assembly) -> str:
+        """A value with what it counts."""
+        if not self.integer:
+            return f"{self.noun} {value:.3g} {self.unit(assembly)}".rstrip()
+        return f"{value:g} {self.noun}" + ("" if value == 1.0 else "s")
+
+
+def _planar(assembly: Assembly) -> bool:
+    return assembly.dimension == 2
+
+
+def _dry_length(layouts: Layouts) -> Floats:
+    faces, free = layouts.assembly.interfaces, layouts.assembly.free_faces
+    measure = faces.l1 if _planar(layouts.assembly) else faces.area
+    # summed row by row in one order, so that a labelling has one length whatever batch it came in
+    return np.asarray(np.where(layouts.labellings[:, free], measure[free], 0.0).sum(axis=1))
+
+
+_COUNTS: Final[dict[str, Count]] = {
+    count.name: count
+    for count in (
+        Count(
+            "dry_faces",
+            of=lambda layouts: layouts.labellings[:, layouts.assembly.free_faces].sum(axis=1, dtype=np.int64),
+            axis="dry faces between free elements",
+            noun="dry face",
+            terms=lambda assembly: Terms(faces=assembly.free_faces),
+        ),
+        Count(
+            "dry_length",
+            of=_dry_length,
+            axis=lambda assembly: "dry length" if _planar(assembly) else "dry area",
+            noun="dry",
+            integer=False,
+            unit=lambda assembly: assembly.units[0] + ("" if _planar(assembly) else "²"),
+        ),
+        Count(
+            "blocks",
+            of=lambda layouts: (layouts.cells > 0).sum(axis=0, dtype=np.int64),
+            axis="blocks",
+            noun="block",
+            terms=lambda assembly: Terms(blocks=True),
+        ),
+        Count(
+            "largest_block_cells",
+            of=lambda layouts: layouts.cells.max(axis=0, initial=0),
+            axis="free elements in the largest block",
+            noun="cell",
+            column="elements in the largest block",
+        ),
     )
+}
+
+
+def registered() -> tuple[Count, ...]:
+    """All counts, in the order of their columns."""
+    return tuple(_COUNTS.values())
+
+
+def register(count: Count) -> None:
+    """Add a count. Raises ValueError for a name that is taken or cannot be a key."""
+    if count.name in _COUNTS or not count.name.isidentifier():
+        raise ValueError(f"a count cannot be named {count.name!r}")
+    _COUNTS[count.name] = count
+
+
+def unregister(name: str) -> None:
+    """Take a count back that was registered."""
+    del _COUNTS[name]
+
+
+def count_named(name: str, where: str = "search.front.count") -> Count:
+    """A count by its name. where: what gave the name. Raises InputError for a name that is none."""
+    if name not in _COUNTS:
+        known = ", ".join(f'"{other}"' for other in _COUNTS)
+        raise InputError(where, f'"{name}" is no count', f"one of {known}")
+    return _COUNTS[name]
+
+
+def values_of(count: Count, assembly: Assembly, labellings: Bits, graph: Connectivity | None = None) -> Ints | Floats:
+    """Values (k,) of one count of labellings (k, m), scene units; graph: the assembly's, made where it is not given."""
+    return _values([count], assembly, labellings, graph)[count.name]
+
+
+def counts(assembly: Assembly, labellings: Bits, graph: Connectivity | None = None) -> Values:
+    """Values (k,) of every count by its name, in the order of their columns."""
+    return _values(registered(), assembly, labellings, graph)
+
+
+def _values(wanted: Sequence[Count], assembly: Assembly, labellings: Bits, graph: Connectivity | None) -> Values:
+    graph = graph or connectivity(assembly)
+    starts = range(0, max(1, len(labellings)), _CHUNK)
+    parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph) for low in starts)
+    found = [[count.of(part) for count in wanted] for part in parts]
+    return {count.name: np.concatenate(column) for count, column in zip(wanted, zip(*found, strict=True), strict=True)}
+
+
+def _cells(assembly: Assembly, graph: Connectivity, labellings: Bits) -> Ints:
+    """(n, k) free elements in each block, at the row of its smallest element; labellings (k, m).
+
+    Joins blocks face by face in small integers: for many rows ten times faster than `blocks_of`.
+    """
+    count, width = len(graph.start), len(labellings)
+    kind = np.uint8 if count <= 256 else np.uint16 if count <= 65536 else np.uint32
+    block = np.repeat(np.arange(count, dtype=kind)[:, None], width, axis=1)
+    inner = np.ascontiguousarray(~labellings.T)
+    always = np.ones(width, dtype=bool)
+    joints = [(a, b, always) for a, b in graph.touching]
+    for a, b, joined in [*joints, *zip(graph.a, graph.b, inner, strict=True)]:
+        low, high = np.minimum(block[a], block[b]), np.maximum(block[a], block[b])
+        high[~joined] = low[~joined]
+        if np.any(low != high):
+            np.copyto(block, low, where=block == high)
+    place = block[assembly.elements.free].astype(np.int64) * width + np.arange(width)
+    return np.bincount(place.ravel(), minlength=count * width).reshape(count, width)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry import find_planar_contacts
 
@@ -139,59 +139,6 @@ def slits(graph: Connectivity, labellings: Bits) -> Bools:
     """Dry faces with both sides in one block; labellings (m,) or (k, m), the result alike."""
     blocks = blocks_of(graph, labellings)
     return np.asarray(labellings & (blocks[..., graph.a] == blocks[..., graph.b]))
-
-
-@dataclass(frozen=True)
-class BlockSizes:
-    """Per block what limits refer to, (k, n) arrays at the column of its name, over its free elements.
-
-    cells: number of free elements, zero in every column that names no block with one. weight: sum of the
-    magnitudes of self-weights, force. extent: longest side of the bounding box, length.
-    """
-
-    cells: Ints
-    weight: Floats
-    extent: Floats
-
-
-def block_sizes(assembly: Assembly, blocks: Ints, extents: bool = True) -> BlockSizes:
-    """Sizes of all blocks of labellings; blocks: (k, n) from `blocks_of`, scene units.
-
-    extents: find them too, which takes longer than all the rest; else they are 0.
-    """
-    elements, free = assembly.elements, assembly.elements.free
-    count, width = blocks.shape
-    place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
-
-    def corner(values: Floats) -> Floats:
-        table = np.full((count * width, assembly.dimension), -np.inf)
-        np.maximum.at(table, place, np.tile(values[free], (count, 1)))
-        return table
-
-    cells = np.bincount(place, minlength=count * width)
-    heavy = np.tile(np.linalg.norm(elements.weight[free], axis=1), count)
-    weight = np.bincount(place, heavy, minlength=count * width)
-    extent = np.zeros(count * width)
-    if extents:
-        with np.errstate(invalid="ignore"):
-            longest = (corner(elements.upper) + corner(-elements.lower)).max(axis=1, initial=-np.inf)
-        extent = np.where(cells > 0, longest, 0.0)
-    shape = (count, width)
-    return BlockSizes(
-        cells=np.asarray(cells, dtype=np.int64).reshape(shape),
-        weight=np.asarray(weight, dtype=np.float64).reshape(shape),
-        extent=np.asarray(extent, dtype=np.float64).reshape(shape),
-    )
-
-
-def above(values: Floats | Ints, most: float | None) -> Bools:
-    """True where values exceed an inclusive bound, rounding of decimals apart; None is no bound."""
-    return np.asarray(values > np.inf if most is None else values > most * (1.0 + tolerances.DECIMALS))
-
-
-def below(values: Floats | Ints, least: float | None) -> Bools:
-    """True where values fall short of an inclusive bound, rounding of decimals apart; None is no bound."""
-    return np.asarray(values < -np.inf if least is None else values < least * (1.0 - tolerances.DECIMALS))
 
 
 def canonical(labellings: Bits, group: Ints) -> Bits:

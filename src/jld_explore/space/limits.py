@@ -1,66 +1,262 @@
-"""What a labelling must satisfy under "search", and the counts of tables and fronts; many rows at a time."""
+"""What blocks and counts of a labelling must satisfy under "search": every limit, its measure and its rounding.
+
+A limit is a range on the size of each block, by one of MEASURES, or on a count that has a key of its name. Whoever
+keeps limits asks `Limits` for those that are given and compares by `Range`, in whatever form it holds its blocks.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, floor, inf
 from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Ints
-from jld_core.assembly import Assembly
-from jld_explore.space.labelling import Connectivity, above, below, block_sizes, blocks_of
-from jld_explore.space.search_space import SearchSpace
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly, Elements
+from jld_core.scene import Search
+from jld_explore.space.counts import Count, Terms, registered, values_of
+from jld_explore.space.labelling import Connectivity, blocks_of
 
-_CHUNK: Final = 8192
-"""Rows counted together: what stays in a cache level."""
+_SAME: Final = 1e-12
+"""Relative difference between sizes of elements that are one."""
 
 
-def _cells(assembly: Assembly, graph: Connectivity, labellings: Bits) -> Ints:
-    """(n, k) free elements in each block, at the row of its smallest element; labellings (k, m).
+@dataclass(frozen=True)
+class Range:
+    """Inclusive bounds as a scene gives them, None for none, and as numbers that rounding is allowed for.
 
-    Joins blocks face by face in small integers: for many rows ten times faster than `blocks_of`.
+    low, high: as given. least, most: what to compare with, ±inf for none.
     """
-    count, width = len(graph.start), len(labellings)
-    kind = np.uint8 if count <= 256 else np.uint16 if count <= 65536 else np.uint32
-    block = np.repeat(np.arange(count, dtype=kind)[:, None], width, axis=1)
-    inner = np.ascontiguousarray(~labellings.T)
-    always = np.ones(width, dtype=bool)
-    joints = [(a, b, always) for a, b in graph.touching]
-    for a, b, joined in [*joints, *zip(graph.a, graph.b, inner, strict=True)]:
-        low, high = np.minimum(block[a], block[b]), np.maximum(block[a], block[b])
-        high[~joined] = low[~joined]
-        if np.any(low != high):
-            np.copyto(block, low, where=block == high)
-    place = block[assembly.elements.free].astype(np.int64) * width + np.arange(width)
-    return np.bincount(place.ravel(), minlength=count * width).reshape(count, width)
+
+    low: float | None
+    high: float | None
+    least: float
+    most: float
+
+    @classmethod
+    def of(cls, given: Sequence[float | None], *, whole: bool) -> Range:
+        """Bounds [low, high]. whole: on whole numbers, which do not round."""
+        low, high = given
+        slack = 0.0 if whole else tolerances.DECIMALS
+        least = -inf if low is None else low * (1.0 - slack)
+        return cls(low, high, least, inf if high is None else high * (1.0 + slack))
+
+    @property
+    def given(self) -> bool:
+        """Whether there is a bound."""
+        return self.low is not None or self.high is not None
+
+    def above(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
+        """True where values exceed the range by more than rounding; slack: relative, allowed beside."""
+        return np.asarray(np.asarray(values) > self.most * (1.0 + slack))
+
+    def below(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
+        """True where values fall short of the range by more than rounding."""
+        return np.asarray(np.asarray(values) < self.least * (1.0 - slack))
 
 
-def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """(k,) True for labellings (k, m) that are in the space: fixed labels, segmentation and all limits."""
-    blocks = blocks_of(space.graph, labellings)
-    good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
-    if space.search.segmentation:
-        good &= ~np.any(labellings & (blocks[:, space.graph.a] == blocks[:, space.graph.b]), axis=1)
-    return np.asarray(good & within_limits(space, labellings, blocks))
+@dataclass(frozen=True)
+class Measure:
+    """How large a block is, over its free elements, scene units; a part of a block is never larger than it.
 
-
-def within_limits(space: SearchSpace, labellings: Bits, blocks: Ints) -> Bools:
-    """(k,) True where block sizes, number of blocks and number of dry faces are within their limits.
-
-    labellings: (k, m); blocks: (k, n), their blocks as `blocks_of` names them. Bounds are inclusive, and
-    lengths and weights may pass them by `tolerances.DECIMALS`. A block without a free element has no size.
+    key: of its limit under "search". words: what it is in. whole: a whole number. of: what each element (n,) adds;
+    None: the longest side of the box around the block.
     """
-    search = space.search
-    sizes = block_sizes(space.assembly, blocks, extents=search.block_extent != [None, None])
-    holds = sizes.cells > 0
-    good = np.ones(len(labellings), dtype=bool)
-    for values, (low, high) in (
-        (sizes.cells, search.block_cells),
-        (sizes.weight, search.block_weight),
-        (sizes.extent, search.block_extent),
-    ):
-        good &= ~np.any(holds & (above(values, high) | below(values, low)), axis=1)
-    dry = labellings[:, space.assembly.free_faces].sum(axis=1)
-    for values, (low, high) in ((holds.sum(axis=1), search.blocks), (dry, search.dry_faces)):
-        good &= ~(above(values, high) | below(values, low))
-    return good
+
+    key: str
+    words: str
+    whole: bool
+    of: Callable[[Elements], Floats] | None
+
+
+CELLS: Final = Measure("block_cells", "free elements", True, lambda elements: np.ones(len(elements)))
+WEIGHT: Final = Measure("block_weight", "of weight", False, lambda elements: np.linalg.norm(elements.weight, axis=1))
+EXTENT: Final = Measure("block_extent", "of extent", False, None)
+
+MEASURES: Final = (CELLS, WEIGHT, EXTENT)
+
+SizeOf = Callable[[Measure], Floats]
+"""Sizes of some blocks by a measure, in whatever shape the blocks come."""
+
+
+@dataclass(frozen=True)
+class Sized:
+    """n things with a size by every measure, elements or sets of them: what they add, and the corners of their boxes.
+
+    adds: by key, (n,). corner: (n, 2 d) upper corner followed by the negative lower one.
+    """
+
+    adds: dict[str, Floats]
+    corner: Floats
+
+    @classmethod
+    def elements(cls, elements: Elements) -> Sized:
+        """The elements of an assembly; supports have no size."""
+        free = ~elements.support
+        adds = {
+            measure.key: np.where(free, measure.of(elements), 0.0).astype(float) for measure in MEASURES if measure.of
+        }
+        return cls(adds, np.where(free[:, None], np.hstack([elements.upper, -elements.lower]), -inf))
+
+    def take(self, order: Ints) -> Sized:
+        """The same of some, in an order."""
+        return Sized({key: values[order] for key, values in self.adds.items()}, self.corner[order])
+
+    def joined(self, name: Ints, count: int) -> Sized:
+        """Sets of them. name: (n,) the set that each is in, of `count`."""
+        corner = np.full((count, self.corner.shape[1]), -inf)
+        np.maximum.at(corner, name, self.corner)
+        adds = {key: np.bincount(name, values, minlength=count).astype(float) for key, values in self.adds.items()}
+        return Sized(adds, corner)
+
+    def all(self) -> SizeOf:
+        """Sizes (n,) of each by itself."""
+        return lambda measure: self.adds[measure.key] if measure.of else _longest(self.corner.T)
+
+    def together(self, members: Bools) -> SizeOf:
+        """Sizes (r,) of r sets at once; members: (n, r)."""
+
+        def size(measure: Measure) -> Floats:
+            if measure.of:
+                return np.asarray(self.adds[measure.key] @ members)
+            return _longest(np.array([np.where(members, side[:, None], -inf).max(axis=0) for side in self.corner.T]))
+
+        return size
+
+    def one(self, members: Iterable[int]) -> SizeOf:
+        """The size of one set."""
+        rows = sorted(members)
+
+        def size(measure: Measure) -> Floats:
+            if measure.of:
+                return np.asarray(self.adds[measure.key][rows].sum())
+            return _longest(self.corner[rows].max(axis=0))
+
+        return size
+
+
+def _longest(corner: Floats) -> Floats:
+    """Longest side of boxes given by their corners (2 d, …)."""
+    d = len(corner) // 2
+    with np.errstate(invalid="ignore"):
+        return np.asarray((corner[:d] + corner[d:]).max(axis=0))
+
+
+def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = MEASURES) -> dict[str, Floats]:
+    """Sizes of all blocks of labellings by the keys of measures, scene units.
+
+    blocks: (k, n) from `blocks_of`. Returns (k, n) arrays at the column of each block's name, zero in every column
+    that names no block with a free element.
+    """
+    elements, free = assembly.elements, assembly.elements.free
+    count, width = blocks.shape
+    place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
+    found = {}
+    for measure in measures:
+        if measure.of:
+            values = np.bincount(place, np.tile(measure.of(elements)[free], count), minlength=count * width)
+        else:
+            corner = np.full((count * width, 2 * assembly.dimension), -inf)
+            np.maximum.at(corner, place, np.tile(np.hstack([elements.upper, -elements.lower])[free], (count, 1)))
+            values = np.where(np.isfinite(corner[:, 0]), _longest(corner.T), 0.0)
+        found[measure.key] = np.asarray(values, dtype=np.float64).reshape(count, width)
+    return found
+
+
+@dataclass(frozen=True)
+class Limits:
+    """All limits of a search over an assembly."""
+
+    assembly: Assembly
+    search: Search
+
+    @cached_property
+    def on_blocks(self) -> tuple[tuple[Measure, Range], ...]:
+        """Limits on single blocks that are given."""
+        ranges = ((measure, Range.of(getattr(self.search, measure.key), whole=measure.whole)) for measure in MEASURES)
+        return tuple((measure, bounds) for measure, bounds in ranges if bounds.given)
+
+    @cached_property
+    def on_counts(self) -> tuple[tuple[Count, Range], ...]:
+        """Limits on counts that are given."""
+        known = (count for count in registered() if count.name in type(self.search).model_fields)
+        ranges = ((count, Range.of(getattr(self.search, count.name), whole=count.integer)) for count in known)
+        return tuple((count, bounds) for count, bounds in ranges if bounds.given)
+
+    @cached_property
+    def on_terms(self) -> tuple[tuple[Terms, Range], ...]:
+        """Those limits on counts that are sums of ones."""
+        return tuple((count.terms(self.assembly), bounds) for count, bounds in self.on_counts if count.terms)
+
+    @cached_property
+    def sized(self) -> Sized:
+        """The sizes of the elements."""
+        return Sized.elements(self.assembly.elements)
+
+    @property
+    def given(self) -> bool:
+        """Whether there is any limit."""
+        return bool(self.on_blocks or self.on_counts)
+
+    def bounds(self, measure: Measure) -> Range:
+        """The limit on blocks by one measure."""
+        return Range.of(getattr(self.search, measure.key), whole=measure.whole)
+
+    @property
+    def has_most(self) -> bool:
+        """Whether a block can be too large."""
+        return any(bounds.high is not None for _, bounds in self.on_blocks)
+
+    @property
+    def has_least(self) -> bool:
+        """Whether a block can be too small."""
+        return any(bounds.low is not None for _, bounds in self.on_blocks)
+
+    def too_large(self, size: SizeOf, slack: float = 0.0) -> Bools:
+        """Where blocks of some sizes exceed a limit; nothing that is added can mend it."""
+        found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
+        return np.asarray(np.logical_or.reduce(found)) if found else np.asarray(False)
+
+    def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
+        """Where blocks of some sizes fall short of a limit."""
+        found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
+        return np.asarray(np.logical_or.reduce(found)) if found else np.asarray(False)
+
+    def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
+        """(k,) True where all limits are kept. labellings: (k, m); blocks: (k, n), theirs, where they are known."""
+        good = np.ones(len(labellings), dtype=bool)
+        if self.on_blocks:
+            blocks = blocks_of(graph, labellings) if blocks is None else blocks
+            sizes = block_sizes(self.assembly, blocks, [CELLS, *(m for m, _ in self.on_blocks if m is not CELLS)])
+            holds = sizes[CELLS.key] > 0
+            wrong = self.too_large(lambda m: sizes[m.key]) | self.too_small(lambda m: sizes[m.key])
+            good &= ~np.any(holds & wrong, axis=1)
+        for count, bounds in self.on_counts:
+            values = values_of(count, self.assembly, labellings, graph)
+            good &= ~(bounds.above(values) | bounds.below(values))
+        return good
+
+    def by_cells(self, sized: Sized) -> dict[str, Range]:
+        """Ranges on single blocks made of some sets, by key; where sizes go with cells, as limits on cells.
+
+        Every measure has its range, and one of cells is in whole numbers.
+        """
+        found = {measure.key: self.bounds(measure) for measure in MEASURES}
+        cells = found[CELLS.key]
+        low, high = max(cells.least, 0.0), cells.most
+        count = sized.adds[CELLS.key]
+        for measure, bounds in self.on_blocks:
+            if measure.of is None or measure is CELLS:
+                continue
+            share = sized.adds[measure.key][count > 0] / count[count > 0]
+            unit = float(share.max())
+            if unit - float(share.min()) <= _SAME * unit and unit > 0.0:
+                low = max(low, ceil(bounds.least / unit - tolerances.DECIMALS) if bounds.least > 0.0 else low)
+                high = min(high, floor(bounds.most / unit + tolerances.DECIMALS) if bounds.most < inf else high)
+                found[measure.key] = Range.of((None, None), whole=measure.whole)
+        found[CELLS.key] = Range(low or None, None if high == inf else high, low, high)
+        return found

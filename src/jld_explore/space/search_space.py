@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, floor
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
 from jld_core.mechanics import require_materials
 from jld_core.scene import Scene, Search
-from jld_explore.space.labelling import BlockSizes, Connectivity, above, below, block_sizes, blocks_of, connectivity
+from jld_explore.space.counts import Terms, count_named
+from jld_explore.space.labelling import Connectivity, blocks_of, connectivity
+from jld_explore.space.limits import CELLS, MEASURES, Limits, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
+
+_TOTAL = 1e-8
+"""Relative rounding allowed where blocks are counted by what all elements weigh together."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,22 @@ class SearchSpace:
         """(g, m) face permutations of the symmetry group, the identity first."""
         return self.symmetry.faces
 
+    @cached_property
+    def limits(self) -> Limits:
+        """What blocks and counts must satisfy."""
+        return Limits(self.assembly, self.search)
+
+
+def feasible(space: SearchSpace, labellings: Bits) -> Bools:
+    """(k,) True where a labelling (k, m) is in the space: fixed labels, no slits unless allowed, all limits."""
+    graph = space.graph
+    good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
+    blocks = None
+    if space.search.segmentation:
+        blocks = blocks_of(graph, labellings)
+        good &= ~np.any(labellings & (blocks[:, graph.a] == blocks[:, graph.b]), axis=1)
+    return np.asarray(good & space.limits.kept(labellings, graph, blocks))
+
 
 def search_space(
     scene: Scene, assembly: Assembly, *, allow_empty: bool = False, need_materials: bool = True
@@ -49,10 +72,11 @@ def search_space(
     scene, assembly: the assembly is the scene's. allow_empty: accept a space without candidates, which then
     holds the scene's own labelling alone. need_materials: refuse a label that may occur without its material;
     both are switched the other way for scenes that are described but not searched.
-    Raises InputError: unknown ids, pairs without interface or kept both ways, no candidate left, fixed
-    labels that contradict each other, limits that nothing satisfies, a material that lacks, no such symmetry.
+    Raises InputError: an unknown count, unknown ids, pairs without interface or kept both ways, no candidate left,
+    fixed labels that contradict each other, limits that nothing satisfies, a material that lacks, no such symmetry.
     """
     search = scene.search
+    count_named(search.front.count)
     candidates = _candidate_faces(scene, assembly)
     keep_dry = faces_of_pairs(search.keep.dry, assembly.elements, assembly.interfaces, "search.keep.dry")
     keep_inner = faces_of_pairs(search.keep.inner, assembly.elements, assembly.interfaces, "search.keep.inner")
@@ -71,9 +95,10 @@ def search_space(
     if not chosen.any() and not allow_empty:
         kept = " that search.keep does not fix" if candidates.any() else ""
         raise InputError("search.candidates", "no face is a candidate", f"at least one face{kept}")
-    _refuse_impossible(assembly, search, chosen, fixed, least, most)
+    limits = Limits(assembly, search)
+    _refuse_impossible(limits, chosen, fixed, least, most)
     if need_materials:
-        _require_materials(assembly, search, chosen, fixed, least, graph)
+        _require_materials(limits, chosen, fixed, least, graph)
     symmetry = symmetry_group(assembly, search, chosen, fixed)
     return SearchSpace(assembly, search, chosen, fixed, graph, least, most, symmetry)
 
@@ -97,83 +122,69 @@ def _pair(assembly: Assembly, mask: Bools) -> str:
     return f"{ids[faces.a[face]]!r}, {ids[faces.b[face]]!r}"
 
 
-def _require_materials(
-    assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity
-) -> None:
+def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
     """Raise InputError where a label that can occur lacks its material."""
-    may_be_dry = least[graph.a] != least[graph.b] if search.segmentation else candidates
-    may_be_inner = _may_join(assembly, search, least, graph)
+    may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
+    may_be_inner = _may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)
-    require_materials(assembly, dry, inner)
+    require_materials(limits.assembly, dry, inner)
 
 
-def _may_join(assembly: Assembly, search: Search, least: Ints, graph: Connectivity) -> Bools:
+def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
     """(m,) False where the blocks beside a face are too large to be one."""
-    sizes = block_sizes(assembly, least[None])
     p, q = least[graph.a], least[graph.b]
+    joined = np.ones(len(p), dtype=bool)
+    for measure, bounds in limits.on_blocks:
+        if measure.of:
+            size = block_sizes(limits.assembly, least[None], [measure])[measure.key][0]
+            joined &= ~bounds.above(np.where(p == q, size[p], size[p] + size[q]))
+    return joined
 
-    def joined(values: Floats | Ints) -> Floats:
-        return np.asarray(np.where(p == q, values[0, p], values[0, p] + values[0, q]), dtype=float)
 
-    too_large = above(joined(sizes.cells), search.block_cells[1])
-    return ~(too_large | above(joined(sizes.weight), search.block_weight[1]))
-
-
-def _refuse_impossible(
-    assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, least: Ints, most: Ints
-) -> None:
+def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints) -> None:
     """Raise InputError for a limit that no labelling between `least` and `most` can meet."""
+    assembly = limits.assembly
     small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
-    holds, whole = np.flatnonzero(small.cells[0]), np.flatnonzero(large.cells[0])
+    holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
     ids = assembly.elements.ids
-
-    def measure(sizes: BlockSizes, key: str) -> Floats:
-        return np.asarray(getattr(sizes, key.removeprefix("block_"))[0], dtype=float)
-
-    bounds: tuple[tuple[str, list[int | None] | list[float | None], str], ...] = (
-        ("block_cells", search.block_cells, "free elements"),
-        ("block_weight", search.block_weight, "of weight"),
-        ("block_extent", search.block_extent, "of extent"),
-    )
-    for key, (low, high), unit in bounds:
-        smallest, largest = measure(small, key)[holds], measure(large, key)[whole]
-        if (heavy := above(smallest, high)).any():
+    fewest, greatest, culprit = len(whole), len(holds), CELLS.key
+    for measure in MEASURES:
+        bounds, where = limits.bounds(measure), f"search.{measure.key}"
+        smallest, largest = small[measure.key][0, holds], large[measure.key][0, whole]
+        if (heavy := bounds.above(smallest)).any():
             worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
-            problem = f"the most is {high:g}, but the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {unit}"
-            raise InputError(f"search.{key}", problem, f"a most of at least {smallest[worst]:g}")
-        if (light := below(largest, low)).any():
+            found = f"the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {measure.words}"
+            problem = f"the most is {bounds.high:g}, but {found}"
+            raise InputError(where, problem, f"a most of at least {smallest[worst]:g}")
+        if (light := bounds.below(largest)).any():
             worst = int(np.argmin(np.where(light, largest, np.inf)))
-            reached = f"the block of {ids[whole[worst]]!r} has {largest[worst]:g} {unit} at most"
-            problem = f"the least is {low:g}, but {reached}"
-            raise InputError(f"search.{key}", problem, f"a least of at most {largest[worst]:g}")
-    cells = int(small.cells.sum())
-    fewest, greatest = len(whole), len(holds)
-    low, high = search.block_cells
-    fewest = max(fewest, -(-cells // high) if high else 0)
-    greatest = min(greatest, cells // low if low else greatest)
-    if search.block_weight[1]:
-        fewest = max(fewest, int(np.ceil(small.weight.sum() / search.block_weight[1] * (1.0 - 1e-8))))
-    _refuse_range("blocks", search.blocks, fewest, greatest)
-    counted = assembly.free_faces
-    _refuse_range(
-        "dry_faces",
-        search.dry_faces,
-        int((counted & ~candidates & fixed).sum()),
-        int((counted & (candidates | fixed)).sum()),
-    )
-
-
-def _refuse_range(key: str, bounds: list[int | None], fewest: int, greatest: int) -> None:
-    """Raise InputError where [least, most] and what there can be do not meet."""
-    low, high = bounds
-    if fewest > greatest or (low is not None and low > greatest) or (high is not None and high < fewest):
-        asked = f"[{'null' if low is None else low}, {'null' if high is None else high}] asked"
-        if fewest > greatest:
+            reached = f"the block of {ids[whole[worst]]!r} has {largest[worst]:g} {measure.words} at most"
             raise InputError(
-                "search.block_cells",
-                f"no number of blocks fits (at least {fewest}, at most {greatest})",
-                "limits that agree",
+                where, f"the least is {bounds.low:g}, but {reached}", f"a least of at most {largest[worst]:g}"
             )
-        raise InputError(
-            f"search.{key}", f"{asked}, but there can be {fewest} to {greatest}", "a range that meets this"
-        )
+        if measure.of:
+            total = float(smallest.sum())
+            fewest = max(fewest, ceil(total / bounds.most * (1.0 - _TOTAL)) if bounds.high else 0)
+            number = floor(total / bounds.least * (1.0 + _TOTAL)) if bounds.low else greatest
+            if number < greatest:
+                greatest, culprit = number, measure.key
+    if fewest > greatest:
+        problem = f"no number of blocks fits (at least {fewest}, at most {greatest})"
+        raise InputError(f"search.{culprit}", problem, "limits that agree")
+    for count, bounds in limits.on_counts:
+        if count.terms:
+            terms = count.terms(assembly)
+            low, high = _reach(terms, candidates, fixed)
+            if terms.blocks:
+                low, high = low + fewest, high + greatest
+            if bounds.above(low) or bounds.below(high):
+                asked = ["null" if bound is None else f"{bound:g}" for bound in (bounds.low, bounds.high)]
+                problem = f"[{', '.join(asked)}] asked, but there can be {low} to {high}"
+                raise InputError(f"search.{count.name}", problem, "a range that meets this")
+
+
+def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
+    """Fewest and most faces that a count takes in."""
+    if terms.faces is None:
+        return 0, 0
+    return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())

@@ -11,8 +11,8 @@ branch and bound over blocks first (`exact.block_search`); the formula then says
 What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`undecided`,
 `undecided_blocks`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
 
-Spaces that have no formula or no relaxation (dry compressive strengths in space, blocks to be counted where they are
-too many to be listed) are enumerated, which proves the same.
+Spaces that have no formula or no relaxation (dry compressive strengths in space, limits on a count that is no sum of
+ones, blocks to be counted where they are too many to be listed) are enumerated, which proves the same.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.exact.record import Record, key_of
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
-from jld_explore.space import SearchSpace, canonical, counts
+from jld_explore.space import SearchSpace, canonical, count_named, registered, values_of
 
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
@@ -65,15 +65,18 @@ class Exact(Driver):
         if aim not in ("best", "front"):
             raise InputError("--aim", f"there is no aim {aim!r}", "best or front")
         self.space, self.seed, self.aim = space, seed, aim
-        count = space.search.front.count
-        if aim == "front" and count == "dry_length":
-            raise InputError("search.front.count", "dry_length has no exact front", "dry_faces or blocks")
+        self._count = count_named(space.search.front.count) if aim == "front" else None
+        if self._count is not None and self._count.terms is None:
+            known = " or ".join(count.name for count in registered() if count.terms)
+            raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
         analysis = LimitAnalysis(space.assembly)
         self._template = analysis.template
         self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
         self._blocks = possible_blocks(space)
-        by_blocks = space.search.blocks != [None, None] or (aim == "front" and count == "blocks")
-        covered = has_hull(analysis.template.yield_set) and not (by_blocks and self._blocks is None)
+        asked = [count for count, _ in space.limits.on_counts] + ([] if self._count is None else [self._count])
+        terms = [count.terms(space.assembly) if count.terms else None for count in asked]
+        listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
+        covered = has_hull(analysis.template.yield_set) and listed
         self._everything = None if covered else Enumeration(space)
         self._relaxation = relaxation = Relaxation(analysis) if covered else None
         self._by_blocks = None if relaxation is None else BlockSearch(analysis, space, self._blocks, relaxation)
@@ -178,9 +181,10 @@ class Exact(Driver):
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        tally = counts(self.space.assembly, labellings, self.space.graph)
-        number = tally.blocks if self.space.search.front.count == "blocks" else tally.dry_faces
-        for labels, found, count in zip(labellings, evaluations, number.tolist(), strict=True):
+        number = [0] * len(labellings)
+        if self._count is not None:
+            number = values_of(self._count, self.space.assembly, labellings, self.space.graph).tolist()
+        for labels, found, count in zip(labellings, evaluations, number, strict=True):
             low = found.low if found.status is Status.COLLAPSE else -math.inf
             high = found.high if found.status is Status.COLLAPSE else -math.inf
             if found.status in (Status.UNCERTIFIED, Status.FAILED):
@@ -355,12 +359,10 @@ class Exact(Driver):
 
     def _counts(self) -> list[int]:
         """Values that the count of the front may take."""
-        search, assembly = self.space.search, self.space.assembly
-        if search.front.count == "blocks":
-            (low, high), most = search.blocks, len(assembly.elements.free)
-        else:
-            (low, high), most = search.dry_faces, int(assembly.free_faces.sum())
-        return list(range(low or 0, (most if high is None else min(high, most)) + 1))
-
-
-__all__ = ["Exact"]
+        assert self._count is not None
+        assert self._count.terms is not None
+        most = self._count.terms(self.space.assembly).most(self.space.assembly)
+        bounds = next((bounds for count, bounds in self.space.limits.on_counts if count is self._count), None)
+        if bounds is None:
+            return list(range(most + 1))
+        return list(range(int(bounds.low or 0), (most if bounds.high is None else min(int(bounds.high), most)) + 1))

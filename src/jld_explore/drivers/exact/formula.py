@@ -10,7 +10,7 @@ around it. Counts are cardinality constraints.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Final
 
 import numpy as np
@@ -18,8 +18,8 @@ from pysat.card import CardEnc, EncType
 from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
-from jld_explore.drivers.exact.possible_blocks import BlockLimits, PossibleBlocks
-from jld_explore.space import SearchSpace, blocks_of
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.space import Count, Range, SearchSpace, blocks_of, count_named
 
 _SOLVER: Final = "cadical195"
 
@@ -40,7 +40,7 @@ class Formula:
         self._candidates = candidates
         self._top = candidates.size
         self._images = np.unique(np.argsort(space.group, axis=1), axis=0)
-        self._limits = BlockLimits(space)
+        self._limits, self._sized = space.limits, space.limits.sized
         self._links = _links(space)
         self._chosen: list[int] = []
         if blocks is not None:
@@ -106,21 +106,28 @@ class Formula:
             self._solver.add_clause(variables)
 
     def _count(self, count: int | None) -> None:
-        """Cardinality constraints of "dry_faces" and "blocks", and of the count that is asked for."""
-        search, free = self.space.search, self.space.assembly.free_faces
-        mine = free[self._candidates]
-        dry = [-int(v) for v in self._inner[self._candidates[mine]]]
-        always = int((free & self.space.fixed & ~self.space.candidates).sum())
-        by_blocks = search.front.count == "blocks"
-        self._between(dry, always, search.dry_faces, None if by_blocks else count)
-        if search.blocks != [None, None] or (by_blocks and count is not None):
+        """Cardinality constraints of the limits on counts, and of the count that is asked for."""
+        front = self.space.search.front.count
+        for limited, bounds in self._limits.on_counts:
+            if count is None or limited.name != front:
+                self._between(limited, bounds)
+        if count is not None:
+            self._between(count_named(front), Range.of((count, count), whole=True))
+
+    def _between(self, count: Count, bounds: Range) -> None:
+        if count.terms is None:
+            raise ValueError(f"{count.name} is no sum of ones")
+        terms, space = count.terms(self.space.assembly), self.space
+        literals, more = [], 0
+        if terms.faces is not None:
+            literals += [-int(v) for v in self._inner[self._candidates[terms.faces[self._candidates]]]]
+            more += int((terms.faces & space.fixed & ~space.candidates).sum())
+        if terms.blocks:
             if self.blocks is None:
                 raise ValueError("blocks can be counted where they are listed only")
-            self._between(self._chosen, 0, search.blocks, count if by_blocks else None)
-
-    def _between(self, literals: list[int], more: int, limits: Sequence[int | None], exactly: int | None) -> None:
-        low, high = limits if exactly is None else (exactly, exactly)
-        low, high = 0 if low is None else low - more, len(literals) if high is None else high - more
+            literals += self._chosen
+        low = 0 if bounds.low is None else int(bounds.low) - more
+        high = len(literals) if bounds.high is None else int(bounds.high) - more
         if low > len(literals) or high < 0:
             self._solver.add_clause([])
             return
@@ -143,10 +150,10 @@ class Formula:
         free = self.space.assembly.elements.free
         for name in np.unique(blocks[free]).tolist():
             members = frozenset(free[blocks[free] == name].tolist())
-            if self._limits.too_large(members):
+            if self._limits.too_large(self._sized.one(members)):
                 tree = self._tree(labels, min(members))
                 found.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
-            elif self._limits.too_small(members):
+            elif self._limits.too_small(self._sized.one(members)):
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
                 found.append((border, np.ones(len(border), dtype=bool)))
         return found
@@ -164,7 +171,7 @@ class Formula:
     def _tree(self, labels: Bits, start: int) -> list[int]:
         """Inner faces that join elements too many, too heavy or too far apart for one block."""
         free = set(self.space.assembly.elements.free.tolist())
-        came = self._reach(labels, start, lambda seen: self._limits.too_large(frozenset(seen) & free))
+        came = self._reach(labels, start, lambda seen: bool(self._limits.too_large(self._sized.one(seen & free))))
         return [face for _, face in came.values() if face >= 0]
 
     def _reach(self, labels: Bits, start: int, enough: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:

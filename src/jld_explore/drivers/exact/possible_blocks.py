@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Ints
-from jld_explore.space import SearchSpace, above, below, feasible
+from jld_explore.space import SearchSpace
 
 MOST: Final = 20_000
 """Blocks above which they are not listed."""
@@ -53,7 +53,7 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     for face in np.flatnonzero(~to_support).tolist():
         around[int(a[face])].append((face, int(b[face])))
         around[int(b[face])].append((face, int(a[face])))
-    size = BlockLimits(space)
+    limits, sized = space.limits, space.limits.sized
     found: list[frozenset[int]] = []
     level: set[frozenset[int]] = {frozenset([e]) for e in around}
     while level:
@@ -66,7 +66,7 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
                 for face, other in around[e]:
                     if other not in block and may_join[face]:
                         bigger = block | {other}
-                        if not size.too_large(bigger):
+                        if not limits.too_large(sized.one(bigger)):
                             grown.add(bigger)
             if len(grown) > MOST:
                 return None
@@ -75,39 +75,8 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     for block in found:
         links = {face for e in block for face, other in around[e] if other in block}
         cut = any(must_join[face] for e in block for face, other in around[e] if other not in block)
-        if cut or any(not may_join[face] for face in links) or size.too_small(block):
+        if cut or any(not may_join[face] for face in links) or limits.too_small(sized.one(block)):
             continue
         members.append(tuple(sorted(block)))
         inside.append(tuple(sorted(links)))
     return PossibleBlocks(tuple(members), tuple(inside))
-
-
-def is_member(space: SearchSpace, labels: Bits) -> bool:
-    """Whether a labelling (m,) is in the space: a check on what a solver returned."""
-    return bool(feasible(space, labels[None])[0])
-
-
-class BlockLimits:
-    """Sizes of sets of elements against the limits on a block."""
-
-    def __init__(self, space: SearchSpace) -> None:
-        elements, search = space.assembly.elements, space.search
-        self.weight = np.linalg.norm(elements.weight, axis=1)
-        self.lower, self.upper = elements.lower, elements.upper
-        limits = (search.block_cells, search.block_weight, search.block_extent)
-        self.limits: list[tuple[float | None, float | None]] = [(low, high) for low, high in limits]
-
-    def _sizes(self, block: frozenset[int]) -> tuple[float, float, float]:
-        rows = sorted(block)
-        extent = float((self.upper[rows].max(axis=0) - self.lower[rows].min(axis=0)).max())
-        return float(len(rows)), float(self.weight[rows].sum()), extent
-
-    def too_large(self, block: frozenset[int]) -> bool:
-        """Too many elements, too heavy or too long; no larger set can mend it."""
-        pairs = zip(self._sizes(block), self.limits, strict=True)
-        return any(bool(above(np.array([size]), high)[0]) for size, (_, high) in pairs)
-
-    def too_small(self, block: frozenset[int]) -> bool:
-        """Too few elements, too light or too short."""
-        pairs = zip(self._sizes(block), self.limits, strict=True)
-        return any(bool(below(np.array([size]), low)[0]) for size, (low, _) in pairs)

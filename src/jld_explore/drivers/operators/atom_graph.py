@@ -8,16 +8,15 @@ touches a handful of atoms, where an array costs more to call than to compute.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, floor, inf
+from math import inf
 from typing import TypeVar
 
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Ints
-from jld_explore.space import SearchSpace
+from jld_core.arrays import Bools, Ints
+from jld_explore.space import CELLS, Range, SearchSpace, Sized
 
 Parts = list[int]
 """The name of the part of each atom, (atoms,); names are any integers."""
@@ -60,44 +59,52 @@ class BufferedRandom:
         return [items[i] for _, i in sorted((self.real(), i) for i in range(len(items)))]
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Inclusive bounds (least, most) with rounding allowed for. cells, weight, extent: of a part that holds a
-    free element; parts: their number; dry: number of dry faces between free elements."""
+Seams = list[tuple[int, int, int]]
+"""(a, b, faces between them) of atoms that touch, where there are such faces."""
 
-    cells: tuple[int, float]
-    weight: tuple[float, float]
-    extent: tuple[float, float]
+
+@dataclass(frozen=True)
+class PartLimits:
+    """Limits of a search as operators keep them; those on counts that are no sums of ones are left to `feasible`.
+
+    sizes: on each part that holds a free element, by the keys of measures, as far as they do not go with cells.
+    parts: (least, most) parts. seams: of counts of dry faces, with their (least, most).
+    """
+
+    sizes: dict[str, Range]
     parts: tuple[float, float]
-    dry: tuple[float, float]
+    seams: tuple[tuple[Seams, float, float], ...]
+
+    @property
+    def cells(self) -> tuple[int, float]:
+        """Least and most free elements of a part."""
+        bounds = self.sizes[CELLS.key]
+        return max(0, int(max(bounds.least, 0.0))), bounds.most
 
     @property
     def only_cells(self) -> bool:
         """Whether cells alone decide if a part is allowed."""
-        return self.weight == (0.0, inf) and self.extent == (0.0, inf)
+        return not any(bounds.given for key, bounds in self.sizes.items() if key != CELLS.key)
 
 
 @dataclass(frozen=True)
 class AtomGraph:
     """Atoms and what lies between them.
 
-    of_element: (n,) atom of each element. first: (atoms,) an element of each atom. cells, weight, corner:
-    free elements of each atom, their weight, and the upper corner of their box followed by the negative
-    lower one. pairs: atoms that may be joined; links: for each atom (neighbour, pair). walls: atoms that a
-    face fixed dry keeps apart from each atom. seams: (a, b, free faces between them) of every two atoms
-    that touch. lines: for each pair, the straight lines or planes its candidate faces lie on. face_a,
-    face_b: (m,) atoms.
+    of_element: (n,) atom of each element. first: (atoms,) an element of each atom. cells: free elements of each
+    atom; sized: all sizes of atoms. pairs: atoms that may be joined; links: for each atom (neighbour, pair). walls:
+    atoms that a face fixed dry keeps apart from each atom. seams: by faces between free elements. lines: for each
+    pair, the straight lines or planes its candidate faces lie on. face_a, face_b: (m,) atoms.
     """
 
     of_element: Ints
     first: Ints
     cells: list[int]
-    weight: list[float]
-    corner: list[list[float]]
+    sized: Sized
     pairs: list[tuple[int, int]]
     links: list[list[tuple[int, int]]]
     walls: list[list[int]]
-    seams: list[tuple[int, int, int]]
+    seams: Seams
     lines: list[list[int]]
     face_a: Ints
     face_b: Ints
@@ -109,14 +116,10 @@ class AtomGraph:
 def atom_graph(space: SearchSpace) -> AtomGraph:
     """The atoms of a search space; in a space of loose bits faces fixed dry keep nothing apart."""
     assembly = space.assembly
-    elements, faces = assembly.elements, assembly.interfaces
+    faces = assembly.interfaces
     first, of_element = np.unique(space.least, return_inverse=True)
     count = len(first)
-    free = elements.free
-    cells = np.bincount(of_element[free], minlength=count)
-    weight = np.bincount(of_element[free], np.linalg.norm(elements.weight[free], axis=1), minlength=count)
-    corner = np.full((count, 2 * assembly.dimension), -inf)
-    np.maximum.at(corner, of_element[free], np.hstack([elements.upper[free], -elements.lower[free]]))
+    sized = space.limits.sized.joined(of_element, count)
     a, b = of_element[faces.a], of_element[faces.b]
     low, high = np.minimum(a, b), np.maximum(a, b)
     between = low != high
@@ -136,11 +139,6 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
         if reach[p] == reach[q]:  # else nothing could ever join them
             walls[p].append(q)
             walls[q].append(p)
-    seam: dict[tuple[int, int], int] = {}
-    for p, q in zip(
-        low[between & assembly.free_faces].tolist(), high[between & assembly.free_faces].tolist(), strict=True
-    ):
-        seam[p, q] = seam.get((p, q), 0) + 1
     place = {pair: number for number, pair in enumerate(touching)}
     lines: list[list[int]] = [[] for _ in touching]
     line = _lines(space)
@@ -151,13 +149,12 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
     return AtomGraph(
         of_element=of_element,
         first=first,
-        cells=cells.tolist(),
-        weight=weight.tolist(),
-        corner=corner.tolist(),
+        cells=sized.adds[CELLS.key].astype(np.int64).tolist(),
+        sized=sized,
         pairs=touching,
         links=links,
         walls=walls,
-        seams=[(p, q, number) for (p, q), number in sorted(seam.items())],
+        seams=_seams(a, b, assembly.free_faces),
         lines=lines,
         face_a=a,
         face_b=b,
@@ -191,28 +188,20 @@ def _lines(space: SearchSpace) -> Ints:
     return np.asarray(np.unique(names, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
 
-def limits_of(space: SearchSpace, graph: AtomGraph) -> Limits:
-    """The limits of a search; weights that go with the number of cells are turned into limits on cells."""
-    search = space.search
+def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
+    """Seams by those faces (m,) that are counted; a, b: (m,) their atoms."""
+    rows = np.flatnonzero(counted & (a != b))
+    pairs = np.column_stack([np.minimum(a, b)[rows], np.maximum(a, b)[rows]])
+    found, number = np.unique(pairs, axis=0, return_counts=True)
+    return [(p, q, count) for (p, q), count in zip(found.tolist(), number.tolist(), strict=True)]
 
-    def bounds(pair: Sequence[float | None], slack: float) -> tuple[float, float]:
-        low, high = pair
-        least = -inf if low is None else low * (1.0 - slack)
-        return least, inf if high is None else high * (1.0 + slack)
 
-    low, high = bounds(search.block_cells, 0.0)
-    light, heavy = bounds(search.block_weight, tolerances.DECIMALS)
-    per_cell = {w / c for w, c in zip(graph.weight, graph.cells, strict=True) if c}
-    if max(per_cell) - min(per_cell) <= 1e-12 * max(per_cell) and max(per_cell) > 0.0:
-        unit = max(per_cell)
-        low = max(low, ceil(light / unit - 1e-9) if light > 0.0 else low)
-        high = min(high, floor(heavy / unit + 1e-9) if heavy < inf else high)
-        light, heavy = 0.0, inf
-    short, long = bounds(search.block_extent, tolerances.DECIMALS)
-    return Limits(
-        cells=(max(0, int(low)) if low > -inf else 0, high),
-        weight=(max(0.0, light), heavy),
-        extent=(max(0.0, short), long),
-        parts=bounds(search.blocks, 0.0),
-        dry=bounds(search.dry_faces, 0.0),
-    )
+def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
+    """The limits of a search; those that go with the number of cells are turned into limits on cells."""
+    parts, seams = (-inf, inf), []
+    for terms, bounds in space.limits.on_terms:
+        if terms.faces is None:
+            parts = max(parts[0], bounds.least), min(parts[1], bounds.most)
+        elif not terms.blocks:
+            seams.append((_seams(graph.face_a, graph.face_b, terms.faces), bounds.least, bounds.most))
+    return PartLimits(space.limits.by_cells(graph.sized), parts, tuple(seams))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_explore.drivers.operators.atom_graph import AtomGraph, Limits
+from jld_explore.drivers.operators.atom_graph import AtomGraph, PartLimits
 from jld_explore.space import SearchSpace, blocks_of
 
 NEAR: Final = 0.5
@@ -34,7 +34,7 @@ class Batches:
     one for each that was wanted, in the search space, but neither canonical nor new; keys are rows (k, pairs).
     """
 
-    def __init__(self, space: SearchSpace, graph: AtomGraph, limits: Limits) -> None:
+    def __init__(self, space: SearchSpace, graph: AtomGraph, limits: PartLimits) -> None:
         self.space, self.graph = space, graph
         self.least, self.most = limits.cells
         pairs = np.array(graph.pairs, dtype=np.int64).reshape(-1, 2)

@@ -11,10 +11,8 @@ from __future__ import annotations
 
 from math import inf
 
-from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, Limits
-
-_State = tuple[float, int, int]
-"""Cost, cells open before a child was added, cells of the child that joined (−1: cut off)."""
+from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits
+from jld_explore.space import CELLS
 
 
 class Cutter:
@@ -24,19 +22,27 @@ class Cutter:
     on single parts, because those on cells are all there is.
     """
 
-    def __init__(self, graph: AtomGraph, limits: Limits) -> None:
+    def __init__(self, graph: AtomGraph, limits: PartLimits) -> None:
         self.graph, self.limits = graph, limits
         self._walled = any(graph.walls)
         self.exact = limits.only_cells and not self._walled
-        least, most = limits.cells
+        sized = graph.sized
+        # per limit beside those on cells: its bounds, and what each atom adds, or the corners of its box
+        self._others = [
+            (bounds, sized.adds[key].tolist() if key in sized.adds else None)
+            for key, bounds in limits.sizes.items()
+            if bounds.given and key != CELLS.key
+        ]
+        self._corner = sized.corner.tolist()
+        self._least, self._most = least, most = limits.cells
         # beyond the least, without a most, all numbers of cells are the same
         self._cap = int(most) if most < inf else least
         self._bounded = self._cap > 0
 
     def fits(self, members: list[int]) -> bool:
         """Whether a part is within the upper limits and holds no wall."""
-        limits, cells = self.limits, self.graph.cells
-        if sum([cells[a] for a in members]) > limits.cells[1]:
+        cells = self.graph.cells
+        if sum([cells[a] for a in members]) > self._most:
             return False
         if self.exact:
             return True
@@ -44,28 +50,25 @@ class Cutter:
             inside = set(members)
             if any(other in inside for a in members for other in self.graph.walls[a]):
                 return False
-        weight, extent = self._measure(members)
-        return weight <= limits.weight[1] and extent <= limits.extent[1]
+        return all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
     def enough(self, members: list[int]) -> bool:
         """Whether a part is within the lower limits; one without a free element has none."""
-        limits, cells = self.limits, self.graph.cells
+        cells = self.graph.cells
         count = sum([cells[a] for a in members])
         if count == 0:
             return True
-        if count < limits.cells[0]:
+        if count < self._least:
             return False
-        if limits.only_cells:
-            return True
-        weight, extent = self._measure(members)
-        return weight >= limits.weight[0] and extent >= limits.extent[0]
+        return all(self._size(members, adds) >= bounds.least for bounds, adds in self._others)
 
-    def _measure(self, members: list[int]) -> tuple[float, float]:
-        graph = self.graph
-        weight = sum([graph.weight[a] for a in members])
-        corner = [max(values) for values in zip(*[graph.corner[a] for a in members], strict=True)]
+    def _size(self, members: list[int], adds: list[float] | None) -> float:
+        """What the atoms of a part add up to, or the longest side of the box around them."""
+        if adds is not None:
+            return sum([adds[a] for a in members])
+        corner = [max(values) for values in zip(*[self._corner[a] for a in members], strict=True)]
         d = len(corner) // 2
-        return weight, max(corner[i] + corner[d + i] for i in range(d))
+        return float(max(corner[i] + corner[d + i] for i in range(d)))
 
     def components(self, members: list[int]) -> list[list[int]]:
         """The connected pieces of a set of atoms, each from its first atom on."""
@@ -128,7 +131,7 @@ class Cutter:
 
     def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
         """The parts that the keys ask for, if they are allowed: then no other cuts agree better."""
-        least, most = self.limits.cells
+        least, most = self._least, self._most
         cells = self.graph.cells
         parts: dict[int, list[int]] = {}
         for a in members:
@@ -195,8 +198,8 @@ class Cutter:
 
     def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
         """Decide for each atom whether it stays with its parent; False where no decision is allowed."""
-        cap, least = self._cap, self.limits.cells[0]
-        capped = self.limits.cells[1] == inf
+        cap, least = self._cap, self._least
+        capped = self._most == inf
         cells = self.graph.cells
         table: dict[int, dict[int, float]] = {}
         steps: dict[int, dict[int, tuple[int, int]]] = {}

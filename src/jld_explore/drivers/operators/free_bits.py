@@ -29,15 +29,16 @@ class FreeBits:
         self.graph = atom_graph(space)
         self.limits = limits_of(space, self.graph)
         # slits can make up for dry faces that lack between blocks, up to what keeps each block in one piece
-        least, most = self.limits.dry
-        free = space.assembly.free_faces
-        spare = int((free & (space.candidates | space.fixed)).sum()) - len(self.graph)
+        on_faces = [(terms.faces, bounds) for terms, bounds in space.limits.on_terms if terms.faces is not None]
+        may_be_dry = space.candidates | space.fixed
+        spare = [bounds.least - int((faces & may_be_dry).sum()) + len(self.graph) for faces, bounds in on_faces]
         fewest, greatest = self.limits.parts
-        on_blocks = replace(self.limits, dry=(-inf, most), parts=(max(fewest, least - spare), greatest))
+        seams = tuple((seams, -inf, most) for seams, _, most in self.limits.seams)
+        on_blocks = replace(self.limits, seams=seams, parts=(max(fewest, *spare, -inf), greatest))
         self._repair = Repair(self.graph, on_blocks, Cutter(self.graph, on_blocks))
         self._faces = np.flatnonzero(space.candidates).tolist()
         self._ends = list(zip(self.graph.face_a.tolist(), self.graph.face_b.tolist(), strict=True))
-        self._counted = space.assembly.free_faces.tolist()
+        self._counted = [(faces.tolist(), bounds) for faces, bounds in on_faces]
         self.keys = len(self._faces)
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
@@ -122,12 +123,12 @@ class FreeBits:
                 root[p] = q
                 bridges.add(face)
                 out[face] = False
-        least, most = self.limits.dry
-        dry = sum(1 for face, counted in enumerate(self._counted) if counted and out[face])
-        spare = [face for face in rng.shuffled(inside) if self._counted[face] and face not in bridges]
-        for face in spare:
-            if dry > most and out[face]:
-                out[face], dry = False, dry - 1
-            elif dry < least and not out[face]:
-                out[face], dry = True, dry + 1
+        order = rng.shuffled(inside)
+        for counted, bounds in self._counted:
+            dry = sum(1 for face, counts in enumerate(counted) if counts and out[face])
+            for face in [face for face in order if counted[face] and face not in bridges]:
+                if dry > bounds.most and out[face]:
+                    out[face], dry = False, dry - 1
+                elif dry < bounds.least and not out[face]:
+                    out[face], dry = True, dry + 1
         return out

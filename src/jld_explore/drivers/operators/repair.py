@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from math import inf
 
-from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, Limits, Parts
+from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits, Parts, Seams
 from jld_explore.drivers.operators.cutting import Cutter
 
 _TRIES = 4
@@ -15,15 +15,14 @@ _TRIES = 4
 class Repair:
     """Repairs partitions of the atoms of one search space."""
 
-    def __init__(self, graph: AtomGraph, limits: Limits, cutter: Cutter) -> None:
+    def __init__(self, graph: AtomGraph, limits: PartLimits, cutter: Cutter) -> None:
         self.graph, self.limits, self.cutter = graph, limits, cutter
-        self._counted_dry = limits.dry != (-inf, inf)
         self._counted_parts = limits.parts != (-inf, inf)
 
     @property
     def counted(self) -> bool:
         """Whether there are limits on the numbers of parts or of dry faces."""
-        return self._counted_parts or self._counted_dry
+        return self._counted_parts or bool(self.limits.seams)
 
     def __call__(self, part: Parts, rng: BufferedRandom, doubtful: list[int] | None = None) -> Parts | None:
         """The partition with every limit kept, or None where that was not found.
@@ -47,19 +46,12 @@ class Repair:
 
     def _fault(self, groups: Groups) -> Callable[[Groups, BufferedRandom], bool] | None:
         """What to do about the numbers of parts and of dry faces."""
-        if self._counted_parts:
-            least, most = self.limits.parts
-            count = groups.count()
-            if count > most:
+        numbers = [(groups.count(), *self.limits.parts)] if self._counted_parts else []
+        numbers += [(groups.dry(seams), least, most) for seams, least, most in self.limits.seams]
+        for number, least, most in numbers:
+            if number > most:
                 return self._join
-            if count < least:
-                return self._divide
-        if self._counted_dry:
-            least, most = self.limits.dry
-            dry = groups.dry()
-            if dry > most:
-                return self._join
-            if dry < least:
+            if number < least:
                 return self._divide
         return None
 
@@ -197,10 +189,10 @@ class Groups:
         cells = self.graph.cells
         return sum(1 for members in self._members.values() if any(cells[a] for a in members))
 
-    def dry(self) -> int:
-        """Dry faces between free elements, slits apart."""
+    def dry(self, seams: Seams | None = None) -> int:
+        """Dry faces of seams, slits apart; those between free elements where none are given."""
         part = self.part
-        return sum([number for a, b, number in self.graph.seams if part[a] != part[b]])
+        return sum([number for a, b, number in (self.graph.seams if seams is None else seams) if part[a] != part[b]])
 
     def dry_after(self, pieces: list[list[int]]) -> int:
         """The same, after a region would have been cut into pieces."""

@@ -87,6 +87,7 @@ class Segmentations:
         whole = self._sound and self.keys > 0 and not any(self.graph.walls)
         self._batches = Batches(space, self.graph, self.limits) if whole else None
         self.offspring_factor = _BROOD if whole else FreeBits.offspring_factor
+        self._corner: list[list[float]] = self.graph.sized.corner.tolist()
         self._every = list(range(len(self.graph)))
         self._moves: list[Callable[[Parts, BufferedRandom], Parts | None]] = [
             self.split, self.merge, self.move, self.move, self.shift, self.recut, self.recut,
@@ -255,7 +256,7 @@ class Segmentations:
 
     def _side(self, a: int, b: int) -> bool:
         """Which of two neighbours lies first along the axes; the same along a straight line of faces."""
-        first, second = self.graph.corner[a], self.graph.corner[b]
+        first, second = self._corner[a], self._corner[b]
         return first < second
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
