@@ -65,8 +65,9 @@ class Count:
     """One count of labellings.
 
     name: in scenes and tables. of: its values (k,), equal for images under the scene's symmetries. axis: what it is,
-    without its unit. column: above a column, its name in words where not given. noun: of one of them, or the word before a size. integer: whole numbers. unit: of the assembly.
-    terms: what a proof of a front needs; None: there is none, and a limit on it makes the exact driver enumerate.
+    without its unit. noun: of one of them, or the word before a size. integer: whole numbers. unit: of the assembly.
+    column: above a column, its name in words where not given. terms: what a proof of a front needs; None: there is
+    none, and a limit on it makes the exact driver enumerate.
     """
 
     name: str
