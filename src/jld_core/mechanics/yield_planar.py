@@ -47,6 +47,23 @@ class PlanarYield:
         mask[:, 1] = np.where(labels, self.friction, self.shear) > 0.0
         return mask
 
+    def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        """Rows C F + d ≥ 0 of each face, (m, 4, 3) and (m, 4): two of bending, then two of shear; None with crushing.
+
+        Dry: N ∓ m, μN ∓ V. Inner: N + σtA ∓ 3m, τA ∓ V: every coefficient is a number given or a small integer.
+        """
+        if np.isfinite(np.where(labels, self.crush_dry, self.crush_inner)).any():
+            return None
+        rows, constants = np.zeros((len(labels), 4, 3)), np.zeros((len(labels), 4))
+        rows[:, :2, 0] = 1.0
+        rows[:, 1, 2] = np.where(labels, 1.0, 3.0)
+        rows[:, 0, 2] = -rows[:, 1, 2]
+        rows[:, 2:, 0] = np.where(labels, self.friction, 0.0)[:, None]
+        rows[:, 2:, 1] = (-1.0, 1.0)
+        constants[:, :2] = np.where(labels, 0.0, self.tension)[:, None]
+        constants[:, 2:] = np.where(labels, 0.0, self.shear)[:, None]
+        return rows, constants
+
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         # a resultant that a label drops is zero by construction and limits nothing

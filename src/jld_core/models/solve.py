@@ -30,7 +30,8 @@ from jld_core.solvers import is_large
 class SolveOptions:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
-    friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py).
+    friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py). range: of
+    zero dilation the lowest and the highest λ that are found.
     contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
     faces). effective_area: torsion about the area that is really pressed, by iteration. inner_bending: "paper"
     (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand ("auto": where inner
@@ -38,6 +39,7 @@ class SolveOptions:
     """
 
     friction: Literal["associative", "zero-dilation"] = "associative"
+    range: bool = False
     contact: Literal["convex", "concave"] = "convex"
     effective_area: bool = False
     inner_bending: Literal["paper", "kern"] = "paper"
@@ -77,13 +79,15 @@ def _check(model: SolveOptions) -> None:
         if value not in allowed:
             option = key.replace("_", "-")
             raise InputError(f"--{option}", f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
+    if model.range and model.friction != "zero-dilation":
+        raise InputError("--range", "λ of associative friction is one number", "--friction zero-dilation with it")
     if model.effective_area and model.contact == "concave":
         raise InputError("--effective-area", "points have no area", "--contact convex with it")
 
 
 def _solved(analysis: LimitAnalysis, labels: Bits, model: SolveOptions) -> LimitAnalysisResult:
     if model.friction == "zero-dilation":
-        return zero_dilation(analysis, labels, Scheme(effective_area=model.effective_area))
+        return zero_dilation(analysis, labels, Scheme(effective_area=model.effective_area), range=model.range)
     if model.effective_area:
         return solve_effective_area(analysis, labels)
     found = None

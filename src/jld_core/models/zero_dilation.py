@@ -13,7 +13,6 @@ zero is proven, whatever led there, and [λ of F, bound of u] is a bracket of th
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import replace
 from typing import Any
@@ -24,9 +23,12 @@ from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status, element_velocities, number, relative_width
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
 from jld_core.models.effective_area import require_rectangles
-from jld_core.models.zero_dilation_search import Pair, Run, Scheme
+from jld_core.models.zero_dilation_range import load_range
+from jld_core.models.zero_dilation_result import result_of
+from jld_core.models.zero_dilation_search import Run, Scheme
+from jld_core.models.zero_dilation_starts import first_forces
 
 
 def zero_dilation(
@@ -36,11 +38,13 @@ def zero_dilation(
     *,
     associative: LimitAnalysisResult | None = None,
     stands: bool = True,
+    range: bool = False,
 ) -> LimitAnalysisResult:
     """Collapse without dilation of one labelling, by an analysis that exists already.
 
     analysis: of associative friction, planar or spatial, points included. labels: (m,) True dry. associative:
-    its result for these labels where known. stands: also decide λ = 0.
+    its result for these labels where known. stands: also decide λ = 0. range: seek the lowest and the highest
+    solution from every side: see `load_range`.
 
     The result: `load_factor` and `forces` are those of an exactly admissible state, `mechanism` does not
     dilate, and `bracket` is [λ of the state, bound of the mechanism] for the problem with friction frozen at
@@ -61,15 +65,17 @@ def zero_dilation(
     if scheme.start == "vertex" and analysis.template.structure.cones:
         raise InputError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
     associative = associative or analysis.solve(labels, stands=stands)
+    if range:
+        return load_range(analysis, labels, scheme, associative)
     if associative.status is Status.UNSTABLE or associative.forces is None:
-        return _closed(associative, analysis, None, 0, start)
+        return result_of(associative, analysis, None, 0, start)
     if associative.status is Status.LOCKED:
         # whatever friction follows the present N would build up self-stress without end
         scheme = replace(scheme, alpha=0.0)
     run = Run(analysis, labels, scheme)
-    forces = run.first_forces(associative)
+    forces = first_forces(run, associative, scheme.start)
     pair = run.robust(forces) if scheme.variant == "robust" else run.plain(forces)
-    return _closed(associative, analysis, pair, run.solves, start)
+    return result_of(associative, analysis, pair, run.solves, start)
 
 
 def solve_zero_dilation(
@@ -78,56 +84,3 @@ def solve_zero_dilation(
     """Zero-dilation limit analysis of one labelling in one call; options: fields of `Scheme`. See `zero_dilation`."""
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     return zero_dilation(LimitAnalysis(assembly, gap=gap, reference=own), own, Scheme(**options))
-
-
-def _closed(
-    associative: LimitAnalysisResult,
-    analysis: LimitAnalysis,
-    pair: Pair | None,
-    solves: int,
-    start: float,
-) -> LimitAnalysisResult:
-    """The result in scene units; where there is no pair, associative friction has decided."""
-    scaling, nan = analysis.template.scaling, math.nan
-    status, load, bracket, gap = associative.status, nan, (nan, nan), nan
-    forces = mechanism = None
-    converged = pair is not None and bool(pair.converged)
-    if pair is not None:
-        low = pair.state.load * scaling.load if pair.state.admissible else nan
-        high = pair.motion.bound * scaling.load if pair.motion is not None else nan
-        bracket, load, status = (low, high), pair.state.load * scaling.load, Status.UNCERTIFIED
-        floor = tolerances.GAP_FLOOR * analysis.assembly.total_dead / analysis.assembly.total_live
-        gap = relative_width(low, high, floor)
-        forces = pair.state.forces * scaling.face
-        if pair.motion is not None:
-            mechanism = element_velocities(analysis.template, pair.motion.velocity)
-        if pair.locked:
-            status, load, bracket, gap = Status.LOCKED, nan, (low, nan), nan
-        elif converged and pair.state.admissible and gap <= analysis.gap:
-            status = Status.COLLAPSE
-    elapsed = time.perf_counter() - start
-    return LimitAnalysisResult(
-        assembly=analysis.assembly,
-        labels=associative.labels,
-        status=status,
-        load_factor=load,
-        bracket=bracket,
-        gap=gap,
-        stands_at_zero=associative.stands_at_zero,
-        forces=forces,
-        mechanism=mechanism,
-        iterations=solves + associative.iterations,
-        route=(*associative.route, f"zero dilation ({solves})"),
-        seconds={"assemble": analysis.seconds, "solve": elapsed, "total": analysis.seconds + elapsed},
-        friction="zero-dilation",
-        contact=associative.contact,
-        extra={
-            "associative_load_factor": number(associative.load_factor),
-            "friction_violation": None if pair is None else number(pair.violation),
-            "complementarity_gap": None if pair is None else number(pair.relative_gap),
-            "dilation": None if pair is None else number(pair.dilation),
-            "converged": converged or status in (Status.LOCKED, Status.UNSTABLE),
-            "bracket_of": "problem with friction frozen at μN of these forces",
-            "zero_dilation_iterations": solves,
-        },
-    )

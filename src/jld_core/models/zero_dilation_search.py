@@ -12,11 +12,11 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Motion, Prover, State, Status, load_floor
+from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_floor
 from jld_core.mechanics import Contact, PrescribedFriction
 from jld_core.models.effective_area import base_yield, change, contact_of
 from jld_core.program import ConicProgram, Template
-from jld_core.solvers import ClarabelSolver, HighsSolver, ProximalSolver, RawSolution, RawStatus
+from jld_core.solvers import ClarabelSolver, ProximalSolver, RawSolution, RawStatus
 
 _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
 _BACK = 6  # times that a proximal step goes back half way before it is given up
@@ -345,36 +345,6 @@ class Run:
         # moving these forces into the true cone would cost far more λ than they violate it by
         state = self.analysis.prover.state(point, labels, passes=3)
         return self.judge(state, contact, violation, settled and alpha == 0.0)
-
-    def first_forces(self, associative: LimitAnalysisResult) -> Floats:
-        """Forces to start from, scaled (q·m,)."""
-        labels, template = self.labels, self.analysis.template
-        if self.scheme.start == "vertex":
-            self.solves += 1
-            raw = HighsSolver().solve(template.program(labels))
-            if raw.status is RawStatus.OPTIMAL:
-                return raw.point[: self.count]
-        # associative forces of a locked assembly may be anything
-        if self.scheme.start == "gravity" or associative.status is Status.LOCKED:
-            self.solves += 1
-            raw = ProximalSolver(self.count, 1.0, template.precision.residual).solve(
-                _unloaded(template.program(labels, self.margin)), np.zeros(self.count)
-            )
-            if raw.status is RawStatus.OPTIMAL:
-                return raw.point[: self.count]
-        if associative.forces is None:
-            return np.zeros(self.count)
-        return (associative.forces / template.scaling.face).ravel()
-
-
-def _unloaded(program: ConicProgram) -> ConicProgram:
-    """The program at λ = 0, without objective: λ is left in its bound alone and pushed against it."""
-    s = program.structure
-    data, objective = program.data.copy(), np.zeros(s.shape[1])
-    column = slice(s.indptr[-2], s.indptr[-1])
-    data[column] = np.where(s.indices[column] < s.equalities, 0.0, data[column])
-    objective[-1] = 1.0
-    return ConicProgram(s, data, program.rhs, objective)
 
 
 def _better(one: Pair, other: Pair) -> bool:

@@ -12,7 +12,7 @@ from jld_core.samples.gallery import (
 from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_core.samples.stone import Stone, box
 from jld_core.samples.vaults import dome, vault
-from jld_core.samples.walls import planar_running_bond, running_bond
+from jld_core.samples.walls import halved_bond, planar_running_bond, running_bond
 from jld_core.scene import Scene
 
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
@@ -35,6 +35,7 @@ __all__ = [
     "dome",
     "flat_arch",
     "grid",
+    "halved_bond",
     "planar_running_bond",
     "random_wall",
     "running_bond",

@@ -51,6 +51,28 @@ def planar_running_bond(courses: int, *, length: int | None = None, friction: fl
     )
 
 
+def halved_bond(bricks: int, courses: int, friction: float = 0.65) -> Scene:
+    """A small planar wall whose lowest course begins and ends in half bricks, pushed along x by its own weight.
+
+    bricks: in a whole course. Bricks of 4 × 1.75 and unit density, as in the walls of Ferris & Tin-Loi 2001.
+    """
+    wide, height = 4.0, 1.75
+    elements = [_rectangle("ground", -0.5 * wide, (bricks + 0.5) * wide, -1.0, 0.0, support=True)]
+    for course in range(courses):
+        first, last = _ends(2, wide, bricks)[(course + 1) % 2]
+        for k, (a, b) in enumerate(zip(first, last, strict=True)):
+            elements.append(_rectangle(f"c{course}b{k}", float(a), float(b), course * height, (course + 1) * height))
+    materials = {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": friction}}
+    return parse_scene(
+        {
+            "name": f"wall of {bricks} × {courses} bricks",
+            "materials": materials,
+            "elements": elements,
+            "loads": {"live": [{"body": [1.0, 0.0]}]},
+        }
+    )
+
+
 def _ends(courses: int, length: float, count: int | None = None) -> list[tuple[Any, Any]]:
     """Where bricks begin and end, course by course."""
     whole = np.arange((count or courses // 2) + 1) * length

@@ -9,6 +9,7 @@ from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
+from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
 from jld_core.solvers.proximal import ProximalSolver
 from jld_core.solvers.schur import SchurSolver
 
@@ -69,12 +70,15 @@ __all__ = [
     "SOLVERS",
     "ClarabelSolver",
     "HighsSolver",
+    "LinearAnswer",
+    "LinearRows",
     "ProximalSolver",
     "RawSolution",
     "RawStatus",
     "SchurSolver",
     "Solver",
     "auxiliary",
+    "interior_point",
     "is_large",
     "make_solver",
 ]

@@ -140,6 +140,9 @@ def solve(
     friction: Annotated[
         Friction, typer.Option(help="Associative, or sliding without dilation.")
     ] = Friction.ASSOCIATIVE,
+    range_: Annotated[
+        bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
+    ] = False,
     effective_area: Annotated[
         bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
     ] = False,
@@ -173,6 +176,7 @@ def solve(
         result = solve_assembly(
             assembly,
             friction=str(friction),
+            range=range_,
             effective_area=effective_area,
             contact=str(contact),
             inner_bending=str(inner_bending),

@@ -1,0 +1,97 @@
+"""The lowest and the highest collapse load without dilation that a search from every side finds, each certified."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult
+from jld_core.models.zero_dilation_modes import Modes, modes_of
+from jld_core.models.zero_dilation_pivots import Pivots
+from jld_core.models.zero_dilation_search import Pair, Run, Scheme
+from jld_core.models.zero_dilation_starts import certified, starts
+
+
+@dataclass
+class Found:
+    """Certified solutions of one labelling, kept as they come, scaled.
+
+    lowest, highest: pairs of forces and mechanism. loads: λ of all that were certified. best: the pair that comes
+    nearest, where none is certified.
+    """
+
+    width: float
+    lowest: Pair | None = None
+    highest: Pair | None = None
+    best: Pair | None = None
+    loads: list[float] = field(default_factory=list)
+
+    def offer(self, pair: Pair) -> bool:
+        """Keep a pair that is a solution; say whether it is."""
+        if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
+            self.best = pair
+        if pair.locked or not (pair.state.admissible and pair.converged and pair.closes(self.width)):
+            return False
+        load = pair.state.load
+        self.loads.append(load)
+        if self.lowest is None or load < self.lowest.state.load:
+            self.lowest = pair
+        if self.highest is None or load > self.highest.state.load:
+            self.highest = pair
+        return True
+
+
+class FromEverySide:
+    """The search of one labelling; further starts may be handed in as they turn up."""
+
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: LimitAnalysisResult) -> None:
+        self.run = Run(analysis, labels, scheme)
+        self.associative = associative
+        self.found = Found(analysis.gap)
+        self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
+        load = associative.bracket[1] / analysis.template.scaling.load
+        most = load if math.isfinite(load) else np.inf
+        self._pivots = None if self.modes is None else Pivots(self.modes, most * (1.0 + 1e-9))
+        self._seed = 0
+
+    def search(self, thorough: bool = True, enough: float = -math.inf) -> Found:
+        """Search from all starts; not further once a λ at or below `enough`, scaled, is certified."""
+        for forces in starts(self.run, self.associative, thorough):
+            self.walk(forces)
+            if self.found.lowest is not None and self.found.lowest.state.load <= enough:
+                break
+        return self.found
+
+    def walk(self, forces: Floats) -> None:
+        """Proximal steps from scaled forces (q·m,) to a solution, and from there down and up."""
+        pair = self.run.robust(forces)
+        self.found.offer(pair)
+        self.improve(np.append(pair.state.forces.ravel(), pair.state.load))
+
+    def improve(self, point: Floats, seeds: int = 2, up: bool = True) -> None:
+        """Down, and up, from forces and λ (q·m + 1,), planar scenes only."""
+        if self._pivots is None:
+            return
+        for sign in (1.0, -1.0) if up else (1.0,):
+            ends = [self._pivots.descend(point, self._seed + k, sign=sign) for k in range(seeds)]
+            self.check(end for end in ends if end is not None)
+        self._seed += seeds
+
+    def check(self, points: Iterable[Floats]) -> None:
+        """Certify points (q·m + 1,) that are worth it: lower than the lowest or higher than the highest."""
+        lowest, highest = self.found.lowest, self.found.highest
+        ends = sorted(points, key=lambda point: float(point[-1]))
+        for point in ends[:1] + ends[1:][-1:]:
+            load, least = float(point[-1]), 1e-9 * max(abs(float(point[-1])), self.run.floor)
+            known = lowest is not None and highest is not None
+            if known and _low(lowest) - least <= load <= _low(highest) + least:
+                continue
+            self.found.offer(certified(self.run, point))
+
+
+def _low(pair: Pair | None) -> float:
+    return math.nan if pair is None else pair.state.load

@@ -1,0 +1,94 @@
+"""From one solution without dilation to lower ones (or higher), by linear programs in turn.
+
+For given forces, any mechanism whose modes z are free only where y = 0 completes them to a solution; for a given
+mechanism, so do any forces with y = 0 where z > 0, and the least λ among those is one linear program. Going from one
+to the other and back never loses, and ends in a solution that neither step betters: a local minimum of the problem
+with complementarity, found without its nonlinear program. Source: the alternation is our own; the problem is that of
+Ferris & Tin-Loi 2001 (docs/method.md (4.6)).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
+from jld_core.models.zero_dilation_modes import Modes
+from jld_core.solvers import LinearRows
+
+_CLOSED: Final = (1e-9, 1e-7, 1e-5)  # y below which a mode may move, as small as lets any mechanism through
+_MOVING: Final = 1e-9  # z above which a mode moves
+_BETTER: Final = 1e-9  # gain in λ, relative, that counts
+_SWAY: Final = 1e-3  # weight of a random direction when another vertex of the same λ is sought
+
+
+class Pivots:
+    """The two linear programs of one labelling. most: λ above which nothing is of interest, scaled."""
+
+    def __init__(self, modes: Modes, most: float) -> None:
+        self.modes = modes
+        count, columns = modes.rows.shape
+        self._first = len(modes.dead)
+        rows = np.block([[modes.matrix, modes.live[:, None]], [modes.rows, np.zeros((count, 1))]])
+        low, high = np.concatenate([-modes.dead, -modes.constants]), np.full(len(rows), np.inf)
+        high[: self._first] = -modes.dead
+        least, largest = np.full(columns + 1, -np.inf), np.full(columns + 1, np.inf)
+        least[-1], largest[-1] = 0.0, most
+        self._statics = LinearRows(rows, low, high, least, largest)
+        width = modes.rates.shape[1]
+        unit = np.vstack([modes.rates, modes.live_rate[None]])
+        free = np.full(width, np.inf)
+        ends = np.append(np.full(count, np.inf), 1.0)
+        self._motions = LinearRows(unit, np.append(np.zeros(count), 1.0), ends, -free, free)
+
+    def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
+        """z (4m,) ≥ 0 of least weighted sum that moves closed modes alone, b_λ·u = 1; None where there is none."""
+        self._motions.bound(slice(0, len(closed)), np.zeros(len(closed)), np.where(closed, np.inf, 0.0))
+        answer = self._motions.minimise(weights @ self.modes.rates)
+        return self.modes.rates @ answer.point if answer.found else None
+
+    def forces(self, moving: Bools, objective: Floats) -> Floats | None:
+        """(F, λ) with y = 0 on moving modes that minimises an objective (3m + 1,); None where there is none."""
+        d = self.modes.constants
+        self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
+        answer = self._statics.minimise(objective)
+        return answer.point if answer.found else None
+
+    def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
+        """A solution (F, λ) of λ no higher (sign 1) or no lower (sign −1) than a given one; None if it is none.
+
+        point: (3m + 1,) scaled forces and λ. seed: of the mechanisms and vertices drawn. tries: in a row without gain.
+        """
+        rng = np.random.default_rng(seed)
+        count = len(self.modes.constants)
+        goal = np.append(np.zeros(len(point) - 1), sign)
+        closed, best = self._start(point, rng), point
+        if closed is None:
+            return None
+        idle = 0
+        while idle < tries:
+            z = self.mechanism(closed, rng.exponential(size=count))
+            found = None if z is None else self.forces(z > _MOVING, goal)
+            if z is None or found is None:
+                idle += 1
+                continue
+            if sign * (found[-1] - best[-1]) < -_BETTER * max(abs(best[-1]), _BETTER):
+                best, point, idle = found, found, 0
+            else:
+                idle += 1
+                if idle % 3 == 0:
+                    sway = np.append(_SWAY * rng.standard_normal(len(point) - 1), sign)
+                    other = self.forces(z > _MOVING, sway)
+                    if other is not None and sign * (other[-1] - best[-1]) <= _BETTER * abs(best[-1]):
+                        point = other
+            closed = self.modes.of(point[:-1]) < _CLOSED[1]
+        return best
+
+    def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
+        """Modes that may move at a point, with the least allowance for rounding that any mechanism needs."""
+        slack = self.modes.of(point[:-1])
+        for allowance in _CLOSED:
+            if self.mechanism(slack < allowance, rng.exponential(size=len(slack))) is not None:
+                return np.asarray(slack < allowance)
+        return None

@@ -1,0 +1,125 @@
+"""The lowest and the highest collapse load without dilation: found from every side.
+
+Sources: local minima of a public MPEC solver for the walls of Ferris & Tin-Loi 2001 (0.638981, 0.562005, 0.263736, to
+the digits published); two cubes and one block in closed form; the small walls against the proven floor of
+tests/core/test_zero_dilation_floor.py.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import cases_spatial
+from cases import CASES, grid_assembly
+from command import call
+from jld_core import Assembly, InputError, Status, build_assembly, load_scene, solve
+from jld_core.limit import flow_rule
+from jld_core.samples import halved_bond, random_wall
+from nondilatant import block, certify
+from paths import SCENES
+from studies.scenes import leonardo_flat_arch, stacked_cubes
+
+LOWEST = {"ferris_tinloi_1": 0.6390, "ferris_tinloi_2": 0.5604, "ferris_tinloi_4": 0.2638}
+
+
+def ends(assembly: Assembly) -> tuple[float, float]:
+    """Lowest and highest found, each held against its own evidence."""
+    result = solve(assembly, friction="zero-dilation", range=True)
+    assert result.status is Status.COLLAPSE
+    certify(result)
+    extra = result.extra
+    assert extra["lowest_found"] == result.load_factor
+    highest = extra["highest"]
+    assert highest["status"] == "collapse"
+    assert highest["friction_violation"] <= 1e-4
+    assert highest["dilation"] <= 1e-6
+    assert extra["lowest_found"] <= extra["highest_found"] == highest["load_factor"]
+    if extra["associative_load_factor"] is not None:
+        assert extra["highest_found"] <= extra["associative_load_factor"] * (1.0 + 1e-8)
+    json.dumps(result.to_json(), allow_nan=False)
+    return extra["lowest_found"], extra["highest_found"]
+
+
+@pytest.mark.parametrize("name", LOWEST)
+def test_given_walls_go_as_low_as_published_minima(name: str) -> None:
+    assert ends(build_assembly(load_scene(SCENES / f"{name}.json")))[0] <= LOWEST[name]
+
+
+@pytest.mark.parametrize(
+    ("size", "lowest"), [((2, 5), 0.611295681), ((2, 6), 0.545054945), ((2, 7), 0.489795918), ((2, 8), 0.443919717)]
+)
+def test_small_walls(size: tuple[int, int], lowest: float) -> None:
+    low, high = ends(build_assembly(halved_bond(*size)))
+    assert low == pytest.approx(lowest, rel=1e-8)
+    assert high > 1.01 * low
+
+
+def test_flat_arch_gives_up_all_thrust_it_does_not_need() -> None:
+    low, high = ends(build_assembly(leonardo_flat_arch()))
+    assert low <= 1305.9
+    assert high >= 2093.9
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (2, 4)])
+def test_where_the_ground_course_slides_there_is_one_value(size: tuple[int, int]) -> None:
+    low, high = ends(build_assembly(halved_bond(*size)))
+    assert low == pytest.approx(0.65, rel=1e-8)
+    assert high == pytest.approx(0.65, rel=1e-8)
+
+
+@pytest.mark.parametrize("push", [1.0, 2.0])
+def test_wedged_block_is_lifted_by_least_where_nothing_is_wedged(push: float) -> None:
+    """λ = W + μ(H + 2 N_left): the least has N_left = 0, and there is no most (see test_zero_dilation)."""
+    friction = 0.3
+    assembly = block(friction, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [push, 0]}], 2)
+    assert ends(assembly)[0] == pytest.approx(1.0 + friction * push, rel=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_walls_go_no_higher_than_one_start_finds(seed: int) -> None:
+    assembly = build_assembly(random_wall(seed))
+    assert ends(assembly)[0] <= solve(assembly, friction="zero-dilation").load_factor * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("name", ["wall", "beam", "arch", "crushable arch"])
+def test_inner_faces_take_part(name: str) -> None:
+    rows, options = CASES[name]
+    result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True)
+    assert result.status is Status.COLLAPSE
+    assert result.extra["lowest_found"] <= result.extra["associative_load_factor"] * (1.0 + 1e-6)
+    assert flow_rule(result).gap.min() >= -1e-6 * abs(result.load_factor)
+
+
+def test_two_cubes_rock_at_one_half() -> None:
+    """Base sliding at μ = 0.6 comes after base rocking at 1/2 (Iannuzzo et al. 2024, section 3.2b)."""
+    assembly = build_assembly(stacked_cubes(2, friction=0.6, tension=2.0, shear=1.0))
+    result = solve(assembly, friction="zero-dilation", range=True)
+    assert result.extra["lowest_found"] == pytest.approx(0.5, rel=1e-6)
+    assert result.extra["highest_found"] == pytest.approx(0.5, rel=1e-6)
+
+
+def test_spatial_range_is_found() -> None:
+    assembly = cases_spatial.assembly(cases_spatial.wall(2, 2, 1), live=[{"body": [1, 0, 0]}])
+    dry = np.ones(len(assembly.interfaces), dtype=bool)
+    result = solve(assembly, dry, friction="zero-dilation", range=True)
+    assert result.status is Status.COLLAPSE
+    assert result.extra["lowest_found"] <= result.extra["highest_found"]
+
+
+def test_what_does_not_collapse_has_no_range() -> None:
+    rows, options = CASES["overhang"]
+    result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True)
+    assert result.status is Status.UNSTABLE
+    assert result.extra["lowest_found"] is None
+    with pytest.raises(InputError, match="one number"):
+        solve(grid_assembly(rows, **options), range=True)
+
+
+def test_the_command_prints_the_range(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    wall = SCENES / "ferris_tinloi_1.json"
+    outcome = call(monkeypatch, capsys, "solve", wall, "--friction", "zero-dilation", "--range", "--json")
+    printed = json.loads(outcome.out)
+    assert printed["lowest_found"] <= 0.6390 <= 0.6428 <= printed["highest_found"]
