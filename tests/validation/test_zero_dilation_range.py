@@ -11,6 +11,7 @@ import json
 
 import numpy as np
 import pytest
+from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 import cases_spatial
 from cases import CASES, grid_assembly
@@ -20,7 +21,6 @@ from jld_core.limit import flow_rule
 from jld_core.samples import halved_bond, random_wall
 from nondilatant import block, certify
 from paths import SCENES
-from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 LOWEST = {"ferris_tinloi_1": 0.6390, "ferris_tinloi_2": 0.5604, "ferris_tinloi_4": 0.2638}
 
