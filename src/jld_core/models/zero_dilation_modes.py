@@ -3,7 +3,7 @@
     A F + b + λ b_λ = 0,   y = C F + d            four rows a face: N ∓ m, μN ∓ V; inner N + σtA ∓ 3m, τA ∓ V
     b_λ·u = 1,             z = H (u, t)           four modes a face: hinge either way, slide either way
 
-An opening is both hinges at once, and where friction slides it opens nothing (docs/method.md (4.5), (4.6)): with the jumps
+An opening is both hinges at once, and sliding opens nothing, docs/method.md (4.5) and (4.6): with the jumps
 (δ, s, θ) = Aᵀu the hinge modes are z = βδ ∓ θ (β = 1 dry, 3 inner) and the slides t and t + s with t ≥ 0. Modes may be
 scaled at will, so these hold exactly in the numbers of A. Every solution is one whose face slides one way at most,
 t = max(0, −s).
