@@ -1,4 +1,4 @@
-"""Time steps of an assembly whose geometry stays at rest: the loop that everything else waits for.
+"""Time steps of an assembly: the loop that everything else waits for, and faces whose geometry stays at rest.
 
 Central differences with a step of one; masses are scaled by the caller so that one is stable.
 """
@@ -10,6 +10,9 @@ import numpy as np
 from jld_core.arrays import Bools, Floats, Ints
 from jld_experiment.compiled import compiled
 from jld_experiment.laws import contact_stress
+from jld_experiment.moving import Geometry, corner_forces, moving_forces, near_pairs
+
+Drive = tuple[bool, float, float, float]
 
 # columns of `law`, one row a face
 KN, KS, FRICTION, DILATION, COHESION, TENSION, CRUSHING, RESIDUAL = range(8)
@@ -155,6 +158,53 @@ def spatial_forces(
 
 
 @compiled
+def driven(
+    force: Floats, velocity: Floats, live: Floats, inverse: Floats, radius: Floats, drive: Drive
+) -> tuple[float, float, float]:
+    """Velocities after one step under given forces. drive: is it pushed, λ, live velocity, damping.
+
+    Returns λ, the largest out-of-balance force, and the largest speed.
+    """
+    count, q = velocity.shape
+    d = 2 if q == 3 else 3
+    push, factor, rate, damping = drive
+    weight, given, speed = 0.0, 0.0, 0.0
+    if push:
+        for i in range(count):
+            for j in range(q):
+                share = live[i, j] * inverse[i, 0 if j < d else 1]
+                weight += live[i, j] * share
+                given += share * force[i, j]
+                speed += live[i, j] * velocity[i, j]
+        factor = (rate - speed - given) / weight
+    lost, worst, fastest = 0.0, 0.0, 0.0
+    for i in range(count):
+        if inverse[i, 0] == 0.0:
+            continue
+        for part in range(2):
+            low, high = (0, d) if part == 0 else (d, q)
+            size, speed = 0.0, 0.0
+            for j in range(low, high):
+                force[i, j] += factor * live[i, j]
+                size += force[i, j] * force[i, j]
+                speed += velocity[i, j] * velocity[i, j]
+            size, speed = np.sqrt(size), np.sqrt(speed)
+            length = 1.0 if part == 0 else radius[i]
+            worst = max(worst, size / length)
+            fastest = max(fastest, speed * length)
+            if speed > 0.0:
+                for j in range(low, high):
+                    drag = damping * size * velocity[i, j] / speed
+                    force[i, j] -= drag
+                    lost += live[i, j] * drag * inverse[i, part]
+    held = lost / weight if push else 0.0
+    for i in range(count):
+        for j in range(q):
+            velocity[i, j] += (force[i, j] + held * live[i, j]) * inverse[i, 0 if j < d else 1]
+    return factor, worst, fastest
+
+
+@compiled
 def march(
     steps: int,
     push: bool,
@@ -180,32 +230,21 @@ def march(
     shear: Floats,
     broken: Bools,
 ) -> tuple[float, float, float]:
-    """Advance by a number of steps under dead loads and either a live load factor or a live velocity.
+    """Advance by a number of steps under dead loads and either a live load factor or a live velocity, at rest geometry.
 
-    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ runs as
-    factor_ends says. dead_ends, factor_ends, rate_ends: share of the dead loads, λ and rate, from the first step
-    to the last, linear. damping: share of the out-of-balance force that acts against the movement, forces and
-    moments apart, so that no direction is preferred. dead, live: (n, q) loads. inverse: (n, 2) one over mass and
-    over inertia, 0 on supports. radius: (n,) by which moments are compared with forces. moved, velocity: (n, q)
-    state, changed in place; the rest as in `planar_forces`. Returns the mean of λ, the largest out-of-balance
-    force and the largest speed.
+    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ runs as factor_ends
+    says. dead_ends, factor_ends, rate_ends: share of the dead loads, λ and rate, from the first step to the last,
+    linear. damping: share of the out-of-balance force that acts against the movement, forces and moments apart, so
+    that no direction is preferred. dead, live: (n, q) loads. inverse: (n, 2) one over mass and over inertia, 0 on
+    supports. radius: (n,) by which moments are compared with forces. moved, velocity: (n, q) state, changed in place;
+    the rest as in `planar_forces`. Returns the mean of λ, the largest out-of-balance force and the largest speed.
     """
-    count, q = velocity.shape
-    d = 2 if q == 3 else 3
-    force = np.empty((count, q))
+    force = np.empty(velocity.shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
-    weight = 0.0
-    for i in range(count):
-        for j in range(q):
-            weight += live[i, j] * live[i, j] * inverse[i, 0 if j < d else 1]
     for turn in range(steps):
         share = (turn + 1.0) / steps
-        scale = dead_ends[0] + (dead_ends[1] - dead_ends[0]) * share
-        for i in range(count):
-            for j in range(q):
-                moved[i, j] += velocity[i, j]
-                force[i, j] = scale * dead[i, j]
-        if d == 2:
+        begin(moved, velocity, force, dead, dead_ends[0] + (dead_ends[1] - dead_ends[0]) * share)
+        if velocity.shape[1] == 3:
             planar_forces(
                 velocity, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken
             )
@@ -214,37 +253,61 @@ def march(
                 velocity, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken
             )
         factor = factor_ends[0] + (factor_ends[1] - factor_ends[0]) * share
-        if push:
-            rate = rate_ends[0] + (rate_ends[1] - rate_ends[0]) * share
-            given, speed = 0.0, 0.0
-            for i in range(count):
-                for j in range(q):
-                    given += live[i, j] * force[i, j] * inverse[i, 0 if j < d else 1]
-                    speed += live[i, j] * velocity[i, j]
-            factor = (rate - speed - given) / weight
-        mean += factor
-        lost = 0.0
-        for i in range(count):
-            if inverse[i, 0] == 0.0:
-                continue
-            for part in range(2):
-                low, high = (0, d) if part == 0 else (d, q)
-                size, speed = 0.0, 0.0
-                for j in range(low, high):
-                    force[i, j] += factor * live[i, j]
-                    size += force[i, j] * force[i, j]
-                    speed += velocity[i, j] * velocity[i, j]
-                size, speed = np.sqrt(size), np.sqrt(speed)
-                length = 1.0 if part == 0 else radius[i]
-                worst = max(worst, size / length)
-                fastest = max(fastest, speed * length)
-                if speed > 0.0:
-                    for j in range(low, high):
-                        drag = damping * size * velocity[i, j] / speed
-                        force[i, j] -= drag
-                        lost += live[i, j] * drag * inverse[i, part]
-        held = lost / weight if push else 0.0
-        for i in range(count):
-            for j in range(q):
-                velocity[i, j] += (force[i, j] + held * live[i, j]) * inverse[i, 0 if j < d else 1]
+        rate = rate_ends[0] + (rate_ends[1] - rate_ends[0]) * share
+        found, size, speed = driven(force, velocity, live, inverse, radius, (push, factor, rate, damping))
+        mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
+
+
+@compiled
+def march_moving(
+    steps: int,
+    push: bool,
+    dead_ends: tuple[float, float],
+    factor_ends: tuple[float, float],
+    rate_ends: tuple[float, float],
+    damping: float,
+    dead: Floats,
+    live: Floats,
+    inverse: Floats,
+    radius: Floats,
+    moved: Floats,
+    velocity: Floats,
+    ends: Ints,
+    frame: Floats,
+    first: Ints,
+    place: Floats,
+    law: Floats,
+    brittle: Bools,
+    gaps: Bools,
+    overlap: Floats,
+    pressure: Floats,
+    shear: Floats,
+    broken: Bools,
+    geometry: Geometry,
+) -> tuple[float, float, float]:
+    """`march` in the plane with faces that follow the geometry, and corners that meet other elements."""
+    force = np.empty(velocity.shape)
+    mean, worst, fastest = 0.0, 0.0, 0.0
+    pairs = near_pairs(moved, geometry)
+    for turn in range(steps):
+        share = (turn + 1.0) / steps
+        begin(moved, velocity, force, dead, dead_ends[0] + (dead_ends[1] - dead_ends[0]) * share)
+        moving_forces(
+            moved, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken, geometry
+        )
+        corner_forces(pairs, moved, force, geometry)
+        factor = factor_ends[0] + (factor_ends[1] - factor_ends[0]) * share
+        rate = rate_ends[0] + (rate_ends[1] - rate_ends[0]) * share
+        found, size, speed = driven(force, velocity, live, inverse, radius, (push, factor, rate, damping))
+        mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
+    return mean / steps, worst, fastest
+
+
+@compiled
+def begin(moved: Floats, velocity: Floats, force: Floats, dead: Floats, share: float) -> None:
+    """Move the elements by one step, and begin its forces with a share of the dead loads."""
+    for i in range(len(moved)):
+        for j in range(moved.shape[1]):
+            moved[i, j] += velocity[i, j]
+            force[i, j] = share * dead[i, j]

@@ -11,7 +11,8 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
-from jld_experiment.kernel import march
+from jld_experiment.kernel import march, march_moving
+from jld_experiment.moving import Geometry, geometry_of, nowhere
 from jld_experiment.settings import REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts
 from jld_experiment.system import System, system_of
@@ -32,7 +33,7 @@ class Standing(StrEnum):
 @dataclass
 class State:
     """What changes: movements and velocities (n, q) about the centroids; of sub-contacts (s,) elastic overlap,
-    compressive stress, shear stress (s, d − 1), and whether they are broken."""
+    compressive stress, shear stress (s, d − 1), and whether they are broken; of a moving geometry what it remembers."""
 
     moved: Floats
     velocity: Floats
@@ -40,6 +41,7 @@ class State:
     pressure: Floats
     shear: Floats
     broken: Bools
+    geometry: Geometry
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Specimen:
     brittle: Bools
     gaps: Bools
     largest: float
+    geometry: Geometry
     settings: Settings
 
     def fresh(self) -> State:
@@ -63,7 +66,9 @@ class Specimen:
         s = len(self.points.face)
         shear = np.zeros((s, self.assembly.dimension - 1))
         zero = np.zeros((n, q))
-        return State(zero, zero.copy(), np.zeros(s), np.zeros(s), shear, np.zeros(s, dtype=bool))
+        return State(
+            zero, zero.copy(), np.zeros(s), np.zeros(s), shear, np.zeros(s, dtype=bool), copy.deepcopy(self.geometry)
+        )
 
     def march(
         self,
@@ -76,7 +81,8 @@ class Specimen:
     ) -> tuple[float, float, float]:
         """Some steps: mean of λ, largest out-of-balance force over `largest`, largest speed. State is changed."""
         system = self.system
-        factor, worst, speed = march(
+        moving = self.settings.moving
+        arguments = (
             steps,
             rate is not None,
             dead,
@@ -101,6 +107,7 @@ class Specimen:
             state.shear,
             state.broken,
         )
+        factor, worst, speed = march_moving(*arguments, state.geometry) if moving else march(*arguments)
         return factor, worst / self.largest, speed
 
     def settle(self) -> tuple[State, Standing]:
@@ -152,10 +159,11 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
     system = system_of(assembly, points, kn, ks, settings.step)
     brittle = ~labels & (joints.inner == "brittle")
     gaps = labels & (settings.gaps == "free")
+    geometry = geometry_of(assembly, points, labels, kn, ks) if settings.moving else nowhere()
     d = assembly.dimension
     forces = np.linalg.norm(assembly.dead[:, :d], axis=1)
     largest = float(forces.max()) or float(np.linalg.norm(assembly.live[:, :d], axis=1).max())
-    return Specimen(assembly, labels, points, system, law, brittle, gaps, largest, settings)
+    return Specimen(assembly, labels, points, system, law, brittle, gaps, largest, geometry, settings)
 
 
 def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, Floats]:
