@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.samples import leonardo_flat_arch, stacked_cubes
 from jld_experiment import Joints, Push, Settings, push, run_experiment, specimen_of
 
 
