@@ -27,6 +27,7 @@ ORDER = [
     ["jld_core"],
     ["jld_core.exchange"],
     ["jld_core.models", "jld_core.views"],
+    ["jld_core.laying"],
     ["jld_core.limit"],
     ["jld_core.solvers", "jld_core.lanes"],
     ["jld_core.program"],

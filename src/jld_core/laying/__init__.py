@@ -1,0 +1,21 @@
+"""How blocks are laid: which way they come, in which order, and what stands while they do.
+
+- `laying_order`: an order of laying by translations, with the props that its stages need → `Laying` of `Step`s
+- `locked_blocks`: elements of blocks that lock one another
+- `blocks_of_labelling`: the blocks of a labelling as bodies → `Blocks`
+"""
+
+from __future__ import annotations
+
+from jld_core.laying.blocks import Blocks, blocks_of_labelling
+from jld_core.laying.order import GROUP, Laying, Step, laying_order, locked_blocks
+
+__all__ = [
+    "GROUP",
+    "Blocks",
+    "Laying",
+    "Step",
+    "blocks_of_labelling",
+    "laying_order",
+    "locked_blocks",
+]

@@ -1,0 +1,111 @@
+"""The stages of laying as a strip: what is laid, the blocks that come with the way they come, and what is propped."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from jld_core.arrays import Floats
+from jld_core.laying import Laying, Step
+from jld_core.views.look import INK, SOFT, SUPPORT
+from jld_core.views.structure import painter_order, projection_of
+
+LAID: Final = "#d9d4c7"
+COMING: Final = "#d98c3f"
+PROP: Final = "#2c5f9e"
+_ACROSS: Final = 5
+_MOST: Final = 60
+
+
+def figure_of_laying(laying: Laying, title: str) -> Figure:
+    """A strip of stages, in the order of laying; every k-th where there are more than sixty.
+
+    Blocks laid before are pale, those that come are orange with hatching and an arrow of their way, props are blue
+    triangles below with their force.
+    """
+    steps = list(laying.steps)
+    shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
+    number = {id(step): k + 1 for k, step in enumerate(steps)}
+    count = max(len(shown), 1)
+    across = min(count, _ACROSS)
+    down = math.ceil(count / across)
+    low, high = _span(laying)
+    ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
+    width = 2.6
+    figure = Figure(figsize=(width * across, (width * min(max(ratio, 0.25), 2.5) + 0.45) * down + 0.5), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    laid = laying.blocks.fixed.copy()
+    position = 0
+    for step in steps:
+        before = laid.copy()
+        laid[list(step.blocks)] = True
+        if any(step is one for one in shown):
+            _draw(axes[position], laying, step, before, number[id(step)], low, high)
+            position += 1
+    for ax in axes[position:]:
+        ax.set_axis_off()
+    if not steps:
+        axes[0].text(0.5, 0.5, "no order of laying was found", ha="center", va="center", color=INK, transform=axes[0].transAxes)
+    figure.suptitle(title, color=INK, fontsize=11, parse_math=False)
+    return figure
+
+
+def _span(laying: Laying) -> tuple[Floats, Floats]:
+    assembly = laying.blocks.assembly
+    points = projection_of(assembly)(np.concatenate(assembly.elements.shape))
+    low, high = points.min(axis=0), points.max(axis=0)
+    pad = 0.12 * float((high - low).max())
+    return low - pad, high + pad
+
+
+def _draw(ax: Axes, laying: Laying, step: Step, before: Floats, number: int, low: Floats, high: Floats) -> None:
+    blocks = laying.blocks
+    assembly = blocks.assembly
+    elements, projection = assembly.elements, projection_of(assembly)
+    order = range(len(elements)) if assembly.dimension == 2 else painter_order(assembly, projection.toward)
+    for e in order:
+        block = int(blocks.of[e])
+        if not before[block] and block not in step.blocks:
+            continue
+        face = SUPPORT if elements.support[e] else COMING if block in step.blocks else LAID
+        shapes = (
+            [elements.shape[e]] if assembly.dimension == 2 else [elements.shape[e][list(loop)] for loop in elements.faces[e]]
+        )
+        ax.add_collection(
+            PolyCollection(
+                [projection(shape) for shape in shapes],
+                facecolors=face,
+                edgecolors=INK,
+                linewidths=0.6,
+                hatch="///" if block in step.blocks else None,
+            )
+        )
+    chosen = np.isin(blocks.of, step.blocks)
+    middle = projection(np.average(elements.centroid[chosen], axis=0, weights=elements.volume[chosen])[None])[0]
+    size = 0.22 * float((high - low).max())
+    if assembly.dimension == 2 and len(step.direction) == 3:
+        ax.plot(*middle, marker="o", markersize=7, markerfacecolor="none", markeredgecolor=INK)
+        ax.plot(*middle, marker=".", markersize=3, color=INK)
+    else:
+        way = projection(step.direction[None])[0] * size
+        ax.annotate("", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2})
+    for block in np.flatnonzero(step.stage.props > 0.0).tolist():
+        points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
+        foot = np.array([points[:, 0].mean(), points[:, 1].min()])
+        ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
+    total = float(step.stage.props.sum())
+    force = assembly.units[1]
+    verdict = "stands" if step.stage.stands else "unsettled" if step.stage.stands is None else f"props {total:.3g} {force}"
+    ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_aspect("equal")
+    ax.set_xticks([])
+    ax.set_yticks([])
+    for spine in ax.spines.values():
+        spine.set_color(SOFT)

@@ -1,0 +1,105 @@
+"""`jld assembly`: how the blocks of a layout are laid, in which order, and what stands meanwhile."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.laying import Laying, laying_order
+from jld_explore.report import check_writable, write_text
+
+
+class Wish(StrEnum):
+    TRANSLATION = "translation"
+    STANDING = "standing"
+
+
+Reader = Callable[[Path, int | None], tuple[str, Assembly, Bits, bool]]
+"""A scene or a results folder and a rank → name, assembly, labels, and whether walls are laid out of their plane."""
+
+
+def command(read: Reader) -> Callable[..., None]:
+    """The command, for whoever knows how a scene or a folder is read."""
+
+    def assembly(
+        source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)],
+        rank: Annotated[int | None, typer.Option(min=1, help="Layout of the folder, by its rank; default: the best.")] = None,
+        wish: Annotated[Wish, typer.Option(help="Any order by translations, or one whose every stage stands.")] = Wish.TRANSLATION,
+        group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
+        out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
+    ) -> None:
+        """Order in which the blocks are laid, the way each comes, and the props that stages need."""
+        if out is not None:
+            check_writable(out)
+        name, found, labels, sideways = read(source, rank)
+        laying = laying_order(found, labels, wish=str(wish), sideways=sideways, group=group)  # type: ignore[arg-type]
+        table = table_of(laying)
+        sys.stdout.write(f"{words_of(laying)}\n")
+        if len(table):
+            sys.stdout.write(f"\n{table.drop(columns='elements').to_string(index=False)}\n")
+        if out is not None:
+            from jld_core.views.figures import save_figure
+            from jld_core.views.strip import figure_of_laying
+
+            out.mkdir(parents=True, exist_ok=True)
+            write_text(out / "assembly.csv", table.to_csv(index=False))
+            save_figure(figure_of_laying(laying, f"{name}: order of laying"), out / "assembly.png")
+            sys.stdout.write(f"\nwritten to   {out}\n")
+
+    return assembly
+
+
+def table_of(laying: Laying) -> pd.DataFrame:
+    """A row a step: step, block (first element), elements, direction it comes from, stands, props in all."""
+    blocks = laying.blocks
+    ids, force = blocks.assembly.elements.ids, blocks.assembly.units[1]
+    rows = []
+    for number, step in enumerate(laying.steps, 1):
+        comes = -np.asarray(step.direction) + 0.0
+        stands = step.stage.stands
+        propped = np.flatnonzero(step.stage.props > 0.0).tolist()
+        rows.append(
+            {
+                "step": number,
+                "blocks": " + ".join(blocks.name(block) for block in step.blocks),
+                "elements": " ".join(ids[e] for block in step.blocks for e in blocks.elements(block)),
+                "moves_along": "(" + ", ".join(f"{x:.4g}" for x in comes) + ")",
+                "stands": "" if stands is None else "yes" if stands else "no",
+                f"props_{force}": float(step.stage.props.sum()),
+                "propped": " ".join(f"{blocks.name(block)}:{step.stage.props[block]:.4g}" for block in propped),
+            }
+        )
+    columns = ["step", "blocks", "elements", "moves_along", "stands", f"props_{force}", "propped"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def words_of(laying: Laying) -> str:
+    """What was found, in one line."""
+    blocks = laying.blocks
+    if laying.locked:
+        named = ", ".join(blocks.name(block) for block in laying.locked)
+        return f"order        none: {named} lock one another (blocks named by their first elements)"
+    if laying.searched:
+        return "order        none found whose every stage stands; the one below takes props"
+    free = int(np.count_nonzero(~blocks.fixed))
+    if laying.stands:
+        return f"order        {free} blocks in {len(laying.steps)} steps, every stage stands without props"
+    worst = max(step.stage.props.sum() for step in laying.steps)
+    force = blocks.assembly.units[1]
+    return f"order        {free} blocks in {len(laying.steps)} steps, props of {worst:.4g} {force} at most"
+
+
+def refuse_rank(source: Path, rank: int | None) -> None:
+    """Raise InputError for a rank where a scene is named."""
+    if rank is not None and not source.is_dir():
+        raise InputError("--rank", f"{source} is a scene", "a folder written by jld explore, or no --rank")
