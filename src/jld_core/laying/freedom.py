@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Elements
 from jld_core.laying.blocks import Blocks
 
 _TURN: Final = 1e-7
@@ -191,49 +191,50 @@ class _Plates(Bodies):
 
 
 class _Solids(Bodies):
-    """Spatial blocks, each a set of elements taken as convex: the hull of an element that is not is swept for it."""
+    """Spatial blocks, each a set of elements; one that is not convex is its skin of triangles to what moves past it.
+
+    Where both a moving and a resting element are not convex the moving one is swept as its hull.
+    """
 
     def __init__(self, blocks: Blocks) -> None:
         elements = blocks.assembly.elements
-        self.blocks = blocks
-        self.corners = elements.shape
+        self.blocks, self.elements = blocks, elements
         self.size = (elements.upper - elements.lower).max(axis=1)
-
-    @cached_property
-    def planes(self) -> list[Floats]:
-        """Per element (f, 4): unit normals outwards and offsets, n·x + c ≤ 0 inside."""
-        return [np.unique(np.round(ConvexHull(corners).equations, 12), axis=0) for corners in self.corners]
+        hulls = [ConvexHull(corners) for corners in elements.shape]
+        self.planes = [np.unique(np.round(hull.equations, 12), axis=0) for hull in hulls]
+        self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + _SHARED) * _volumes(elements)
 
     def swept(self, block: int, direction: Floats) -> Ints:
         mine = self.blocks.elements(block)
         others = np.flatnonzero(self.blocks.of != block)
-        elements: Assembly = self.blocks.assembly
-        low, high = elements.elements.lower, elements.elements.upper
+        low, high = self.elements.lower, self.elements.upper
         met: set[int] = set()
         for e in mine.tolist():
             reach = 1e-9 * self.size[e]
             # a box that can never be met, whichever way: cheap, and nearly all of them
-            later = np.all(
-                np.where(direction > 1e-12, high[others] > low[e] + reach, True)
-                & np.where(direction < -1e-12, low[others] < high[e] - reach, True)
-                & np.where(
-                    abs(direction) <= 1e-12, (high[others] > low[e] + reach) & (low[others] < high[e] - reach), True
-                ),
-                axis=1,
-            )
-            for other in others[later].tolist():
+            ahead = (high[others] > low[e] + reach) | (direction < -1e-12)
+            behind = (low[others] < high[e] - reach) | (direction > 1e-12)
+            for other in others[np.all(ahead & behind, axis=1)].tolist():
                 if self.blocks.of[other] not in met and self._meets(e, other, direction):
                     met.add(int(self.blocks.of[other]))
         return np.array(sorted(met), dtype=np.int64)
 
     def _meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Does one convex element, moved along a direction, ever share a volume with another?"""
+        """Does one element, moved along a direction, ever share a volume with another?"""
+        if self.convex[still]:
+            if self.convex[moving]:
+                return self._solid_meets(moving, still, direction)
+            # what rests, moved the other way, past the skin of what moves
+            return any(self._solid_meets_face(still, face, -direction) for face in self._skin(moving))
+        return any(self._solid_meets_face(moving, face, direction) for face in self._skin(still))
+
+    def _solid_meets(self, moving: int, still: int, direction: Floats) -> bool:
         p, q = self.planes[moving], self.planes[still]
-        depth = _SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still])
-        ahead = (self.corners[still] @ p[:, :3].T).min(axis=0) + p[:, 3]
+        depth = self._depth(moving, still)
+        ahead = (self.elements.shape[still] @ p[:, :3].T).min(axis=0) + p[:, 3]
         if np.any((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)):
             return False
-        behind = (self.corners[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
+        behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
         if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
             return False
         # a point x of the moving one and a way t with x + t·d inside the other, both by the most
@@ -243,9 +244,77 @@ class _Solids(Bodies):
                 [q[:, :3], (q[:, :3] @ direction)[:, None], np.ones((len(q), 1))],
             ]
         )
+        return bool(self._inside(rows, -np.concatenate([p[:, 3], q[:, 3]]), None) > depth)
+
+    def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
+        """The same for a triangle (3, 3): a point well inside the moving one comes to lie on it."""
+        p = self.planes[moving]
+        normal = np.cross(face[1] - face[0], face[2] - face[0])
+        normal = normal / np.linalg.norm(normal)
+        depth = _SHARED ** (2.0 / 3.0) * float(self.size[moving])
+        ahead = (face @ p[:, :3].T).min(axis=0) + p[:, 3]
+        if np.any((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)):
+            return False
+        height = (self.elements.shape[moving] - face[0]) @ normal
+        way = float(normal @ direction)
+        if (height.min() >= -depth and way >= -1e-9) or (height.max() <= depth and way <= 1e-9):
+            return False
+        edge = np.cross(np.roll(face, -1, axis=0) - face, normal)
+        rows = np.block(
+            [
+                [p[:, :3], np.zeros((len(p), 1)), np.ones((len(p), 1))],
+                [edge, (edge @ direction)[:, None], np.zeros((3, 1))],
+            ]
+        )
+        right = np.concatenate([-p[:, 3], np.einsum("ij,ij->i", edge, face)])
+        equal = np.concatenate([normal, [way, 0.0]])[None], np.array([float(normal @ face[0])])
+        return bool(self._inside(rows, right, equal) > depth)
+
+    def _depth(self, moving: int, still: int) -> float:
+        return float(_SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
+
+    def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:
+        """Greatest depth, the last of the unknowns x, t ≥ 0, depth; −inf where there is none."""
         bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
-        answer = linprog([0.0] * 4 + [-1.0], A_ub=rows, b_ub=-np.concatenate([p[:, 3], q[:, 3]]), bounds=bounds)
-        return answer.x is not None and float(answer.x[4]) > depth
+        matrix, values = equal or (None, None)
+        answer = linprog([0.0] * 4 + [-1.0], A_ub=rows, b_ub=right, A_eq=matrix, b_eq=values, bounds=bounds)
+        return -np.inf if answer.x is None else float(answer.x[4])
+
+    def _skin(self, element: int) -> Floats:
+        """(t, 3, 3) triangles of the surface of an element."""
+        if element not in self._skins:
+            corners = self.elements.shape[element]
+            faces = [corners[list(loop)] for loop in self.elements.faces[element]]
+            self._skins[element] = np.concatenate([_triangles(face) for face in faces])
+        return self._skins[element]
+
+    @cached_property
+    def _skins(self) -> dict[int, Floats]:
+        return {}
+
+
+def _volumes(elements: Elements) -> Floats:
+    """(n,) volumes of polyhedra from their faces, whatever volume a scene states."""
+    found = []
+    for corners, faces in zip(elements.shape, elements.faces, strict=True):
+        total = 0.0
+        for loop in faces:
+            points = corners[list(loop)] - corners[0]
+            total += float((np.cross(points[1:-1], points[2:]) @ points[0]).sum())
+        found.append(abs(total) / 6.0)
+    return np.array(found)
+
+
+def _triangles(face: Floats) -> Floats:
+    """(t, 3, 3) triangles that make up a plane polygon (k, 3)."""
+    if len(face) == 3:
+        return face[None]
+    arm = face - face[0]
+    normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+    across = _tangents(normal / np.linalg.norm(normal))[:2]
+    flat = shapely.Polygon(arm @ across.T)
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
+    return np.array([face[0] + shapely.get_coordinates(part)[:3] @ across for part in parts])
 
 
 def _tangents(normal: Floats) -> Floats:

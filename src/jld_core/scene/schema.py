@@ -247,6 +247,7 @@ class Search(_Part):
     block_extent: Sizes = [None, None]
     blocks: Counts = [None, None]
     dry_faces: Counts = [None, None]
+    assemble_out_of_plane: bool = False
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"
     front: Front = Front()
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Bools, Floats
 from jld_core.laying import Laying, Step
 from jld_core.views.look import INK, SOFT, SUPPORT
 from jld_core.views.structure import painter_order, projection_of
@@ -37,7 +37,9 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
     low, high = _span(laying)
     ratio = (high[1] - low[1]) / max(high[0] - low[0], 1e-12)
     width = 2.6
-    figure = Figure(figsize=(width * across, (width * min(max(ratio, 0.25), 2.5) + 0.45) * down + 0.5), layout="constrained")
+    figure = Figure(
+        figsize=(width * across, (width * min(max(ratio, 0.25), 2.5) + 0.45) * down + 0.5), layout="constrained"
+    )
     axes = figure.subplots(down, across, squeeze=False).ravel()
     laid = laying.blocks.fixed.copy()
     position = 0
@@ -50,7 +52,9 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
     for ax in axes[position:]:
         ax.set_axis_off()
     if not steps:
-        axes[0].text(0.5, 0.5, "no order of laying was found", ha="center", va="center", color=INK, transform=axes[0].transAxes)
+        axes[0].text(
+            0.5, 0.5, "no order of laying was found", ha="center", va="center", color=INK, transform=axes[0].transAxes
+        )
     figure.suptitle(title, color=INK, fontsize=11, parse_math=False)
     return figure
 
@@ -63,7 +67,7 @@ def _span(laying: Laying) -> tuple[Floats, Floats]:
     return low - pad, high + pad
 
 
-def _draw(ax: Axes, laying: Laying, step: Step, before: Floats, number: int, low: Floats, high: Floats) -> None:
+def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
     blocks = laying.blocks
     assembly = blocks.assembly
     elements, projection = assembly.elements, projection_of(assembly)
@@ -74,7 +78,9 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Floats, number: int, low
             continue
         face = SUPPORT if elements.support[e] else COMING if block in step.blocks else LAID
         shapes = (
-            [elements.shape[e]] if assembly.dimension == 2 else [elements.shape[e][list(loop)] for loop in elements.faces[e]]
+            [elements.shape[e]]
+            if assembly.dimension == 2
+            else [elements.shape[e][list(loop)] for loop in elements.faces[e]]
         )
         ax.add_collection(
             PolyCollection(
@@ -93,14 +99,18 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Floats, number: int, low
         ax.plot(*middle, marker=".", markersize=3, color=INK)
     else:
         way = projection(step.direction[None])[0] * size
-        ax.annotate("", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2})
+        ax.annotate(
+            "", xy=tuple(middle), xytext=tuple(middle + way), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2}
+        )
     for block in np.flatnonzero(step.stage.props > 0.0).tolist():
         points = projection(np.concatenate([elements.shape[e] for e in blocks.elements(block)]))
         foot = np.array([points[:, 0].mean(), points[:, 1].min()])
         ax.plot(*foot, marker="^", markersize=6, color=PROP, zorder=5)
     total = float(step.stage.props.sum())
     force = assembly.units[1]
-    verdict = "stands" if step.stage.stands else "unsettled" if step.stage.stands is None else f"props {total:.3g} {force}"
+    verdict = (
+        "stands" if step.stage.stands else "unsettled" if step.stage.stands is None else f"props {total:.3g} {force}"
+    )
     ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])

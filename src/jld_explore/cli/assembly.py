@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -12,10 +11,8 @@ import numpy as np
 import pandas as pd
 import typer
 
-from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
-from jld_core.errors import InputError
 from jld_core.laying import Laying, laying_order
+from jld_explore.cli.layout import layout_of
 from jld_explore.report import check_writable, write_text
 
 
@@ -24,39 +21,37 @@ class Wish(StrEnum):
     STANDING = "standing"
 
 
-Reader = Callable[[Path, int | None], tuple[str, Assembly, Bits, bool]]
-"""A scene or a results folder and a rank → name, assembly, labels, and whether walls are laid out of their plane."""
+def assembly(
+    source: Annotated[
+        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
+    ],
+    rank: Annotated[
+        int | None, typer.Option(min=1, help="Layout of the folder, by its rank; default: the best.")
+    ] = None,
+    wish: Annotated[
+        Wish, typer.Option(help="Any order by translations, or one whose every stage stands.")
+    ] = Wish.TRANSLATION,
+    group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
+    out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
+) -> None:
+    """Order in which the blocks are laid, the way each comes, and the props that stages need."""
+    if out is not None:
+        check_writable(out)
+    scene, found, labels = layout_of(source, rank)
+    sideways = scene.search.assemble_out_of_plane
+    laying = laying_order(found, labels, wish=str(wish), sideways=sideways, group=group)  # type: ignore[arg-type]
+    table = table_of(laying)
+    sys.stdout.write(f"{words_of(laying)}\n")
+    if len(table):
+        sys.stdout.write(f"\n{table.drop(columns='elements').to_string(index=False)}\n")
+    if out is not None:
+        from jld_core.views.figures import save_figure
+        from jld_core.views.strip import figure_of_laying
 
-
-def command(read: Reader) -> Callable[..., None]:
-    """The command, for whoever knows how a scene or a folder is read."""
-
-    def assembly(
-        source: Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)],
-        rank: Annotated[int | None, typer.Option(min=1, help="Layout of the folder, by its rank; default: the best.")] = None,
-        wish: Annotated[Wish, typer.Option(help="Any order by translations, or one whose every stage stands.")] = Wish.TRANSLATION,
-        group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
-        out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
-    ) -> None:
-        """Order in which the blocks are laid, the way each comes, and the props that stages need."""
-        if out is not None:
-            check_writable(out)
-        name, found, labels, sideways = read(source, rank)
-        laying = laying_order(found, labels, wish=str(wish), sideways=sideways, group=group)  # type: ignore[arg-type]
-        table = table_of(laying)
-        sys.stdout.write(f"{words_of(laying)}\n")
-        if len(table):
-            sys.stdout.write(f"\n{table.drop(columns='elements').to_string(index=False)}\n")
-        if out is not None:
-            from jld_core.views.figures import save_figure
-            from jld_core.views.strip import figure_of_laying
-
-            out.mkdir(parents=True, exist_ok=True)
-            write_text(out / "assembly.csv", table.to_csv(index=False))
-            save_figure(figure_of_laying(laying, f"{name}: order of laying"), out / "assembly.png")
-            sys.stdout.write(f"\nwritten to   {out}\n")
-
-    return assembly
+        out.mkdir(parents=True, exist_ok=True)
+        write_text(out / "assembly.csv", table.to_csv(index=False))
+        save_figure(figure_of_laying(laying, f"{scene.name}: order of laying"), out / "assembly.png")
+        sys.stdout.write(f"\nwritten to   {out}\n")
 
 
 def table_of(laying: Laying) -> pd.DataFrame:
@@ -88,7 +83,8 @@ def words_of(laying: Laying) -> str:
     blocks = laying.blocks
     if laying.locked:
         named = ", ".join(blocks.name(block) for block in laying.locked)
-        return f"order        none: {named} lock one another (blocks named by their first elements)"
+        how = "lock one another" if len(laying.locked) > 1 else "is locked between supports"
+        return f"order        none: {named} {how} (blocks named by their first elements)"
     if laying.searched:
         return "order        none found whose every stage stands; the one below takes props"
     free = int(np.count_nonzero(~blocks.fixed))
@@ -97,9 +93,3 @@ def words_of(laying: Laying) -> str:
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
     return f"order        {free} blocks in {len(laying.steps)} steps, props of {worst:.4g} {force} at most"
-
-
-def refuse_rank(source: Path, rank: int | None) -> None:
-    """Raise InputError for a rank where a scene is named."""
-    if rank is not None and not source.is_dir():
-        raise InputError("--rank", f"{source} is a scene", "a folder written by jld explore, or no --rank")

@@ -26,6 +26,7 @@ from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_explore.cli import exchange, samples
+from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
@@ -59,6 +60,7 @@ app = typer.Typer(
 app.add_typer(samples.commands(), name="new")
 exchange.add_to(app)
 app.command()(experiment)
+app.command(name="assembly")(laying)
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 

@@ -13,13 +13,11 @@ import typer
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
-from jld_core.scene import load_scene
-from jld_explore.report import check_writable, read_folder, write_text
-from jld_explore.space import from_string
+from jld_explore.cli.layout import layout_of
+from jld_explore.report import check_writable, write_text
 
 if TYPE_CHECKING:
     from jld_experiment import Curve
@@ -77,7 +75,7 @@ def experiment(
         residual_friction=residual_friction,
     )
     settings = Settings(scheme=scheme.value, segments=segments, moving=moving)
-    assembly, labels = _layout(source, rank)
+    _, assembly, labels = layout_of(source, rank)
     start = time.perf_counter()
     try:
         curve = run_experiment(assembly, labels, joints=joints, settings=settings)
@@ -102,25 +100,6 @@ def _tangent(text: str) -> float:
     if not value >= 0.0:
         raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
     return value
-
-
-def _layout(source: Path, rank: int | None) -> tuple[Assembly, Bits]:
-    """The scene's own labelling, or that of a rank in a folder."""
-    if not source.is_dir():
-        if rank is not None:
-            raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
-        scene = load_scene(source)
-        try:
-            assembly = build_assembly(scene)
-        except InputError as error:
-            raise error.within(str(source)) from None
-        return assembly, assembly.labels
-    done = read_folder(source)
-    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)]
-    found = ranked[ranked["rank"] == (rank or 1)]
-    if not len(found):
-        raise InputError("--rank", f"{source} has no layout of rank {rank or 1}", f"1 to {len(ranked)}")
-    return done.assembly, from_string(str(found["labelling"].iloc[0]))
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
