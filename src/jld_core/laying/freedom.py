@@ -40,6 +40,8 @@ class Freedom:
         self.blocks = blocks
         self.sideways = sideways and blocks.assembly.dimension == 2
         self._bodies: Bodies = _Plates(blocks) if blocks.assembly.dimension == 2 else _Solids(blocks)
+        weight = blocks.assembly.elements.weight.sum(axis=0)
+        self._up = -weight if np.any(weight) else np.eye(blocks.assembly.dimension)[-1]
         self._swept: dict[tuple[int, tuple[float, ...]], Ints] = {}
 
     def directions_of(self, normals: Floats) -> Floats:
@@ -82,7 +84,9 @@ class Freedom:
         others, normals = self.blocks.contacts_of(block)
         touching = there[others]
         blockers: set[int] = set(others[touching].tolist())
-        for direction in self.directions_of(normals[touching]):
+        free = self.directions_of(normals[touching])
+        # from above where that can be: a way against the weight needs no hands below
+        for direction in free[np.argsort(-np.round(free @ self._up, 6), kind="stable")]:
             hit = self.swept(block, direction)
             hit = hit[there[hit]]
             if not len(hit):

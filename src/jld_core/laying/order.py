@@ -134,7 +134,7 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
         moves = _moves(freedom, there, group)
         if not moves:
             return None, there
-        moves.sort(key=lambda move: _height(blocks, move), reverse=True)
+        moves.sort(key=lambda move: _turn(blocks, there, move))
         choice = next((m for m in moves[:6] if standing.stage(_without(there, m)).stands), None)
         if choice is None:
             choice = min(moves[:6], key=lambda m: float(standing.stage(_without(there, m)).props.sum()))
@@ -200,7 +200,7 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> list[Mo
         key = np.packbits(there).tobytes()
         if key in failed or looked >= _STAGES:
             return None
-        for move in sorted(_moves(freedom, there, group), key=lambda m: _height(blocks, m), reverse=True):
+        for move in sorted(_moves(freedom, there, group), key=lambda m: _turn(blocks, there, m)):
             looked += 1
             left = _without(there, move)
             if standing.stage(left).stands:
@@ -213,6 +213,12 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> list[Mo
     return search(np.ones(len(blocks), dtype=bool), [])
 
 
+def _turn(blocks: Blocks, there: Bools, move: Move) -> tuple[float, int]:
+    """What is taken away first: what lies highest, and of that what touches least: gaps grow from their edges."""
+    touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in move[0])
+    return -round(_height(blocks, move) / blocks.assembly.size, 6), touching
+
+
 def _height(blocks: Blocks, move: Move) -> float:
     """How high against the weight the centre of what is moved lies."""
     elements = blocks.assembly.elements
@@ -220,7 +226,8 @@ def _height(blocks: Blocks, move: Move) -> float:
     if not np.any(total):
         total = -np.eye(blocks.assembly.dimension)[-1]
     chosen = np.isin(blocks.of, move[0])
-    return float(-(np.average(elements.centroid[chosen], axis=0, weights=elements.volume[chosen]) @ total))
+    up = -total / np.linalg.norm(total)
+    return float(np.average(elements.centroid[chosen], axis=0, weights=elements.volume[chosen]) @ up)
 
 
 def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:

@@ -64,7 +64,7 @@ def _span(laying: Laying) -> tuple[Floats, Floats]:
     points = projection_of(assembly)(np.concatenate(assembly.elements.shape))
     low, high = points.min(axis=0), points.max(axis=0)
     pad = 0.12 * float((high - low).max())
-    return low - pad, high + pad
+    return low - pad, high + 2.5 * pad
 
 
 def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
@@ -109,7 +109,7 @@ def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low:
     total = float(step.stage.props.sum())
     force = assembly.units[1]
     verdict = (
-        "stands" if step.stage.stands else "unsettled" if step.stage.stands is None else f"props {total:.3g} {force}"
+        "stands" if step.stage.stands else "unsettled" if step.stage.stands is None else f"props {total:.4g} {force}"
     )
     ax.set_title(f"{number}: {verdict}", fontsize=8, color=INK)
     ax.set_xlim(low[0], high[0])
