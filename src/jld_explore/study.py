@@ -22,6 +22,7 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
+from jld_core.lanes import chosen
 from jld_core.limit import Status
 from jld_core.program import Template
 from jld_core.scene import Scene
@@ -38,6 +39,7 @@ from jld_explore.evaluation import (
     Store,
     Workers,
     WorkerSpec,
+    kernel_settles,
 )
 from jld_explore.space import SearchSpace, orbit_sizes, unpack
 
@@ -151,7 +153,13 @@ class Study:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
         settings = replace(self.settings, prove=self.certificates)
         quick = self._consultant is not None and self._consultant.small
-        workers = Workers(WorkerSpec.of(self.assembly, settings), self.jobs, len(self.assembly.interfaces), quick=quick)
+        workers = Workers(
+            WorkerSpec.of(self.assembly, settings),
+            self.jobs,
+            len(self.assembly.interfaces),
+            quick=quick,
+            lanes=kernel_settles(self.assembly, settings),
+        )
         if self.driver.remembers and len(self.store):
             rows = unpack(self.store.rows["labelling"], self.store.faces)
             known = [self.store.find(labels) for labels in rows]
@@ -284,5 +292,6 @@ def versions() -> dict[str, str]:
     return {
         "jld": __version__,
         "python": platform.python_version(),
+        "kernel": chosen() or "none",
         **{name: version(name) for name in ("numpy", "scipy", "clarabel", "highspy")},
     }

@@ -71,7 +71,8 @@ def test_threads_give_what_one_gives() -> None:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_deadline_is_kept_inside_batches(jobs: int) -> None:
+def test_a_deadline_is_kept_inside_batches(jobs: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("JLD_KERNEL", "off")  # it would be done by then
     assembly, _, rows = wall()
     workers = Workers(WorkerSpec.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], quick=jobs > 1)
     try:

@@ -86,7 +86,7 @@ class Lanes:
 
     template: planar, its yield sets in pairs of linear rows. opening: (q·free,) velocities that open every face
     under any labelling, None where there are none. variant: see `library`; default the one in use. tries: settings of
-    the passes over what is still open.
+    the passes over what is still open. settles: share of a few random labellings that the kernel settles.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
     """
 
@@ -120,6 +120,7 @@ class Lanes:
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
+        self.settles = 0.0
         self._start = self._starting(template)
 
     def _starting(self, template: Template) -> _Start:
@@ -135,6 +136,7 @@ class Lanes:
         drawn = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
         found = self.solve(drawn, vectors=True)
         good = found.verdict == PROVEN
+        self.settles = float((found.verdict != OPEN).mean())
         if not good.any() or found.forces is None or found.velocity is None:
             return self._start
         forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from jld_core.limit.analysis import LimitAnalysis, Proof
+from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
 from jld_core.limit.mechanism import (
@@ -20,6 +21,8 @@ from jld_core.limit.result import LimitAnalysisResult, number
 from jld_core.limit.status import Status
 
 __all__ = [
+    "Batch",
+    "BatchAnswers",
     "BlockRelaxation",
     "Choice",
     "DualBound",

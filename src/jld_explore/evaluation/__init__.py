@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import ORDER, front_counts, objectives, places, standing, worth
@@ -38,6 +38,7 @@ __all__ = [
     "Workers",
     "batch_size",
     "front_counts",
+    "kernel_settles",
     "objectives",
     "places",
     "proofs_of",

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from jld_core import tolerances
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysis, Proof, Status, apart, relative_width
+from jld_core.limit import Batch, LimitAnalysis, Proof, Status, apart, relative_width
 from jld_core.models import solve_condensed, worth_condensing, zero_dilation
 from jld_explore.evaluation.certificates import Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, Evaluation
@@ -31,6 +31,19 @@ class EvaluatorSettings:
     gap: float = tolerances.GAP
     prove: bool = False
 
+    @property
+    def in_lanes(self) -> bool:
+        """Whether bounds on λ are all that is asked, which is what the kernel gives."""
+        return self.objective == "associative" and not self.prove
+
+
+def kernel_settles(assembly: Assembly, settings: EvaluatorSettings) -> bool:
+    """Whether nearly all labellings are the kernel's to settle, so that one process does what several would."""
+    if not settings.in_lanes:
+        return False
+    batch = Batch.of(LimitAnalysis(assembly, gap=settings.gap))
+    return batch is not None and batch.worthwhile
+
 
 class Evaluator:
     """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order."""
@@ -39,6 +52,45 @@ class Evaluator:
         self.assembly, self.settings = assembly, settings
         self._analysis = LimitAnalysis(assembly, gap=settings.gap)
         self._force_method: ForceMethod | None = None
+        self._batch = Batch.of(self._analysis) if settings.in_lanes else None
+
+    def evaluate_all(
+        self, labellings: Bits, floors: Floats | None = None, company: Bits | None = None, deadline: float | None = None
+    ) -> list[Evaluation]:
+        """Evaluate labellings (k, m), many at once where the kernel can, the others one by one.
+
+        floors: (k,), company: see `evaluate`. deadline: time since the epoch, s, after which no further labelling is
+        begun: evaluations are then of the first labellings only. Each depends on its own labelling alone.
+        """
+        if deadline is not None and time.time() >= deadline:
+            return []
+        known = self._in_lanes(labellings)
+        values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
+        found: list[Evaluation] = []
+        for labels, floor, evaluation in zip(labellings, values, known, strict=True):
+            if evaluation is None:
+                if deadline is not None and time.time() >= deadline:
+                    break
+                evaluation = self.evaluate(labels, floor, company)
+            found.append(evaluation)
+        return found
+
+    def _in_lanes(self, labellings: Bits) -> list[Evaluation | None]:
+        """Evaluations by the kernel, None where it leaves a labelling open."""
+        if self._batch is None:
+            return [None] * len(labellings)
+        start = time.perf_counter()
+        answers = self._batch.prove(labellings)
+        scale = self._analysis.template.scaling.load
+        low, high = (scale * answers.low).tolist(), (scale * answers.high).tolist()
+        each = (time.perf_counter() - start) / max(len(labellings), 1)
+        found: list[Evaluation | None] = []
+        for k, (least, most) in enumerate(zip(low, high, strict=True)):
+            status = answers.status(k)
+            found.append(
+                None if status is None else Evaluation(status, least, most, 0.5 * (least + most), seconds=each)
+            )
+        return found
 
     def evaluate(self, labels: Bits, floor: float = -math.inf, company: Bits | None = None) -> Evaluation:
         """Evaluate one labelling.

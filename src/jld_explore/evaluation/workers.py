@@ -39,6 +39,9 @@ _TASKS: Final = 8
 _MOST: Final = 64
 """Labellings of a task at the most."""
 
+_IN_LANES: Final = 200_000
+"""Faces of the labellings of a task at the most, where the kernel solves them, many at once: within a second."""
+
 _THREADS: Final = 2
 """Threads of one process that are of use: what is not within a solver waits for its turn."""
 
@@ -83,28 +86,26 @@ def evaluate_batch(
     if getattr(_own, "digest", None) != recipe.digest:
         assembly, settings = pickle.loads(recipe.content)
         _own.evaluator, _own.digest = Evaluator(assembly, settings), recipe.digest
-    found: list[Evaluation] = []
-    values = [-np.inf] * len(labellings) if floors is None else floors.tolist()
-    for labels, floor in zip(labellings, values, strict=True):
-        if deadline is not None and time.time() >= deadline:
-            break
-        found.append(_own.evaluator.evaluate(labels, floor, company))
-    return number, found
+    return number, _own.evaluator.evaluate_all(labellings, floors, company, deadline)
 
 
 class Workers:
     """A pool of `jobs` processes for one recipe; with one job everything runs in this process.
 
     hang: seconds without any result after which the workers are taken to hang. quick: labellings are solved sooner
-    than they are sent, so stay in this process, in as many threads as are of use. deaths: how often workers died or
+    than they are sent, so stay in this process, in as many threads as are of use. lanes: the same, since the kernel
+    solves them. deaths: how often workers died or
     hung.
     """
 
-    def __init__(self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False) -> None:
+    def __init__(
+        self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False, lanes: bool = False
+    ) -> None:
         self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
         self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
-        self.quick = quick and not self.outside
+        self.lanes = lanes and not self.outside
+        self.quick = (quick or lanes) and not self.outside
         self.here = self.quick or (jobs == 1 and not self.outside)
         self.begun: list[Run] = []
         self.threads = min(jobs, _THREADS) if self.here else 0
@@ -180,7 +181,8 @@ class Run:
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:
             # as few tasks as there are threads, so that these seldom wait
-            size = max(1, min(_MOST, -(-len(labellings) // workers.threads)))
+            most = max(_MOST, _IN_LANES // workers.faces) if workers.lanes else _MOST
+            size = max(1, min(most, -(-len(labellings) // workers.threads)))
         starts = range(0, len(labellings), size)
         self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
         self._done: set[int] = set()

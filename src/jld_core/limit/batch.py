@@ -1,0 +1,69 @@
+"""Many labellings of one assembly at once, where the kernel can: what it leaves open is for `LimitAnalysis`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.lanes import FALLS, Lanes, chosen, fits
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import crossed
+from jld_core.limit.status import Status
+
+
+@dataclass(frozen=True)
+class BatchAnswers:
+    """What is settled of k labellings: status where settled (k,), and bounds (k,) on scaled λ, NaN where it falls."""
+
+    settled: Bools
+    falls: Bools
+    low: Floats
+    high: Floats
+
+    def status(self, position: int) -> Status | None:
+        """Of one labelling; None where it is left open."""
+        if not self.settled[position]:
+            return None
+        return Status.UNSTABLE if self.falls[position] else Status.COLLAPSE
+
+
+class Batch:
+    """The kernel for one limit analysis. lanes: the kernel itself."""
+
+    def __init__(self, analysis: LimitAnalysis) -> None:
+        opening = analysis.interior.opening()
+        self.lanes = Lanes(analysis.template, None if opening is None else opening.velocity)
+        self._gap = analysis.gap
+
+    @classmethod
+    def of(cls, analysis: LimitAnalysis) -> Batch | None:
+        """For analyses whose rows have the kernel's shape, where there is a kernel; else None."""
+        if analysis.solver != "auto" or chosen() is None or not fits(analysis.template):
+            return None
+        return cls(analysis)
+
+    @property
+    def worthwhile(self) -> bool:
+        """Does the kernel settle most labellings here? (Not where forces may grow for ever.)"""
+        return self.lanes.settles >= 0.8
+
+    def prove(self, labellings: Bits) -> BatchAnswers:
+        """Bounds of labellings (k, m), True dry; what stands as settled is what `LimitAnalysis.judge` would settle."""
+        found = self.lanes.solve(labellings)
+        low, high = found.low, found.high
+        falls = found.verdict == FALLS
+        size = np.maximum(abs(low), abs(high))
+        with np.errstate(invalid="ignore"):
+            # beside λ itself, not only beside the weight of the whole: where λ may be zero a vertex has to tell
+            narrow = high - low <= self._gap * size
+            sound = np.isfinite(low) & np.isfinite(high) & ~np.asarray(crossed(low, high))
+        settled = falls | (narrow & sound)
+        # an upper bound below zero by more than rounding is a fall; one within it is for others to tell
+        edge = ~falls & (high < tolerances.ROUNDING)
+        settled &= ~edge
+        low, high = np.minimum(low, high), np.maximum(low, high)
+        low[falls] = high[falls] = np.nan
+        return BatchAnswers(settled, falls, low, high)
