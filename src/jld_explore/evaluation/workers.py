@@ -27,6 +27,7 @@ from joblib.externals.loky.process_executor import ShutdownExecutorError, Termin
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.lanes import chosen
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 
@@ -59,7 +60,9 @@ class WorkerSpec:
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings) -> WorkerSpec:
         content = pickle.dumps((assembly, settings))
-        return cls(content, hashlib.sha256(content).hexdigest(), os.getpid())
+        # what an evaluator answers with is part of what it is
+        kernel = (chosen() or "none").encode()
+        return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
 
 def batch_size(faces: int, asked: int) -> int:
