@@ -109,8 +109,11 @@ def test_a_worker_killed_once_costs_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings(CANCELLED)
 @pytest.mark.parametrize("way", ["dies", "hangs"])
-def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(way: str) -> None:
+def test_a_labelling_that_takes_its_worker_along_is_recorded_as_failed(
+    way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its batch is tried twice and given up; all others are evaluated."""
+    monkeypatch.setenv("JLD_KERNEL", "off")  # what dies is the evaluation of one labelling
     assembly, _, rows = wall()
     recipe = WorkerSpec.of(Poison(assembly, rows[17], way), EvaluatorSettings())  # type: ignore[arg-type]
     pool = Workers(recipe, 2, rows.shape[1], hang=60.0 if way == "dies" else 10.0)
