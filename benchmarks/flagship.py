@@ -33,12 +33,13 @@ def main() -> None:
     tally: Counter[tuple[str, str]] = Counter()
     differences: list[tuple[float, str, float, float, str]] = []
     for labels in labellings:
-        found: dict[str, tuple[Status, Proof]] = {}
+        found: dict[str, Proof] = {}
         for name, analysis in routes.items():
             start = time.process_time()
             found[name] = analysis.prove(labels)
             seconds[name] += time.process_time() - start
-        (status, proof), (other, theirs) = found["clarabel"], found["highs"]
+        proof, theirs = found["clarabel"], found["highs"]
+        status, other = proof.status, theirs.status
         tally[str(status), str(other)] += 1
         if status is other is Status.COLLAPSE:
             ours, its = (0.5 * scale * (p.low + p.high) for p in (proof, theirs))

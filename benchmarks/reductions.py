@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from benchmarks.common import RESULTS, about, random_segmentations, table, wall, write
 from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene
-from jld_core.models import rigid_blocks, solve_condensed, zero_dilation
+from jld_core.models import rigid_blocks, solve, zero_dilation
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver
 from jld_core.views.figures import save_figure
@@ -147,9 +147,7 @@ def condensed(faces: int = 278) -> Reduction:
     """Blocks whose inner faces need not yield, as rigid bodies."""
     assembly = build_assembly(grid(bonded(GRIDS[faces])))
     slow, before = timed(lambda: full(assembly))
-    quick, after = timed(
-        lambda: solve_condensed(LimitAnalysis(assembly, reference=assembly.labels), assembly.labels, stands=False)
-    )
+    quick, after = timed(lambda: solve(assembly, condense="on"))
     rigid = rigid_blocks(assembly, assembly.labels, np.zeros(0, dtype=np.int64))
     return Reduction(
         "condensed",
@@ -220,14 +218,15 @@ def zero_dilation_skipped(count: int = 60) -> Reduction:
     """The best labelling without dilation, solved only where the associative λ leaves it a chance."""
     assembly = wall(4, 4, 2e4, 2e4)
     analysis = LimitAnalysis(assembly)
+    scale = analysis.template.scaling.load
     labellings = random_segmentations(assembly, count, seed=5)
 
     def best(skip: bool) -> tuple[float, int]:
-        found = [(analysis.solve(labels, stands=False), labels) for labels in labellings]
+        found = [(analysis.prove(labels), labels) for labels in labellings]
         found.sort(key=lambda pair: -np.nan_to_num(pair[0].load_factor, nan=-np.inf))
         most, solved = -np.inf, 0
         for result, labels in found:
-            if np.isnan(result.load_factor) or (skip and result.bracket[1] <= most):
+            if np.isnan(result.load_factor) or (skip and result.bracket[1] * scale <= most):
                 continue
             without = zero_dilation(analysis, labels, associative=result, stands=False)
             most, solved = max(most, without.load_factor), solved + 1

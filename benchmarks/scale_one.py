@@ -26,7 +26,7 @@ PHASES = ("scene", "assembly", "program", "solve", "prove", "stands")
 it (projections, repairs), and whether λ = 0 is admissible."""
 
 
-class Timed:
+class Timed(Solver):
     """A route whose time is kept apart."""
 
     def __init__(self, route: Solver) -> None:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from benchmarks.common import table, write
 from benchmarks.search_scenes import ENUMERATED, grid
+from jld_core.limit import SolveOptions
 from jld_core.scene import Scene, parse_scene
 from jld_explore.explore import ExploreSettings, explore
 
@@ -67,7 +68,7 @@ def pruned_shares(scenes: dict[str, Scene]) -> list[list[str]]:
     rows = []
     for name, scene in scenes.items():
         for driver in ("enumeration", "random", "hillclimb", "genetic"):
-            found = summary(scene, driver=driver, budget=PRUNING, objective="zero-dilation")
+            found = summary(scene, driver=driver, budget=PRUNING, model=SolveOptions(friction="zero-dilation"))
             share = f"{found['pruned'] / found['evaluated']:.0%}"
             rows.append([name, driver, str(found["evaluated"]), str(found["pruned"]), share, f"{found['seconds']:.1f}"])
     return rows

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from benchmarks.stated import stated
 from jld_core import Assembly, LimitAnalysis, Status
-from jld_core.models import solve_condensed
+from jld_core.models import prove_condensed
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import SOLVERS as KNOWN
 from jld_core.solvers import ClarabelSolver, Solver
@@ -88,7 +88,8 @@ def ours(
     if route is not None:
         analysis.route = route
     found = analysis.solve(stands=False)
-    return Found(found.load_factor, *found.bracket, " → ".join(found.route))
+    (low, high), scale = found.bracket, analysis.template.scaling.load
+    return Found(found.load_factor * scale, low * scale, high * scale, " → ".join(found.route))
 
 
 def forced(assembly: Assembly, method: str) -> Found:
@@ -105,10 +106,11 @@ def of_size(assembly: Assembly, size: float, gap: float, refine: bool = False) -
 def condensed(assembly: Assembly) -> Found:
     """Rigid blocks, cracked on demand."""
     analysis = LimitAnalysis(assembly, reference=assembly.labels)
-    found = solve_condensed(analysis, assembly.labels, stands=False)
+    found = prove_condensed(analysis, assembly.labels)
     if found is None:
         return Found(math.nan, note="the full model is the way to go")
-    return Found(found.load_factor, *found.bracket, " → ".join(found.route))
+    (low, high), scale = found.bracket, analysis.template.scaling.load
+    return Found(found.load_factor * scale, low * scale, high * scale, " → ".join(found.route))
 
 
 def bare(assembly: Assembly) -> Found:

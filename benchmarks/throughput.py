@@ -40,7 +40,7 @@ from jld_explore.study import Study
 PARTS: Final = ("solver", "proof", "assembly", "driver", "store", "other Python")
 PROOF: Final = {
     Prover: ("state", "ray", "motion", "measure", "blend", "open_up"),
-    Repair: ("state", "phase_one", "edge_state", "ray", "opening", "reduced"),
+    Repair: ("state", "edge_state", "ray", "opening", "reduced"),
 }
 """Methods whose time, less that of solvers within, is proof."""
 

@@ -92,7 +92,7 @@ def case(assembly: Assembly, labellings: Bits) -> Case:
 def prove(analysis: LimitAnalysis, labels: Bits) -> tuple[float, float, Proof, float]:
     """λ in scene units, relative width of its bracket, the proof, seconds."""
     start = time.process_time()
-    _, proof = analysis.prove(labels)
+    proof = analysis.prove(labels)
     spent = time.process_time() - start
     scale, floor = analysis.template.scaling.load, load_floor(analysis.template) / analysis.template.scaling.load
     middle = 0.5 * (proof.low + proof.high) if math.isfinite(proof.high - proof.low) else proof.guess

@@ -43,13 +43,13 @@ class Row:
 def run(assembly: Assembly, scheme: Scheme) -> Row:
     """Solve one wall; the associative solution is not counted in the time."""
     analysis = LimitAnalysis(assembly)
-    associative = analysis.solve(stands=False)
+    associative = analysis.prove(assembly.labels)
     start = time.perf_counter()
     result = zero_dilation(analysis, scheme=scheme, associative=associative, stands=False)
     extra = result.extra
     return Row(
         load=result.load_factor,
-        associative=associative.load_factor,
+        associative=associative.load_factor * analysis.template.scaling.load,
         programs=extra["zero_dilation_iterations"],
         violation=extra["friction_violation"] or 0.0,
         dilation=np.inf if extra["dilation"] is None else extra["dilation"],

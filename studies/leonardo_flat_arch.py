@@ -54,7 +54,7 @@ LIMITS: Final = (2, 4)
 def without_dilation(assembly: Assembly, labels: Bits, quick: bool) -> tuple[LimitAnalysisResult, pd.DataFrame]:
     """The lowest certified zero-dilation result, and a table of all that were found."""
     analysis = LimitAnalysis(assembly, reference=labels)
-    associative = analysis.solve(labels, stands=False)
+    associative = analysis.prove(labels)
     found = []
     for start in ("associative", "gravity"):
         for damping in (1e-2,) if quick else (1e-3, 1e-2, 1e-1):

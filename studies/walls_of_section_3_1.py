@@ -47,7 +47,7 @@ def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitA
     """
     assembly = build_assembly(load_scene(SCENES / f"ferris_tinloi_{wall}.json"))
     analysis = LimitAnalysis(assembly)
-    associative = analysis.solve(stands=False)
+    associative, proof = analysis.solve(stands=False), analysis.prove(assembly.labels)
     dampings = (1e-2, 1e-1) if quick else (1e-3, 1e-2, 3e-2, 1e-1)
     anchors = (1e-3,) if quick else (1e-4, 1e-3, 1e-2)
     blocks = (5,) if quick else (3, 5, 8)
@@ -55,7 +55,7 @@ def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitA
     results = []
     for start, damping, anchor, block in itertools.product(STARTS, dampings, anchors, blocks):
         scheme = Scheme(start=start, damping=damping, anchor=anchor, block=block)
-        found = zero_dilation(analysis, None, scheme, associative=associative, stands=False)
+        found = zero_dilation(analysis, None, scheme, associative=proof, stands=False)
         results.append(found)
         rows.append(
             {

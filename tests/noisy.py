@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from jld_core import LimitAnalysis
+from jld_core.arrays import Bits
+from jld_core.limit import Climb, Proof
 from jld_core.program import ConicProgram
-from jld_core.solvers import ClarabelSolver, RawSolution
+from jld_core.solvers import ClarabelSolver, RawSolution, Solver
 
 
-class Noisy:
+class Noisy(Solver):
     """A route that spoils the answer of another."""
 
     name = "noisy"
@@ -21,3 +24,11 @@ class Noisy:
         spoil = [v * (1.0 + self._level * self._rng.standard_normal(len(v))) for v in (raw.point, raw.dual)]
         spoil = [v + self._level * self._rng.standard_normal(len(v)) for v in spoil]
         return RawSolution(raw.status, spoil[0], spoil[1], raw.iterations, raw.seconds)
+
+
+def noisy(analysis: LimitAnalysis, labels: Bits, level: float, seed: int) -> Proof:
+    """What is proven of a labelling by a spoilt answer and its repair."""
+    climb = Climb(analysis, labels)
+    climb.attempt(Noisy(level, seed), analysis.margin)
+    climb.repair()
+    return climb.proof

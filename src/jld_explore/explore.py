@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
+from jld_core.limit import SolveOptions
 from jld_core.scene import Scene
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver, size_up_to
 from jld_explore.evaluation import CERTIFICATES_FILE, EvaluatorSettings, Store
@@ -27,13 +28,14 @@ SMALL = 20_000
 class ExploreSettings:
     """How to search. driver: a name, or None to choose. budget: classes; seconds: time limit; seed, jobs as said.
 
-    resume: go on with a folder that holds a study. certificates: let past solves settle labellings. pictures: draw
-    what was found at the end. strict: take what is possible but hardly meant as an error. small: classes up to which a
-    space is counted beforehand, and enumerated where no driver is named; 0: not counted.
+    model: what is modelled, whose λ is maximised. resume: go on with a folder that holds a study. certificates: let
+    past solves settle labellings. pictures: draw what was found at the end. strict: take what is possible but hardly
+    meant as an error. small: classes up to which a space is counted beforehand, and enumerated where no driver is
+    named; 0: not counted.
     """
 
     driver: str | None = None
-    objective: str = "associative"
+    model: SolveOptions = field(default_factory=SolveOptions)
     budget: int | None = None
     seconds: float | None = None
     jobs: int = 1
@@ -71,18 +73,23 @@ def explore(
     name, total = choose_driver(space, settings)
     if announce is not None:
         announce(f"driver: {name}" + (f", {total} classes" if total is not None else ""))
+    driver = make_driver(name, space, settings.seed, **_options(name, scene, folder, settings))
+    if driver.modular and not replace(settings.model, friction="associative").modular:
+        raise InputError(
+            "--driver", f"{name} has no bounds for this model", "convex contact on whole faces, paper bending"
+        )
     study = Study(
         scene=scene,
         assembly=assembly,
         space=space,
-        driver=make_driver(name, space, settings.seed, **_options(name, scene, folder, settings)),
+        driver=driver,
         folder=folder,
         seed=settings.seed,
         jobs=settings.jobs,
         budget=settings.budget,
         seconds=settings.seconds,
-        settings=EvaluatorSettings(objective=settings.objective),
-        certificates=settings.certificates and settings.objective == "associative",
+        settings=EvaluatorSettings(model=settings.model),
+        certificates=settings.certificates and settings.model.modular,
         total=total,
         report=report,
     )
@@ -118,7 +125,13 @@ def _options(name: str, scene: Scene, folder: Path, settings: ExploreSettings) -
             raise InputError(f"--{key}", f"the driver {name} has no such option", f"--driver {owner}")
     if name == "optuna":
         given.setdefault("storage", folder / "optuna.sqlite3")
-        facts = (scene.name, scene.fingerprint[:12], settings.objective, given.get("sampler", "TPE"), settings.seed)
+        facts = (
+            scene.name,
+            scene.fingerprint[:12],
+            settings.model.friction,
+            given.get("sampler", "TPE"),
+            settings.seed,
+        )
         given["title"] = "jld " + " ".join(str(fact) for fact in facts)
     return given
 

@@ -122,24 +122,27 @@ class Study:
         faces = len(self.assembly.interfaces)
         self.store = Store(self.folder, self.header, faces)
         self._consultant: CertificateEvaluator | None = None
-        self._floor = IncumbentFront(self.space) if self.settings.objective == "zero-dilation" else None
+        self._floor = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
         if self.certificates:
             template = Template(self.assembly)
             archive = Archive(self.folder, faces)
-            self._consultant = CertificateEvaluator(Pool(faces, self.space.group), template, self.settings.gap, archive)
+            gap = self.settings.model.gap
+            self._consultant = CertificateEvaluator(Pool(faces, self.space.group), template, gap, archive)
             self.store.first = archive.sync
             self.store.keep_proven(archive.holds)
 
     @property
     def header(self) -> dict[str, Any]:
         """What a store must agree with to be gone on with."""
+        model = self.settings.model.facts()
         return {
             "scene": self.scene.fingerprint,
             "driver": self.driver.name,
             "seed": self.seed,
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
-            "objective": self.settings.objective,
-            "bracket width": self.settings.gap,
+            "objective": model.pop("friction"),
+            "bracket width": model.pop("gap"),
+            **model,
             "certificates": self.certificates,
             "versions": versions(),
         }

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import cases_spatial
-from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene
+from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.mechanics import PrescribedFriction
-from jld_core.models import change, contact_of, frozen_contact, solve_effective_area, solve_zero_dilation
+from jld_core.models import change, contact_of, frozen_contact, solve_zero_dilation
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 from paths import SCENES
@@ -42,7 +42,7 @@ def prism(eccentric: float, axis: int = 0, moment: float = 1.0) -> Assembly:
 def test_prism_in_torsion(eccentric: float, axis: int) -> None:
     """λ = μ N c_T of the rectangle less 2|x|; without effective area of the whole one."""
     analysis = LimitAnalysis(prism(eccentric, axis))
-    result = solve_effective_area(analysis)
+    result = solve(analysis.assembly, effective_area=True)
     sides = np.array([WIDTH, DEPTH])
     whole = FRICTION * 2.0 * rectangle_torsion_length(*sides[:, None])[0]
     sides[axis] -= 2.0 * eccentric
@@ -64,7 +64,7 @@ def test_walls_reach_a_fixed_point(live: list[float]) -> None:
     assembly = cases_spatial.assembly(cases_spatial.wall(4, 3, 1), live=[{"body": live}])
     dry = np.ones(len(assembly.interfaces), dtype=bool)
     analysis = LimitAnalysis(assembly, reference=dry)
-    result = solve_effective_area(analysis, dry)
+    result = solve(assembly, dry, effective_area=True)
     assert result.status is Status.COLLAPSE
     assert result.extra["effective_area"]["fixed_point"] <= 1e-8
     assert result.forces is not None
@@ -126,7 +126,7 @@ def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
     assert change(first, first) == 0.0
     assert change(first, contact_of(assembly, 0.0 * forces, dry)) > 0.1
     with pytest.raises(InputError, match="planar"):
-        solve_effective_area(LimitAnalysis(build_assembly(load_scene(SCENES / "ferris_tinloi_1.json"))))
+        solve(build_assembly(load_scene(SCENES / "ferris_tinloi_1.json")), effective_area=True)
     odd = cases_spatial.stools([cases_spatial.TRIANGLE])
     with pytest.raises(InputError, match="no rectangle"):
-        solve_effective_area(LimitAnalysis(odd))
+        solve(odd, effective_area=True)

@@ -83,7 +83,7 @@ def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
     assert found.forces is not None
     assert found.velocity is not None
     for k, labels in enumerate(asked):
-        status, proof = analysis.prove(labels)
+        proof = analysis.prove(labels)
         if np.isfinite(found.low[k]):
             state = analysis.prover.state(np.append(found.forces[k].ravel(), found.low[k]), labels, held=True)
             assert state.admissible
@@ -95,9 +95,9 @@ def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
             rounding = 1e-9 if "strong" in name else 1e-11
             assert motion.bound == pytest.approx(found.high[k], rel=rounding, abs=1e-12)
         if found.verdict[k] == FALLS:
-            assert status is Status.UNSTABLE
+            assert proof.status is Status.UNSTABLE
         elif found.verdict[k] == PROVEN:
-            assert status is Status.COLLAPSE
+            assert proof.status is Status.COLLAPSE
             size = max(abs(proof.low), floor)
             assert found.low[k] <= proof.high + 1e-9 * size
             assert found.high[k] >= proof.low - 1e-9 * size
@@ -177,7 +177,7 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int) -> N
     found = lanes(analysis, kernel, tries=(hasty,)).solve(asked)
     assert (found.verdict == OPEN).any()
     for k, labels in enumerate(asked):
-        _, proof = analysis.prove(labels)
+        proof = analysis.prove(labels)
         assert found.low[k] <= proof.high
         assert found.high[k] >= proof.low
 

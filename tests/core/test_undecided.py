@@ -22,10 +22,10 @@ OPEN = 6
 
 def highest(analysis: LimitAnalysis, labels: Any) -> float:
     """Proven lower bound on λ, scaled; −inf where nothing stands, inf where locked."""
-    status, proof = analysis.prove(labels)
-    if status is Status.LOCKED:
+    proof = analysis.prove(labels)
+    if proof.status is Status.LOCKED:
         return np.inf
-    return proof.low if status is Status.COLLAPSE else -np.inf
+    return proof.low if proof.status is Status.COLLAPSE else -np.inf
 
 
 def spatial() -> Assembly:
@@ -73,8 +73,8 @@ def test_bound_of_a_whole_labelling_is_its_load_factor(name: str) -> None:
     nothing = np.zeros(len(assembly.interfaces), dtype=bool)
     for _ in range(10):
         labels = rng.random(len(nothing)) < 0.5
-        status, proof = analysis.prove(labels)
-        if status is Status.COLLAPSE:
+        proof = analysis.prove(labels)
+        if proof.status is Status.COLLAPSE:
             assert relaxation.bound(labels, nothing) == pytest.approx(proof.high, rel=1e-6, abs=1e-8)
 
 

@@ -59,8 +59,8 @@ class Case:
         self.choices = list(segmentations(blocks, set(assembly.elements.free.tolist()), every))
         self.load = []
         for chosen in self.choices:
-            status, proof = self.analysis.prove(blocks.labelling(space, np.array(chosen)))
-            low = {Status.COLLAPSE: proof.low, Status.LOCKED: np.inf}.get(status, -np.inf)
+            proof = self.analysis.prove(blocks.labelling(space, np.array(chosen)))
+            low = {Status.COLLAPSE: proof.low, Status.LOCKED: np.inf}.get(proof.status, -np.inf)
             self.load.append(low)
 
 

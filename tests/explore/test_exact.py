@@ -12,6 +12,7 @@ import pytest
 from cases import DOWN, grid_document
 from cases_spatial import box, scene
 from jld_core.build import build_assembly
+from jld_core.limit import SolveOptions
 from jld_core.scene import parse_scene
 from jld_explore.drivers import Conflict, Enumeration, Exact, Formula, Record, possible_blocks
 from jld_explore.explore import ExploreSettings, explore
@@ -187,8 +188,8 @@ def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pyt
 
 def test_without_dilation_the_associative_optimum_bounds_what_was_found(tmp_path: Path) -> None:
     rows, options = ["aaa", "aaa", "###"], {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
-    every = search(rows, options, tmp_path / "every", "enumeration", objective="zero-dilation")
-    found = search(rows, options, tmp_path / "exact", "exact", objective="zero-dilation")
+    every = search(rows, options, tmp_path / "every", "enumeration", model=SolveOptions(friction="zero-dilation"))
+    found = search(rows, options, tmp_path / "exact", "exact", model=SolveOptions(friction="zero-dilation"))
     table = every.results[every.results["status"] == "collapse"]
     # proven only where friction without dilation costs the best nothing
     assert found.summary["proven"] is (found.summary["gap"] <= 1e-6)

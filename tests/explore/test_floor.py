@@ -9,7 +9,7 @@ import pytest
 
 from cases import grid_document
 from jld_core.build import build_assembly
-from jld_core.limit import Status
+from jld_core.limit import SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore.evaluation import (
     BOUND,
@@ -53,7 +53,7 @@ def test_a_bound_is_no_number_and_guides_drivers() -> None:
 def test_evaluator_stops_at_the_associative_bound() -> None:
     scene = parse_scene(grid_document(["aa", "aa", "##"]))
     assembly = build_assembly(scene)
-    evaluator = Evaluator(assembly, EvaluatorSettings(objective="zero-dilation"))
+    evaluator = Evaluator(assembly, EvaluatorSettings(SolveOptions(friction="zero-dilation")))
     labels = np.ones(len(assembly.interfaces), dtype=bool)
     full = evaluator.evaluate(labels)
     assert full.status is Status.COLLAPSE
@@ -67,7 +67,7 @@ def test_evaluator_stops_at_the_associative_bound() -> None:
 @pytest.mark.parametrize("driver", ["enumeration", "genetic"])
 def test_best_and_front_are_those_of_all_solves(driver: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3]))
-    settings = ExploreSettings(driver=driver, objective="zero-dilation")
+    settings = ExploreSettings(driver=driver, model=SolveOptions(friction="zero-dilation"))
     monkeypatch.setattr("jld_explore.study.PORTION", 16)
     spared = explore(scene, tmp_path / "spared", settings)
     monkeypatch.setattr(IncumbentFront, "below", lambda self, rows: np.full(len(rows), -np.inf))

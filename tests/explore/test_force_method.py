@@ -43,13 +43,13 @@ def test_is_the_limit_analysis(name: str) -> None:
         vertex = method.solve(labels)
         if vertex is None:
             continue
-        status, proof = analysis.prove(labels)
+        proof = analysis.prove(labels)
         low, high, size = proof.low, proof.high, max(1.0, abs(proof.low)) if np.isfinite(proof.low) else 1.0
-        assert (vertex.state is None) == (status is Status.UNSTABLE)
+        assert (vertex.state is None) == (proof.status is Status.UNSTABLE)
         assert vertex.motion.bound >= low - 1e-9 * size
         if vertex.state is not None and vertex.state.admissible:
             assert vertex.state.load <= high + 1e-9 * size
-            if status is Status.COLLAPSE and vertex.motion.bound - vertex.state.load <= 1e-9 * size:
+            if proof.status is Status.COLLAPSE and vertex.motion.bound - vertex.state.load <= 1e-9 * size:
                 assert abs(vertex.state.load - 0.5 * (low + high)) <= 1e-9 * size + 0.5 * (high - low)
                 proven += 1
     if name in ("wall", "beam", "arch", "lifted", "cantilever"):
@@ -73,9 +73,9 @@ def test_every_bound_holds(options: dict[str, Any]) -> None:
     bounds = pool.ask(rows)
     assert np.isfinite(bounds.high).all()
     for labels, low, high, unstable in zip(rows, bounds.low, bounds.high, bounds.unstable, strict=True):
-        status, proof = analysis.prove(labels)
-        assert not unstable or status is Status.UNSTABLE
-        if status is Status.COLLAPSE:
+        proof = analysis.prove(labels)
+        assert not unstable or proof.status is Status.UNSTABLE
+        if proof.status is Status.COLLAPSE:
             size = 1e-9 * max(1.0, abs(proof.high))
             assert low <= proof.high + size
             assert high >= proof.low - size

@@ -12,7 +12,7 @@ from cases import CASES, grid_document
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.lanes import Lanes, build, chosen, library
-from jld_core.limit import LimitAnalysis, Status
+from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, kernel_settles
@@ -64,7 +64,7 @@ def test_kernel_is_asked_where_it_settles() -> None:
     assert kernel_settles(wall, SETTINGS)
     assert kernel_settles(pressed, SETTINGS)
     assert not kernel_settles(wall, EvaluatorSettings(prove=True))
-    assert not kernel_settles(wall, EvaluatorSettings(objective="zero-dilation"))
+    assert not kernel_settles(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation")))
     rows, options = CASES["crushable wall"]
     assert not kernel_settles(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS)
     assert 0.8 <= Lanes(LimitAnalysis(wall).template).settles <= 1.0

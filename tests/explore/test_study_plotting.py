@@ -48,7 +48,7 @@ def results(assembly: Assembly) -> pd.DataFrame:
     rows = {}
     for _ in range(60):
         labels = random_blocks(assembly, rng)
-        status, proof = analysis.prove(labels)
+        proof = analysis.prove(labels)
         load = analysis.template.scaling.load
         low, high = proof.low * load, proof.high * load
         dry = labels & assembly.free_faces
@@ -56,10 +56,10 @@ def results(assembly: Assembly) -> pd.DataFrame:
         rows[text] = {
             "labelling": text,
             "multiplicity": 2,
-            "load_factor": 0.5 * (low + high) if status is Status.COLLAPSE else np.nan,
+            "load_factor": 0.5 * (low + high) if proof.status is Status.COLLAPSE else np.nan,
             "bracket_lo": low,
             "bracket_hi": high,
-            "status": str(status),
+            "status": str(proof.status),
             "dry_faces": int(dry.sum()),
             "dry_length": float(assembly.interfaces.l1[dry].sum()),
             "blocks": len(np.unique(blocks_of(assembly, labels)[assembly.elements.free])),

@@ -169,7 +169,7 @@ def test_given_spatial_scenes() -> None:
 def test_an_analysis_is_used_again_and_options_are_checked() -> None:
     assembly = wall("ferris_tinloi_1")
     analysis = LimitAnalysis(assembly)
-    associative = analysis.solve(stands=False)
+    associative = analysis.prove(assembly.labels)
     first, again = (zero_dilation(analysis, associative=associative) for _ in range(2))
     assert first.load_factor == again.load_factor
     with pytest.raises(InputError, match="variant"):

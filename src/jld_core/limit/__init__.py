@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-from jld_core.limit.analysis import LimitAnalysis, Proof
+from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
 from jld_core.limit.mechanism import (
     Movement,
     displacement,
-    element_velocities,
     face_jumps,
     face_motions,
     flow_rule,
     work_balance,
 )
+from jld_core.limit.options import Condense, Contacts, Friction, SolveOptions
+from jld_core.limit.proof import Proof
 from jld_core.limit.relaxation import DualBound, Relaxation, has_hull
 from jld_core.limit.repair import Repair
-from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit.result import LimitAnalysisResult, element_velocities, number, result_of
 from jld_core.limit.status import Status
 
 __all__ = [
+    "LADDER",
     "Batch",
     "BatchAnswers",
     "BlockRelaxation",
     "Choice",
+    "Climb",
+    "Condense",
+    "Contacts",
     "DualBound",
+    "Friction",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "Motion",
@@ -34,6 +40,8 @@ __all__ = [
     "Prover",
     "Relaxation",
     "Repair",
+    "Rung",
+    "SolveOptions",
     "State",
     "Status",
     "apart",
@@ -48,5 +56,6 @@ __all__ = [
     "load_floor",
     "number",
     "relative_width",
+    "result_of",
     "work_balance",
 ]

@@ -1,21 +1,28 @@
-"""Limit analysis of one labelling: solve, repair, prove; other routes only where the first does not prove."""
+"""Limit analysis of one assembly under any of its labellings, and the rungs by which one labelling is proven.
+
+Solve, repair, try other ways, only as far as it takes: `LADDER` says when each rung is tried and what it offers; what
+it offers is checked (`Prover`) and believed only then.
+"""
 
 from __future__ import annotations
 
-import math
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit.bounds import Motion, Prover, State, crossed, load_floor, relative_width
+from jld_core.limit.bounds import Motion, Prover, State, apart, load_floor, relative_width
+from jld_core.limit.options import SolveOptions
+from jld_core.limit.proof import Proof
 from jld_core.limit.repair import Repair
-from jld_core.limit.result import LimitAnalysisResult
+from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.limit.status import Status
-from jld_core.mechanics import require_materials
+from jld_core.mechanics import InnerBending, require_materials, scaling_of, spatial_yield
 from jld_core.program import Template
 from jld_core.solvers import (
     ClarabelSolver,
@@ -28,160 +35,257 @@ from jld_core.solvers import (
     make_solver,
 )
 
+_SIMPLEX: Final = 6000  # columns up to which a dual simplex is a way out
 
-@dataclass
-class Proof:
-    """What has been proven so far about one labelling, and by what."""
 
-    state: State | None = None
-    motion: Motion | None = None
-    ray: State | None = None
-    collapse_below_zero: Motion | None = None
-    route: list[str] = field(default_factory=list)
-    solves: int = 0
-    guess: float = math.nan
+class Climb:
+    """One labelling on its way up: what is proven so far, and the raw answer that repairs begin with.
 
-    def offer_state(self, state: State) -> None:
-        """Keep an admissible state if its λ is the highest so far."""
-        if state.admissible and (self.state is None or state.load > self.state.load):
-            self.state = state
+    labels: (m,) True dry. settled: nothing further is to be tried.
+    """
 
-    def offer_motion(self, motion: Motion) -> None:
-        """Keep a motion with finite dissipation if its bound is the lowest so far."""
-        if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
-            self.motion = motion
+    def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:
+        self.analysis, self.labels = analysis, labels
+        self.template, self.prover, self.interior = analysis.template, analysis.prover, analysis.interior
+        self.proof = Proof()
+        self.raw: RawSolution | None = None
+        self.settled = False
+        unloaded = analysis.unloaded(labels)
+        if unloaded is not None:
+            self.proof.offer_state(unloaded)
+
+    def up(self, ladder: tuple[Rung, ...]) -> Proof:
+        """The proof after all rungs that its state asks for."""
+        for rung in ladder:
+            if rung.when(self) and not self.settled:
+                rung.take(self)
+                if not self.settled:
+                    self.proof.status = self.analysis.judge(self.proof)
+        return self.proof
+
+    def take(self, found: Proof) -> None:
+        """Take a finished proof of the same labelling, unless it contradicts what is proven: then it proves nothing."""
+        mine = self.proof
+        mine.route += found.route
+        mine.solves += found.solves
+        if not apart((found.low, found.high), (mine.low, mine.high)):
+            found.route, found.solves = mine.route, mine.solves
+            self.proof, self.settled = found, True
+
+    # --- when -------------------------------------------------------------------------------------------
 
     @property
-    def crossed(self) -> bool:
-        """Do the two proofs contradict each other by more than rounding? Then neither is to be relied on."""
-        if self.state is None or self.motion is None:
-            return False
-        return bool(crossed(self.state.load, self.motion.bound))
+    def open(self) -> bool:
+        """Is nothing certain yet?"""
+        return self.proof.status is Status.UNCERTIFIED
 
     @property
-    def low(self) -> float:
-        """Proven lower bound, scaled; −inf where there is none."""
-        if self.state is None or self.crossed:
-            return -math.inf
-        return self.state.load if self.motion is None else min(self.state.load, self.motion.bound)
+    def open_inside(self) -> bool:
+        """The same, of a program that the last raw answer does not call infeasible."""
+        return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
-    def high(self) -> float:
-        """Proven upper bound, scaled; +inf where there is none."""
-        if self.motion is None or self.crossed:
-            return math.inf
-        return self.motion.bound if self.state is None else max(self.state.load, self.motion.bound)
+    def linear(self) -> bool:
+        """Can a dual simplex be asked?"""
+        structure = self.template.structure
+        return not structure.cones and structure.shape[1] <= _SIMPLEX
+
+    @property
+    def crushed_wide(self) -> bool:
+        """Is a proof as wide as the margin that most crushable scenes need? This one may need less."""
+        crushing = self.template.precision is tolerances.CRUSHING
+        return crushing and self._collapses and self._width(self.analysis.floor) > tolerances.CRUSHING_WIDTH
+
+    @property
+    def wide_beside_load(self) -> bool:
+        """Is a proof narrow beside the weight of the whole, but wide beside λ? λ may be small, or zero."""
+        return self._collapses and self._width(0.0) > self.analysis.gap
+
+    @property
+    def _collapses(self) -> bool:
+        return self.proof.status is Status.COLLAPSE
+
+    def _width(self, floor: float) -> float:
+        return relative_width(self.proof.low, self.proof.high, floor)
+
+    # --- what is tried ----------------------------------------------------------------------------------
+
+    def solve(self) -> None:
+        """The analysis' own solver."""
+        route, template, analysis = self.analysis.route, self.template, self.analysis
+        route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
+        self.attempt(route, analysis.margin)
+
+    def attempt(self, route: Solver, margin: float) -> None:
+        """Solve, and take from the raw answer whatever it proves, in the order its status makes likely."""
+        raw = self.raw = route.solve(self.template.program(self.labels, margin))
+        proof = self.proof
+        proof.solves += 1
+        proof.route.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
+        if raw.status is RawStatus.INFEASIBLE:
+            self._offer_instability(raw.dual)
+        elif raw.status is RawStatus.UNBOUNDED:
+            ray = self.prover.ray(raw.point, self.labels)
+            proven = ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING
+            proof.ray = ray if proven else None
+        else:
+            proof.guess = float(raw.point[-1])
+            proof.offer_state(self.prover.state(raw.point, self.labels))
+            proof.offer_motion(self.prover.motion(raw.dual, self.labels))
+
+    def _offer_instability(self, dual: Floats) -> None:
+        """Σ D − b·u < 0 with b_λ·u ≥ 0 proves that no λ ≥ 0 is admissible."""
+        velocity = dual[: self.template.matrix.shape[0]]
+        size = float(abs(velocity).max())
+        if not (np.isfinite(size) and size > 0.0):
+            return
+        motion = self.prover.motion(velocity / size, self.labels, normalise=False)
+        if motion.margin < 0.0:
+            motion = self._opened(motion, normalise=False)
+        if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
+            # work below zero proves nothing of large λ, unless it is the rounding of a work that is zero
+            idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
+            if motion.work < idle:
+                motion = self.interior.make_work_positive(motion, self.labels)
+            fine = motion.margin >= 0.0 and motion.work >= idle
+            if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
+                self.proof.collapse_below_zero = motion
+
+    def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
+        """A motion of finite dissipation: by opening all joints, or where they cannot, by facial reduction."""
+        opening = self.interior.opening()
+        if opening is not None:
+            self.proof.route.append("opened")
+            return self.prover.open_up(motion, opening, self.labels)
+        self.proof.route.append("facial reduction")
+        self.proof.solves += 2
+        return self.interior.reduced(motion, self.labels, normalise) or motion
+
+    def repair(self) -> None:
+        """Blend the answer at hand with states well inside and motions that open everywhere they may."""
+        raw, proof, labels = self.raw, self.proof, self.labels
+        if raw is None or raw.status is RawStatus.INFEASIBLE:
+            return
+        unbounded = raw.status is RawStatus.UNBOUNDED
+        state = self.prover.state(raw.point, labels, passes=3)
+        if unbounded or not state.admissible:
+            inside = self.interior.state(labels)
+            proof.solves += 1
+            proof.route.append("state inside")
+            if inside is not None:
+                proof.offer_state(inside)
+                if not unbounded:
+                    proof.offer_state(self.prover.blend(state, inside, labels))
+        if unbounded:
+            if proof.ray is None:
+                proof.ray = self.interior.ray(labels)
+                proof.solves += 1
+                proof.route.append("ray inside")
+            return
+        motion = self.prover.motion(raw.dual, labels)
+        if motion.margin < 0.0:
+            proof.offer_motion(self._opened(motion))
+
+    def vertex(self) -> None:
+        """A vertex by dual simplex, exact to rounding."""
+        self.attempt(HighsSolver(), 0.0)
+        self.repair()
+
+    def edge(self) -> None:
+        """A state in yield sets that leave no room, where nothing else gave one."""
+        raw = self.raw
+        self.proof.solves += 1
+        self.proof.route.append("edge")
+        point = None if raw is None or raw.status is RawStatus.UNBOUNDED else raw.point
+        state: State | None = self.interior.edge_state(point, self.labels)
+        if state is not None:
+            self.proof.offer_state(state)
+
+    def unshrunk(self) -> None:
+        """An interior point with refined linear systems and no margin."""
+        self._refined(self.template.precision.residual, 0.0)
+
+    def less_margin(self) -> None:
+        """The same with as little margin as linear programs need."""
+        self._refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
+
+    def _refined(self, tolerance: float, margin: float) -> None:
+        large = is_large(self.template.structure)
+        refined = ClarabelSolver(tolerance, iterative_refinement_enable=True)
+        self.attempt(SchurSolver(tolerance, gap=1e-10) if large else refined, margin)
+        self.repair()
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One way to a proof. when: is it tried, as things stand? take: try it. offers: what it may give."""
+
+    name: str
+    when: Callable[[Climb], bool]
+    take: Callable[[Climb], None]
+    offers: str
+
+
+LADDER: Final = (
+    Rung("first", lambda c: True, Climb.solve, "forces and multipliers of an interior point"),
+    Rung("repair", lambda c: c.open_inside, Climb.repair, "states blended with one well inside, opened motions, rays"),
+    # a vertex comes before the edge: it tells unstable scenes from those that stand by a hair
+    Rung("vertex", lambda c: c.open and c.linear, Climb.vertex, "both sides of a linear program, exact to rounding"),
+    Rung("edge", lambda c: c.open_inside, Climb.edge, "a state where yield sets leave no room"),
+    Rung("unshrunk", lambda c: c.open, Climb.unshrunk, "an interior point without margin, for sets that leave none"),
+    Rung("less margin", lambda c: c.crushed_wide, Climb.less_margin, "a narrower bracket of crushable scenes"),
+    Rung("small λ", lambda c: c.wide_beside_load and c.linear, Climb.vertex, "whether λ is small or zero"),
+)
+"""What `LimitAnalysis.prove` tries by default, from the top down."""
 
 
 class LimitAnalysis:
-    """Limit analysis of one assembly under any of its labellings.
+    """Limit analysis of one assembly under any of its labellings: convex contact, associative friction.
 
-    assembly: the structure. gap: relative width of the bracket that counts as solved. solver: name of the
-    first route. margin: see `Template.program`. Structure, scaling and projectors are built once; the answer
-    for a labelling does not depend on what was solved before it.
+    assembly: the structure. solver, gap, inner_bending: see `SolveOptions`. margin: see `Template.program`. reference:
+    (m,) labelling that solvers are set up on. template: where it exists already. Structure, scaling and projectors are
+    built once; the answer for a labelling does not depend on what was solved before it.
     """
 
     def __init__(
         self,
         assembly: Assembly,
         *,
-        solver: str = "auto",
+        solver: str | Solver = "auto",
         gap: float = tolerances.GAP,
+        inner_bending: InnerBending = "paper",
         margin: float | None = None,
         reference: Bits | None = None,
         template: Template | None = None,
     ) -> None:
         start = time.perf_counter()
-        self.assembly, self.solver = assembly, solver
+        self.assembly, self.gap = assembly, gap
+        self.options = SolveOptions(inner_bending=inner_bending, condense="off", solver=solver, gap=gap)
+        if template is None and assembly.dimension == 3 and inner_bending != "paper":
+            scaling = scaling_of(assembly)
+            template = Template(assembly, scaling, spatial_yield(assembly, scaling, inner_bending))
         self.template = template or Template(assembly)
         self.prover = Prover(self.template)
-        self.route: Solver = make_solver(
-            solver, tolerance=self.template.precision.residual, structure=self.template.structure
-        )
+        precision = self.template.precision
+        self.route = make_solver(solver, tolerance=precision.residual, structure=self.template.structure)
         self.interior = Repair(self.template, self.prover)
-        self.gap, self.margin = gap, self.template.precision.margin if margin is None else margin
-        self._floor = load_floor(self.template) / self.template.scaling.load
-        self._reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
-        self._reference_known = False
+        self.margin = precision.margin if margin is None else margin
+        self.floor = load_floor(self.template) / self.template.scaling.load
+        self.reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self.seconds = time.perf_counter() - start
 
-    def prove(self, labels: Bits, *, harder: bool = True) -> tuple[Status, Proof]:
-        """Status and proof of one labelling, by as many routes as it takes.
+    def prove(self, labels: Bits, ladder: tuple[Rung, ...] = LADDER, *, stands: bool = False) -> Proof:
+        """Proof of one labelling, by as many rungs as it takes.
 
-        labels: (m,) True dry. harder: repair an answer that does not prove itself, and try other routes.
+        labels: (m,) True dry. stands: also decide whether it stands at λ = 0.
         """
-        proof = Proof()
-        unloaded = self.unloaded(labels)
-        if unloaded is not None:
-            proof.offer_state(unloaded)
-        if not self._reference_known and hasattr(self.route, "rebuilds"):
-            self.route.solve(self.template.program(self._reference, self.margin))
-            self._reference_known = True
-        raw = self._attempt(proof, self.route, labels, self.margin)
-        status = self.judge(proof)
-        if status is Status.UNCERTIFIED and not harder:
-            return status, proof
-        if status is Status.UNCERTIFIED:
-            status = self._try_harder(proof, raw, labels)
-        width = relative_width(proof.low, proof.high, self._floor)
-        crushing = self.template.precision is tolerances.CRUSHING
-        if status is Status.COLLAPSE and crushing and width > tolerances.CRUSHING_WIDTH:
-            # the margin that most crushable scenes need is more than this one does
-            refined = self._refined(tolerances.LINEAR.residual)
-            self._repair(proof, self._attempt(proof, refined, labels, 10.0 * tolerances.LINEAR.margin), labels)
-        if status is Status.COLLAPSE and relative_width(proof.low, proof.high, 0.0) > self.gap:
-            # narrow beside the weight of the whole, wide beside λ: a vertex says whether λ is small or zero
-            self._crossover(proof, raw, labels)
-            status = self.judge(proof)
-        return status, proof
-
-    def unloaded(self, labels: Bits) -> State | None:
-        """Without dead load no force at all is a state, at λ = 0: exact where rounding leaves nothing else."""
-        if self.template.dead.any():
-            return None
-        nothing = np.zeros(self.template.scaling.face.shape)
-        return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
-
-    def _attempt(self, proof: Proof, route: Solver, labels: Bits, margin: float) -> RawSolution:
-        raw = route.solve(self.template.program(labels, margin))
-        proof.solves += 1
-        proof.route.append(route.name if raw.status is RawStatus.OPTIMAL else f"{route.name} ({raw.status})")
-        self._harvest(proof, raw, labels)
-        return raw
-
-    def _harvest(self, proof: Proof, raw: RawSolution, labels: Bits) -> None:
-        """Take from a raw answer whatever it proves, in the order its status makes likely."""
-        if raw.status is RawStatus.INFEASIBLE:
-            self._offer_instability(proof, raw.dual, labels)
-            return
-        if raw.status is RawStatus.UNBOUNDED:
-            proof.ray = self._checked_ray(raw.point, labels)
-            return
-        proof.guess = float(raw.point[-1])
-        proof.offer_state(self.prover.state(raw.point, labels))
-        proof.offer_motion(self.prover.motion(raw.dual, labels))
-
-    def _checked_ray(self, point: Floats, labels: Bits) -> State | None:
-        ray = self.prover.ray(point, labels)
-        return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
-
-    def _offer_instability(self, proof: Proof, dual: Floats, labels: Bits) -> None:
-        """Σ D − b·u < 0 with b_λ·u ≥ 0 proves that no λ ≥ 0 is admissible."""
-        velocity = dual[: self.template.matrix.shape[0]]
-        size = float(abs(velocity).max())
-        if not (np.isfinite(size) and size > 0.0):
-            return
-        motion = self.prover.motion(velocity / size, labels, normalise=False)
-        if motion.margin < 0.0:
-            motion = self._opened(proof, motion, labels, normalise=False)
-        if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
-            # work below zero proves nothing of large λ, unless it is the rounding of a work that is zero
-            idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
-            if motion.work < idle:
-                motion = self.interior.make_work_positive(motion, labels)
-            fine = motion.margin >= 0.0 and motion.work >= idle
-            if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
-                proof.collapse_below_zero = motion
+        start = time.perf_counter()
+        proof = Climb(self, labels).up(ladder)
+        proof.seconds = time.perf_counter() - start
+        if stands:
+            proof.stands = False if proof.status is Status.UNSTABLE else self.stands(labels)
+            proof.solves += proof.status is not Status.UNSTABLE
+        return proof
 
     def judge(self, proof: Proof) -> Status:
         """The status that a proof amounts to."""
@@ -190,149 +294,30 @@ class LimitAnalysis:
             return Status.UNSTABLE
         if proof.ray is not None and proof.state is not None:
             return Status.LOCKED
-        if relative_width(proof.low, proof.high, self._floor) <= self.gap:
+        if relative_width(proof.low, proof.high, self.floor) <= self.gap:
             return Status.COLLAPSE
         return Status.UNCERTIFIED
 
-    def _try_harder(self, proof: Proof, raw: RawSolution, labels: Bits) -> Status:
-        """Repairs by interior points, then other routes; each step is named in the route."""
-        # a vertex comes before the edge: it tells unstable scenes from those that stand by a hair
-        steps = (self._repair, self._crossover, self._at_the_edge, self._phase_one, self._unshrunk)
-        for step in steps:
-            raw = step(proof, raw, labels)
-            status = self.judge(proof)
-            if status is not Status.UNCERTIFIED:
-                return status
-        return Status.UNCERTIFIED
-
-    def _repair(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
-        """Blend the answer at hand with states well inside and motions that open everywhere they may."""
-        if raw.status is RawStatus.INFEASIBLE:
-            return raw
-        state = self.prover.state(raw.point, labels, passes=3)
-        if raw.status is RawStatus.UNBOUNDED or not state.admissible:
-            inside = self.interior.state(labels)
-            proof.solves += 1
-            proof.route.append("state inside")
-            if inside is not None:
-                proof.offer_state(inside)
-                if raw.status is not RawStatus.UNBOUNDED:
-                    proof.offer_state(self.prover.blend(state, inside, labels))
-        if raw.status is RawStatus.UNBOUNDED:
-            if proof.ray is None:
-                proof.ray = self.interior.ray(labels)
-                proof.solves += 1
-                proof.route.append("ray inside")
-            return raw
-        motion = self.prover.motion(raw.dual, labels)
-        if motion.margin < 0.0:
-            proof.offer_motion(self._opened(proof, motion, labels))
-        return raw
-
-    def _opened(self, proof: Proof, motion: Motion, labels: Bits, normalise: bool = True) -> Motion:
-        """A motion of finite dissipation: by opening all joints, or where they cannot, by facial reduction."""
-        opening = self.interior.opening()
-        if opening is not None:
-            proof.route.append("opened")
-            return self.prover.open_up(motion, opening, labels)
-        proof.route.append("facial reduction")
-        proof.solves += 2
-        return self.interior.reduced(motion, labels, normalise) or motion
-
-    def _at_the_edge(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
-        """A state in yield sets that leave no room, where nothing else gave one."""
-        if raw.status is not RawStatus.INFEASIBLE:
-            proof.solves += 1
-            proof.route.append("edge")
-            point = None if raw.status is RawStatus.UNBOUNDED else raw.point
-            state = self.interior.edge_state(point, labels)
-            if state is not None:
-                proof.offer_state(state)
-        return raw
-
-    def _crossover(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
-        """A vertex by dual simplex, exact to rounding, where the program is linear."""
-        if self.template.structure.cones or self.template.structure.shape[1] > 6000:
-            return raw
-        found = self._attempt(proof, HighsSolver(), labels, 0.0)
-        return self._repair(proof, found, labels)
-
-    def _phase_one(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
-        """Least shrinkage under which any λ ≥ −c is admissible; its multipliers prove instability."""
-        answer = self.interior.phase_one(labels)
-        proof.solves += 1
-        proof.route.append("phase one")
-        self._offer_instability(proof, answer, labels)
-        return raw
-
-    def _unshrunk(self, proof: Proof, raw: RawSolution, labels: Bits) -> RawSolution:
-        """An interior point with refined linear systems and no margins, for yield sets that leave none."""
-        refined = self._refined(self.template.precision.residual)
-        return self._repair(proof, self._attempt(proof, refined, labels, 0.0), labels)
-
-    def _refined(self, tolerance: float) -> Solver:
-        if is_large(self.template.structure):
-            return SchurSolver(tolerance, gap=1e-10)
-        return ClarabelSolver(tolerance, iterative_refinement_enable=True)
-
-    def solve(self, labels: Bits | None = None, *, stands: bool = True, harder: bool = True) -> LimitAnalysisResult:
-        """Limit analysis of one labelling, in full.
-
-        labels: (m,) True dry; default the assembly's own. stands: also decide whether it stands at λ = 0.
-        harder: see `prove`; without it an uncertified result is not examined further.
-        Raises InputError where a material that the labelling needs is missing.
-        """
-        start = time.perf_counter()
-        labels = self.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-        require_materials(self.assembly, labels, ~labels)
-        status, proof = self.prove(labels, harder=harder)
-        stands = stands and (harder or status is not Status.UNCERTIFIED)
-        solved = time.perf_counter() - start
-        at_zero = self._stands(status, proof, labels) if stands else None
-        return self._result(labels, status, proof, at_zero, solved, time.perf_counter() - start)
-
-    def _stands(self, status: Status, proof: Proof, labels: Bits) -> bool | None:
-        """Is λ = 0 admissible? The admissible λ are an interval, so a proven state below 0 would do too."""
-        if status is Status.UNSTABLE:
-            return False
-        proof.solves += 1
-        return self.stands(labels)
+    def unloaded(self, labels: Bits) -> State | None:
+        """Without dead load no force at all is a state, at λ = 0: exact where rounding leaves nothing else."""
+        if self.template.dead.any():
+            return None
+        nothing = np.zeros(self.template.scaling.face.shape)
+        return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
 
     def stands(self, labels: Bits) -> bool | None:
         """Is λ = 0 admissible? None where neither a state nor a motion settles it. labels: (m,) True dry."""
         return True if not self.template.dead.any() else self.interior.stands(labels)
 
-    def _result(
-        self, labels: Bits, status: Status, proof: Proof, at_zero: bool | None, solved: float, total: float
-    ) -> LimitAnalysisResult:
-        scaling, nan = self.template.scaling, math.nan
-        low, high = proof.low * scaling.load, proof.high * scaling.load
-        bracket = (low if math.isfinite(low) else nan, high if math.isfinite(high) else nan)
-        gap = relative_width(proof.low, proof.high, self._floor)
-        forces = None if proof.state is None else proof.state.forces * scaling.face
-        mechanism = None
-        if proof.motion is not None:
-            mechanism = np.zeros((len(self.assembly.elements), self.assembly.freedoms))
-            free = scaling.load * proof.motion.velocity / scaling.row.ravel()
-            mechanism[self.assembly.elements.free] = free.reshape(-1, self.assembly.freedoms)
-        load_factor = 0.5 * (low + high)
-        if status is Status.UNSTABLE:
-            load_factor, bracket, gap, forces, mechanism = nan, (nan, nan), nan, None, None
-        elif status is Status.LOCKED:
-            load_factor, bracket, gap, mechanism = nan, (bracket[0], nan), nan, None
-        elif status is Status.UNCERTIFIED and not math.isfinite(load_factor):
-            load_factor = proof.guess * scaling.load
-        return LimitAnalysisResult(
-            assembly=self.assembly,
-            labels=labels,
-            status=status,
-            load_factor=load_factor,
-            bracket=bracket,
-            gap=gap,
-            stands_at_zero=at_zero,
-            forces=forces,
-            mechanism=mechanism,
-            iterations=proof.solves,
-            route=tuple(proof.route),
-            seconds={"assemble": self.seconds, "solve": solved, "total": self.seconds + total},
-        )
+    def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
+        """Limit analysis of one labelling, in full.
+
+        labels: (m,) True dry; default the assembly's own. stands: also decide whether it stands at λ = 0.
+        Raises InputError where a material that the labelling needs is missing.
+        """
+        start = time.perf_counter()
+        labels = self.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+        require_materials(self.assembly, labels, ~labels)
+        proof = self.prove(labels, stands=stands)
+        elapsed = time.perf_counter() - start
+        return result_of(self.template, labels, self.options, proof, assemble=self.seconds, elapsed=elapsed)

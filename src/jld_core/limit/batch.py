@@ -41,7 +41,7 @@ class Batch:
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> Batch | None:
         """For analyses whose rows have the kernel's shape, where there is a kernel; else None."""
-        if analysis.solver != "auto" or chosen() is None or not fits(analysis.template):
+        if analysis.options.solver != "auto" or chosen() is None or not fits(analysis.template):
             return None
         return cls(analysis)
 

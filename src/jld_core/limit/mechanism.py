@@ -25,7 +25,6 @@ from jld_core.mechanics import (
     scaling_of,
     spatial_yield,
 )
-from jld_core.program import Template
 
 SMALL: Final = 0.01
 """Share of the largest movement of a mechanism below which a face counts as closed."""
@@ -79,15 +78,6 @@ class WorkBalance:
     def error(self) -> float:
         """|external − dissipated| over the largest of the powers that make them up."""
         return abs(self.external - self.dissipated) / self.size if self.size > 0.0 else 0.0
-
-
-def element_velocities(template: Template, velocity: Floats) -> Floats:
-    """(n, q) velocities about the centroids, scene units and b_λ·u = 1, of scaled velocities (q·free,)."""
-    assembly, scaling = template.assembly, template.scaling
-    full = np.zeros((len(assembly.elements), assembly.freedoms))
-    free = scaling.load * velocity / scaling.row.ravel()
-    full[assembly.elements.free] = free.reshape(-1, assembly.freedoms)
-    return full
 
 
 def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Floats) -> Floats:

@@ -41,10 +41,6 @@ class Repair:
         state = self.prover.state(self._deepest_answer(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
-    def phase_one(self, labels: Bits) -> Floats:
-        """Multipliers of the program that seeks the largest slack: negative slack makes them an instability proof."""
-        return self._deepest_answer(labels).dual
-
     def stands(self, labels: Bits) -> bool | None:
         """Is λ = 0 admissible? True with a state, False with a motion that gains energy, None if neither is found."""
         program = with_slack(self.template.program(labels), load_fixed=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +10,11 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.limit.bounds import load_floor, relative_width
+from jld_core.limit.options import SolveOptions
+from jld_core.limit.proof import Proof
 from jld_core.limit.status import Status
+from jld_core.program import Template
 from jld_core.shown import Shown
 
 
@@ -20,7 +25,8 @@ class LimitAnalysisResult(Shown):
     load_factor: λ, NaN where none. bracket: (lo, hi), NaN where an end is unproven or infinite. gap: relative
     width. labels: (m,). forces: (m, q) resultants in scene units, admissible at `bracket[0]` (planar N, V, M;
     spatial N, V1, V2, M1, M2, MT). mechanism: (n, q) velocities about the centroids with b_λ·u = 1, or None.
-    route: what was done, in order. seconds: assemble, solve, total. In a notebook it shows its facts and drawing.
+    route: what was done, in order. seconds: assemble, solve, total. model: what was modelled. In a notebook it
+    shows its facts and drawing.
     """
 
     assembly: Assembly
@@ -35,9 +41,18 @@ class LimitAnalysisResult(Shown):
     iterations: int
     route: tuple[str, ...]
     seconds: dict[str, float]
-    friction: str = "associative"
-    contact: str = "convex"
+    model: SolveOptions = field(default_factory=SolveOptions)
     extra: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def friction(self) -> str:
+        """ "associative" or "zero-dilation"."""
+        return self.model.friction
+
+    @property
+    def contact(self) -> str:
+        """ "convex" or "concave"."""
+        return self.model.contact
 
     def to_json(self) -> dict[str, Any]:
         """The object that `jld solve --json` prints: plain numbers, None where there is none."""
@@ -77,6 +92,48 @@ class LimitAnalysisResult(Shown):
             "mechanism": mechanism,
             "forces": forces,
         }
+
+
+def result_of(
+    template: Template, labels: Bits, options: SolveOptions, proof: Proof, *, assemble: float = 0.0, elapsed: float
+) -> LimitAnalysisResult:
+    """The result that a proof about a template's assembly amounts to, in scene units.
+
+    labels: (m,) True dry. assemble, elapsed: seconds of building the analysis, and of all since.
+    """
+    scaling, (low, high), status = template.scaling, proof.bracket, proof.status
+    floor = load_floor(template) / scaling.load
+    held, motion = proof.found or proof.state, proof.motion
+    forces = None if held is None or status is Status.UNSTABLE else held.forces * scaling.face
+    moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
+    mechanism = element_velocities(template, motion.velocity) if motion is not None and moves else None
+    width = relative_width(low, high, floor)
+    nothing = status in (Status.UNSTABLE, Status.LOCKED)
+    return LimitAnalysisResult(
+        assembly=template.assembly,
+        labels=labels,
+        status=status,
+        load_factor=proof.load_factor * scaling.load,
+        bracket=(low * scaling.load, high * scaling.load),
+        gap=math.nan if nothing else width,
+        stands_at_zero=proof.stands,
+        forces=forces,
+        mechanism=mechanism,
+        iterations=proof.solves,
+        route=tuple(proof.route),
+        seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
+        model=options,
+        extra=proof.extra,
+    )
+
+
+def element_velocities(template: Template, velocity: Floats) -> Floats:
+    """(n, q) velocities about the centroids, scene units and b_λ·u = 1, of scaled velocities (q·free,)."""
+    assembly, scaling = template.assembly, template.scaling
+    full = np.zeros((len(assembly.elements), assembly.freedoms))
+    free = scaling.load * velocity / scaling.row.ravel()
+    full[assembly.elements.free] = free.reshape(-1, assembly.freedoms)
+    return full
 
 
 def number(value: float) -> float | None:

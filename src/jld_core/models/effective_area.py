@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry import rectangle_torsion_length
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, State, Status, number, relative_width
+from jld_core.limit import LimitAnalysis, Proof, State, Status, number, relative_width
 from jld_core.mechanics import Contact, PlanarYield, PrescribedFriction, SpatialYield
 from jld_core.program import Template
 from jld_core.solvers import ProximalSolver
@@ -78,24 +78,10 @@ def frozen_contact(template: Template, contact: Contact) -> Template:
     return template.renumbered(PrescribedFriction(base, 1.0, none, contact))
 
 
-@dataclass(frozen=True)
-class _Fixed:
-    """Where the iteration stands: frozen template, a state of it, its result, and the change still asked for."""
-
-    state: State
-    proven: LimitAnalysisResult
-    moved: float
-
-
-def solve_effective_area(
-    analysis: LimitAnalysis,
-    labels: Bits | None = None,
-    *,
-    stands: bool = True,
-    most: int = 60,
-    weight: float = 1e-2,
-) -> LimitAnalysisResult:
-    """Associative limit analysis with effective areas, at a fixed point of x and c_T,e.
+def prove_effective_area(
+    analysis: LimitAnalysis, labels: Bits, *, stands: bool = False, most: int = 60, weight: float = 1e-2
+) -> Proof:
+    """Proof of associative friction with effective areas, at a fixed point of x and c_T,e.
 
     analysis: of a spatial assembly whose dry faces are rectangles. labels: (m,) True dry. stands: decide λ = 0
     too (without effective areas). most: programs solved at most. weight: of the proximal term that keeps x from
@@ -105,44 +91,38 @@ def solve_effective_area(
     Raises InputError: planar scene, or a dry face that is no rectangle.
     """
     start = time.perf_counter()
-    labels = analysis.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_rectangles(analysis.assembly, labels)
-    plain = analysis.solve(labels, stands=stands)
-    if plain.forces is None:
+    plain = analysis.prove(labels, stands=stands)
+    if plain.state is None or plain.status is Status.UNSTABLE:
         return replace(plain, extra={**plain.extra, "effective_area": None})
-    forces = (plain.forces / analysis.template.scaling.face).ravel()
-    fixed, solves = _iterate(analysis, labels, forces, most, weight)
-    seconds, proven, scaling = time.perf_counter() - start, fixed.proven, analysis.template.scaling
-    if fixed.state.admissible and fixed.moved <= tolerances.FIXED_POINT:
-        bracket = (fixed.state.load * scaling.load, proven.bracket[1])
-        floor = tolerances.GAP_FLOOR * analysis.assembly.total_dead / analysis.assembly.total_live
-        gap = relative_width(*bracket, floor)
-        wide = proven.status is Status.COLLAPSE and not gap <= analysis.gap
-        proven = replace(
-            proven,
-            status=Status.UNCERTIFIED if wide else proven.status,
-            load_factor=0.5 * sum(bracket),
-            bracket=bracket,
-            gap=gap,
-            forces=fixed.state.forces * scaling.face,
-        )
-    elif proven.status is Status.COLLAPSE:
-        proven = replace(proven, status=Status.UNCERTIFIED)
+    state, proof, moved, solves = _iterate(analysis, labels, plain.state.forces.ravel(), most, weight)
+    if state.admissible and moved <= tolerances.FIXED_POINT:
+        proof.state = state
+        narrow = relative_width(proof.low, proof.high, analysis.floor) <= analysis.gap
+    else:
+        narrow = False
+    if proof.status is Status.COLLAPSE and not narrow:
+        proof.status = Status.UNCERTIFIED
     return replace(
-        proven,
-        stands_at_zero=plain.stands_at_zero,
-        iterations=plain.iterations + solves,
-        route=(*plain.route, f"effective area ({solves})"),
-        seconds={"assemble": analysis.seconds, "solve": seconds, "total": analysis.seconds + seconds},
+        proof,
+        stands=plain.stands,
+        solves=plain.solves + solves,
+        route=[*plain.route, f"effective area ({solves})"],
+        seconds=time.perf_counter() - start,
         extra={
-            "effective_area": {"fixed_point": fixed.moved, "frozen": True},
-            "load_factor_whole_faces": number(plain.load_factor),
+            "effective_area": {"fixed_point": moved, "frozen": True},
+            "load_factor_whole_faces": number(plain.load_factor * analysis.template.scaling.load),
         },
     )
 
 
-def _iterate(analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float) -> tuple[_Fixed, int]:
-    """Steps to better forces while areas change much, then steps that hold the forces until areas and forces agree."""
+def _iterate(
+    analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
+) -> tuple[State, Proof, float, int]:
+    """Steps to better forces while areas change much, then steps that hold the forces until areas and forces agree.
+
+    Returns a state, the proof with the areas frozen, the change of areas still asked for, and programs solved.
+    """
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin = template.precision.margin
     walk, hold = (ProximalSolver(count, w, template.precision.residual) for w in (weight, _HOLD))
@@ -164,18 +144,17 @@ def _iterate(analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, w
         own = prover.state(np.append(forces, state.load), labels, passes=1)
         slack = min(max(margin, -2.0 * own.slack), _SHY * min(1 + steps // 5, 5))
         if own.admissible and (moved <= tolerances.FIXED_POINT or steps > _STEPS):
-            proven = _proven(analysis, frozen, labels)
-            solves += proven.iterations
+            proof = _frozen_proof(analysis, frozen, labels)
+            solves += proof.solves
             left = change(contact, contact_of(analysis.assembly, own.forces, labels))
-            low, high = own.load, proven.bracket[1] / template.scaling.load
+            low, high = own.load, proof.bracket[1]
             if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
-                return _Fixed(own, proven, left), solves
+                return own, proof, left, solves
             steps = 0
         elif solves >= most:
-            proven = _proven(analysis, frozen, labels)
-            return _Fixed(own, proven, moved), solves + proven.iterations
+            proof = _frozen_proof(analysis, frozen, labels)
+            return own, proof, moved, solves + proof.solves
 
 
-def _proven(analysis: LimitAnalysis, frozen: Template, labels: Bits) -> LimitAnalysisResult:
-    other = LimitAnalysis(analysis.assembly, template=frozen, gap=analysis.gap, reference=labels)
-    return other.solve(labels, stands=False)
+def _frozen_proof(analysis: LimitAnalysis, frozen: Template, labels: Bits) -> Proof:
+    return LimitAnalysis(analysis.assembly, template=frozen, gap=analysis.gap, reference=labels).prove(labels)

@@ -9,6 +9,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import DRY, INNER, Assembly, Interfaces, Strengths
 from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysis, Proof, State, element_velocities
 from jld_core.mechanics import local_hulls
 
 
@@ -55,6 +56,38 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
         assembly, interfaces=spread, strengths=strengths, labels=np.where(is_point, DRY, INNER).astype(bool)
     )
     return expanded, parent
+
+
+def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
+    """A proof about the assembly of concave contact as one about whole faces, scaled as in the full analysis.
+
+    parent: (m',) face of each face of the points' analysis.
+    """
+    one, other = full.template.scaling, points.template.scaling
+    unit = other.load / one.load
+
+    def state(found: State | None) -> State | None:
+        if found is None:
+            return None
+        forces = resultants_of_faces(full.assembly, points.assembly, parent, found.forces * other.face) / one.face
+        return replace(found, forces=forces, load=found.load * unit)
+
+    motion = proof.motion
+    if motion is not None:
+        moves = element_velocities(points.template, motion.velocity)[full.assembly.elements.free]
+        velocity = moves.ravel() * one.row.ravel() / one.load
+        jumps = (full.prover.transposed @ velocity).reshape(one.face.shape)
+        motion = replace(motion, velocity=velocity, jumps=jumps, bound=motion.bound * unit, noise=motion.noise * unit)
+    return replace(
+        proof,
+        state=state(proof.state),
+        found=state(proof.found),
+        ray=None,
+        collapse_below_zero=None,
+        motion=motion,
+        guess=proof.guess * unit,
+        associative=proof.associative * unit,
+    )
 
 
 def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:

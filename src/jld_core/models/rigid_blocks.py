@@ -10,8 +10,6 @@ checked again.
 
 from __future__ import annotations
 
-import math
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, State, Status, load_floor, relative_width
-from jld_core.mechanics import Scaling, scaling_of
+from jld_core.limit import LimitAnalysis, Motion, Proof, Status, element_velocities
 from jld_core.program import Template, pack
 from jld_core.solvers import ClarabelSolver, is_large
 
@@ -139,15 +136,14 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
     )
 
 
-def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -> LimitAnalysisResult | None:
-    """Limit analysis by rigid blocks, cracked on demand; None where the full model is the way to go.
+def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
+    """Proof by rigid blocks, cracked on demand; None where the full model is the way to go.
 
-    full: of the full model. labels: (m,) True dry. stands: also decide whether it stands at λ = 0. The bracket is
-    that of the full model: the lower end is a state of it, checked as such.
+    full: of the full model. labels: (m,) True dry. The proof is one of the full model: the lower end is a state of
+    it, checked as such, and the mechanism moves each element with its block.
     Source: docs/method.md (7.1), (7.2).
     """
-    start = time.perf_counter()
-    assembly, gap, solver = full.assembly, full.gap, full.solver
+    assembly, own = full.assembly, full.options
     scale = full.template.scaling
     apart = np.zeros(0, dtype=np.int64)
     route: list[str] = []
@@ -156,14 +152,17 @@ def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -
         rigid = rigid_blocks(assembly, labels, apart)
         if not rigid.assembly.live.any() or not len(rigid.face):
             return None
-        scaling = scaling_of(rigid.assembly)
-        inner = LimitAnalysis(rigid.assembly, solver=solver, gap=gap, reference=rigid.assembly.labels)
-        status, proof = inner.prove(rigid.assembly.labels)
+        given = rigid.assembly.labels
+        inner = LimitAnalysis(
+            rigid.assembly, solver=own.solver, gap=own.gap, inner_bending=own.inner_bending, reference=given
+        )
+        proof, scaling = inner.prove(given), inner.template.scaling
         solves += proof.solves
         route += [f"rigid: {step}" for step in proof.route]
-        if status is Status.UNSTABLE:
-            return _unstable(full, labels, solves, route, time.perf_counter() - start)
-        if status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
+        if proof.status is Status.UNSTABLE:
+            # rigid blocks that cannot stand cannot stand if they may crack besides
+            return Proof(status=Status.UNSTABLE, route=route, solves=solves)
+        if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
             return None
         boundary = proof.state.forces * scaling.face
         load = proof.state.load * scaling.load
@@ -176,20 +175,11 @@ def solve_condensed(full: LimitAnalysis, labels: Bits, *, stands: bool = True) -
             checked = full.prover.state(np.append(state.ravel(), load / scale.load), labels)
             if not checked.admissible:
                 checked = full.unloaded(labels) or checked
-            low = checked.load * scale.load if checked.admissible else -math.inf
-            high = proof.motion.bound * scaling.load
-            if relative_width(low, high, load_floor(full.template)) > gap:
-                return None
-            at_zero = full.stands(labels) if stands else None
-            seconds = time.perf_counter() - start
-            found_ = _collapse(full, labels, rigid, proof.motion.velocity, scaling, checked, high)
-            return replace(
-                found_,
-                iterations=solves,
-                route=tuple(route),
-                stands_at_zero=at_zero,
-                seconds=_seconds(full, seconds),
-            )
+            lifted = Proof(route=route, solves=solves, extra={"rigid_blocks": len(rigid.assembly.elements.free)})
+            lifted.offer_state(checked)
+            lifted.offer_motion(_of_elements(full, rigid, inner, proof.motion))
+            lifted.status = full.judge(lifted)
+            return lifted if lifted.status is Status.COLLAPSE else None
         route.append(f"{failing.size} blocks taken apart")
         apart = np.union1d(apart, np.flatnonzero(np.isin(rigid.group, failing)))
     return None
@@ -258,66 +248,21 @@ def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
     return np.asarray(row_face[heads])
 
 
-def _collapse(
-    full: LimitAnalysis,
-    labels: Bits,
-    rigid: RigidBlocks,
-    velocity: Floats,
-    scaling: Scaling,
-    state: State,
-    high: float,
-) -> LimitAnalysisResult:
-    """The result in terms of the full assembly: each element moves with its block.
+def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:
+    """A motion of rigid blocks as one of the full model: each element moves with its block, no face within one jumps.
 
-    velocity, scaling: of the condensed template. high: upper bound on λ, scene units.
+    inner: the analysis of the rigid blocks.
     """
     assembly, scale = full.assembly, full.template.scaling
-    q, d = assembly.freedoms, assembly.dimension
-    blocks = np.zeros((len(rigid.assembly.elements), q))
-    blocks[rigid.assembly.elements.free] = (scaling.load * velocity / scaling.row.ravel()).reshape(-1, q)
-    mechanism = blocks[rigid.group]
+    mechanism = element_velocities(inner.template, motion.velocity)[rigid.group]
     arm = assembly.elements.centroid - rigid.assembly.elements.centroid[rigid.group]
-    if d == 2:
+    if assembly.dimension == 2:
         mechanism[:, 0] -= mechanism[:, 2] * arm[:, 1]
         mechanism[:, 1] += mechanism[:, 2] * arm[:, 0]
     else:
         mechanism[:, :3] += np.cross(mechanism[:, 3:], arm)
-    low = state.load * scale.load
-    return LimitAnalysisResult(
-        assembly=assembly,
-        labels=labels,
-        status=Status.COLLAPSE,
-        load_factor=0.5 * (low + high),
-        bracket=(low, high),
-        gap=relative_width(low, high, load_floor(full.template)),
-        stands_at_zero=None,
-        forces=state.forces * scale.face,
-        mechanism=mechanism,
-        iterations=0,
-        route=(),
-        seconds={},
-        extra={"rigid_blocks": len(rigid.assembly.elements.free)},
-    )
-
-
-def _unstable(full: LimitAnalysis, labels: Bits, solves: int, route: list[str], seconds: float) -> LimitAnalysisResult:
-    """Rigid blocks that cannot stand cannot stand if they may crack besides."""
-    nan = math.nan
-    return LimitAnalysisResult(
-        assembly=full.assembly,
-        labels=labels,
-        status=Status.UNSTABLE,
-        load_factor=nan,
-        bracket=(nan, nan),
-        gap=nan,
-        stands_at_zero=False,
-        forces=None,
-        mechanism=None,
-        iterations=solves,
-        route=tuple(route),
-        seconds=_seconds(full, seconds),
-    )
-
-
-def _seconds(full: LimitAnalysis, seconds: float) -> dict[str, float]:
-    return {"assemble": full.seconds, "solve": seconds, "total": full.seconds + seconds}
+    velocity = (mechanism[assembly.elements.free] * scale.row.reshape(-1, assembly.freedoms)).ravel() / scale.load
+    jumps = np.zeros(scale.face.shape)
+    jumps[rigid.face] = (full.prover.transposed @ velocity).reshape(scale.face.shape)[rigid.face]
+    unit = inner.template.scaling.load / scale.load
+    return Motion(velocity, jumps, 1.0, motion.margin, motion.bound * unit, motion.noise * unit)

@@ -13,6 +13,7 @@ zero is proven, whatever led there, and [λ of F, bound of u] is a bracket of th
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import Any
@@ -23,31 +24,33 @@ from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, result_of
 from jld_core.models.effective_area import require_rectangles
+from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_range import load_range
-from jld_core.models.zero_dilation_result import result_of
 from jld_core.models.zero_dilation_search import Run, Scheme
 from jld_core.models.zero_dilation_starts import first_forces
 
 
-def zero_dilation(
+def prove_zero_dilation(
     analysis: LimitAnalysis,
-    labels: Bits | None = None,
+    labels: Bits,
     scheme: Scheme | None = None,
     *,
-    associative: LimitAnalysisResult | None = None,
-    stands: bool = True,
+    associative: Proof | None = None,
+    stands: bool = False,
+    floor: float = -math.inf,
     range: bool = False,
-) -> LimitAnalysisResult:
+) -> Proof:
     """Collapse without dilation of one labelling, by an analysis that exists already.
 
     analysis: of associative friction, planar or spatial, points included. labels: (m,) True dry. associative:
-    its result for these labels where known. stands: also decide λ = 0. range: seek the lowest and the highest
-    solution from every side: see `load_range`.
+    its proof for these labels where known. stands: also decide λ = 0. floor: λ, scene units, at or below which a
+    labelling does not matter: it is left at its associative λ (`Proof.outbid`), which no λ without dilation exceeds.
+    range: seek the lowest and the highest solution from every side: see `load_range`.
 
-    The result: `load_factor` and `forces` are those of an exactly admissible state, `mechanism` does not
-    dilate, and `bracket` is [λ of the state, bound of the mechanism] for the problem with friction frozen at
+    The proof: λ and the forces `found` are those of an exactly admissible state, the motion does not
+    dilate, and the bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at
     μN of that state, whose width is Γ; it says nothing of other zero-dilation solutions, which exist. The one
     upper bound on all of them is `extra["associative_load_factor"]`. `extra` also holds `friction_violation`
     (max(|V| − μN)⁺ / max N), `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces
@@ -59,23 +62,47 @@ def zero_dilation(
     """
     start = time.perf_counter()
     scheme = scheme or Scheme()
-    labels = analysis.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     if scheme.effective_area:
         require_rectangles(analysis.assembly, labels)
     if scheme.start == "vertex" and analysis.template.structure.cones:
         raise InputError("start", "'vertex' on a program with cones", "'associative' or 'gravity'")
-    associative = associative or analysis.solve(labels, stands=stands)
+    associative = associative or analysis.prove(labels, stands=stands)
+    collapses = associative.status is Status.COLLAPSE
+    if collapses and associative.bracket[1] * analysis.template.scaling.load <= floor:
+        known = associative.load_factor
+        return replace(associative, status=Status.UNCERTIFIED, state=None, associative=known, outbid=True)
     if range:
-        return load_range(analysis, labels, scheme, associative)
-    if associative.status is Status.UNSTABLE or associative.forces is None:
-        return result_of(associative, analysis, None, 0, start)
-    if associative.status is Status.LOCKED:
-        # whatever friction follows the present N would build up self-stress without end
-        scheme = replace(scheme, alpha=0.0)
-    run = Run(analysis, labels, scheme)
-    forces = first_forces(run, associative, scheme.start)
-    pair = run.robust(forces) if scheme.variant == "robust" else run.plain(forces)
-    return result_of(associative, analysis, pair, run.solves, start)
+        proof = load_range(analysis, labels, scheme, associative)
+    elif associative.status is Status.UNSTABLE or associative.state is None:
+        proof = proof_of(associative, analysis, None, 0)
+    else:
+        if associative.status is Status.LOCKED:
+            # whatever friction follows the present N would build up self-stress without end
+            scheme = replace(scheme, alpha=0.0)
+        run = Run(analysis, labels, scheme)
+        forces = first_forces(run, associative, scheme.start)
+        pair = run.robust(forces) if scheme.variant == "robust" else run.plain(forces)
+        proof = proof_of(associative, analysis, pair, run.solves)
+    proof.seconds = time.perf_counter() - start
+    return proof
+
+
+def zero_dilation(
+    analysis: LimitAnalysis,
+    labels: Bits | None = None,
+    scheme: Scheme | None = None,
+    *,
+    associative: Proof | None = None,
+    stands: bool = True,
+) -> LimitAnalysisResult:
+    """The result of `prove_zero_dilation`; labels: (m,) True dry, default the assembly's own."""
+    start = time.perf_counter()
+    labels = analysis.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
+    scheme = scheme or Scheme()
+    proof = prove_zero_dilation(analysis, labels, scheme, associative=associative, stands=stands)
+    options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
+    elapsed = time.perf_counter() - start
+    return result_of(analysis.template, labels, options, proof, assemble=analysis.seconds, elapsed=elapsed)
 
 
 def solve_zero_dilation(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult
+from jld_core.limit import LimitAnalysis, Proof
 from jld_core.models.zero_dilation_modes import Modes, modes_of
 from jld_core.models.zero_dilation_pivots import Pivots
 from jld_core.models.zero_dilation_search import Pair, Run, Scheme
@@ -48,12 +48,12 @@ class Found:
 class FromEverySide:
     """The search of one labelling; further starts may be handed in as they turn up."""
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: LimitAnalysisResult) -> None:
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: Proof) -> None:
         self.run = Run(analysis, labels, scheme)
         self.associative = associative
         self.found = Found(analysis.gap)
         self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
-        load = associative.bracket[1] / analysis.template.scaling.load
+        load = associative.bracket[1]
         most = load if math.isfinite(load) else np.inf
         self._pivots = None if self.modes is None else Pivots(self.modes, most * (1.0 + 1e-9))
         self._seed = 0

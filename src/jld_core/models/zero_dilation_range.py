@@ -2,50 +2,48 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any
 
 from jld_core.arrays import Bits
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status, number
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
 from jld_core.models.zero_dilation_found import FromEverySide
-from jld_core.models.zero_dilation_result import result_of
+from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_search import Scheme
 
 
-def load_range(
-    analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: LimitAnalysisResult
-) -> LimitAnalysisResult:
+def load_range(analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: Proof) -> Proof:
     """The lowest certified solution of one labelling, with the highest beside it.
 
-    analysis, labels, scheme, associative: as for `zero_dilation`. The result is that of the lowest solution found;
+    analysis, labels, scheme, associative: as for `zero_dilation`. The proof is that of the lowest solution found;
     `extra` also holds `lowest_found` and `highest_found` (λ, None where no solution was certified), `solutions_found`,
     and `highest`, the evidence of the highest: its λ, violation, dilation and gap, forces and mechanism.
     """
-    start = time.perf_counter()
     if associative.status is Status.UNSTABLE:
-        return _without_range(result_of(associative, analysis, None, 0, start))
+        return _without_range(proof_of(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
         scheme = replace(scheme, alpha=0.0)
     side = FromEverySide(analysis, labels, scheme, associative)
     found = side.search()
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
-        return _without_range(result_of(associative, analysis, found.best, side.run.solves, start))
-    result = result_of(associative, analysis, lowest, side.run.solves, start)
-    above = result_of(associative, analysis, highest, side.run.solves, start)
+        return _without_range(proof_of(associative, analysis, found.best, side.run.solves))
+    proof = proof_of(associative, analysis, lowest, side.run.solves)
+    above = proof_of(associative, analysis, highest, side.run.solves)
+    options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
+    unit = analysis.template.scaling.load
     ends = {
-        "lowest_found": number(result.load_factor),
-        "highest_found": number(above.load_factor),
+        "lowest_found": number(proof.load_factor * unit),
+        "highest_found": number(above.load_factor * unit),
         "solutions_found": len(found.loads),
-        "highest": _evidence(above),
+        "highest": _evidence(result_of(analysis.template, labels, options, above, elapsed=0.0)),
     }
-    return replace(result, extra={**result.extra, **ends})
+    return replace(proof, extra={**proof.extra, **ends})
 
 
-def _without_range(result: LimitAnalysisResult) -> LimitAnalysisResult:
+def _without_range(proof: Proof) -> Proof:
     none = {"lowest_found": None, "highest_found": None, "solutions_found": 0, "highest": None}
-    return replace(result, extra={**result.extra, **none})
+    return replace(proof, extra={**proof.extra, **none})
 
 
 def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:

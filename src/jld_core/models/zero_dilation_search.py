@@ -243,11 +243,11 @@ class Run:
         finite = motion.margin >= 0.0 and motion.work > 0.0
         size = max(abs(motion.bound), abs(state.load), self.floor)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
-            status, proof = LimitAnalysis(
+            proof = LimitAnalysis(
                 self.analysis.assembly, template=template, gap=self.analysis.gap, reference=labels
             ).prove(labels)
             self.solves += proof.solves
-            locked = status is Status.LOCKED
+            locked = proof.status is Status.LOCKED
             if proof.motion is not None and (motion.margin < 0.0 or proof.motion.bound < motion.bound):
                 motion = proof.motion
         largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.limit import LimitAnalysisResult, State, Status
+from jld_core.limit import Proof, State, Status
 from jld_core.models.zero_dilation_search import Pair, Run
 from jld_core.program import ConicProgram
 from jld_core.solvers import HighsSolver, ProximalSolver, RawSolution, RawStatus
@@ -19,18 +19,18 @@ _RELAXED: Final = 0.6  # share of the new N in the N that friction goes by
 _FALLS: Final = 15  # programs with that slope
 
 
-def starts(run: Run, associative: LimitAnalysisResult, thorough: bool = True) -> Iterator[Floats]:
+def starts(run: Run, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
     """Scaled forces (q·m,) to search from, most telling first; thorough: also those that cost more programs."""
     first = first_forces(run, associative, "associative")
     yield first
     gravity = first_forces(run, associative, "gravity")
     yield gravity
     if thorough:
-        yield along_the_load(run, gravity, associative.load_factor / run.analysis.template.scaling.load)
+        yield along_the_load(run, gravity, associative.load_factor)
         yield falling_friction(run, first)
 
 
-def first_forces(run: Run, associative: LimitAnalysisResult, start: str) -> Floats:
+def first_forces(run: Run, associative: Proof, start: str) -> Floats:
     """Forces to start from, scaled (q·m,): those of "associative" friction, of one "vertex" of it, or of "gravity"."""
     labels, template = run.labels, run.analysis.template
     if start == "vertex":
@@ -43,9 +43,7 @@ def first_forces(run: Run, associative: LimitAnalysisResult, start: str) -> Floa
         raw = _nearest(run, np.zeros(run.count), 0.0)
         if raw.status is RawStatus.OPTIMAL:
             return raw.point[: run.count]
-    if associative.forces is None:
-        return np.zeros(run.count)
-    return (associative.forces / template.scaling.face).ravel()
+    return np.zeros(run.count) if associative.state is None else associative.state.forces.ravel()
 
 
 def along_the_load(run: Run, gravity: Floats, most: float) -> Floats:

@@ -21,15 +21,19 @@ LARGE: Final = {False: 2000, True: 600}
 
 
 def make_solver(
-    name: str, threads: int = 1, tolerance: float | None = None, structure: Structure | None = None
+    name: str | Solver, threads: int = 1, tolerance: float | None = None, structure: Structure | None = None
 ) -> Solver:
-    """A fresh route by name: clarabel, schur (large assemblies), highs (dual simplex), highs-ipm, cvxpy (reference).
+    """The route handed in, or a fresh one by name.
+
+    Names: clarabel, schur (large assemblies), highs (dual simplex), highs-ipm, cvxpy (reference).
 
     auto (default) takes clarabel, or schur for programs from `LARGE` equations on. tolerance: residual asked of
     these two; None leaves it to the kind of program. structure: of the programs to come, for auto.
 
     Raises InputError for an unknown name.
     """
+    if isinstance(name, Solver):
+        return name
     if name == "auto":
         name = "schur" if structure is not None and is_large(structure) else "clarabel"
     if name == "schur":

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
 
 from jld_core.arrays import Floats
-from jld_core.program import ConicProgram
+from jld_core.program import ConicProgram, Structure
 
 
 class RawStatus(StrEnum):
@@ -37,10 +38,22 @@ class RawSolution:
     note: str = ""
 
 
-class Solver(Protocol):
-    """One way to a raw solution. It may keep state between calls, but its answer depends on its argument alone."""
+class Solver(ABC):
+    """One way to a raw solution; derive from it to hand in a way of your own.
+
+    It may keep state between calls, but its answer depends on its argument alone. name: as shown in routes.
+    """
 
     name: str
 
+    @abstractmethod
     def solve(self, program: ConicProgram) -> RawSolution:
         """Solve; SolverError where this route does not take such a program."""
+
+    def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
+        """Make ready for programs of a structure; called before each.
+
+        reference: makes a program of that structure which is always the same one, for a set-up that looks at
+        numbers. Most routes have nothing to do here.
+        """
+        return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import clarabel
@@ -11,7 +12,7 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.base import RawSolution, RawStatus
+from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 _STATUS = {
     "Solved": RawStatus.OPTIMAL,
@@ -25,7 +26,7 @@ _STATUS = {
 }
 
 
-class ClarabelSolver:
+class ClarabelSolver(Solver):
     """Interior point on the program as it stands; updates and rebuilds are counted.
 
     The equilibration that a set-up computes stays in force under updates, so a set-up is always made on the
@@ -58,6 +59,10 @@ class ClarabelSolver:
         self._solver: Any = None
         self.updates = self.rebuilds = 0
 
+    def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
+        if self._structure is not structure:
+            self._set_up(reference())
+
     def solve(self, program: ConicProgram) -> RawSolution:
         start = time.perf_counter()
         if self._structure is program.structure:
@@ -65,10 +70,10 @@ class ClarabelSolver:
             self.updates += 1
         else:
             self._set_up(program)
-            self.rebuilds += 1
         return raw_solution(self._solver.solve(), start)
 
     def _set_up(self, program: ConicProgram) -> None:
+        self.rebuilds += 1
         s = program.structure
         usual = tolerances.CRUSHING if s.cones else tolerances.LINEAR
         tolerance = self._tolerance or usual.residual

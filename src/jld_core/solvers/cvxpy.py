@@ -9,7 +9,7 @@ import cvxpy as cp
 import numpy as np
 
 from jld_core.program import ConicProgram
-from jld_core.solvers.base import RawSolution, RawStatus
+from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 _STATUS = {
     "optimal": RawStatus.OPTIMAL,
@@ -22,7 +22,7 @@ _STATUS = {
 }
 
 
-class CvxpySolver:
+class CvxpySolver(Solver):
     """The program stated in CVXPY and given to the solver it is asked for, built anew each time."""
 
     name = "cvxpy"

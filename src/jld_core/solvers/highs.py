@@ -10,7 +10,7 @@ import numpy as np
 
 from jld_core.errors import SolverError
 from jld_core.program import ConicProgram
-from jld_core.solvers.base import RawSolution, RawStatus
+from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 _STATUS = {
     highspy.HighsModelStatus.kOptimal: RawStatus.OPTIMAL,
@@ -22,7 +22,7 @@ _STATUS = {
 }
 
 
-class HighsSolver:
+class HighsSolver(Solver):
     """Linear programs only; a fresh model per program, so that answers do not depend on what went before."""
 
     def __init__(self, name: str = "highs", threads: int = 1, tolerance: float = 1e-10) -> None:

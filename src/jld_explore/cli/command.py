@@ -20,11 +20,12 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
 from jld_core.lanes import described as kernel_in_use
-from jld_core.limit import LimitAnalysisResult, Status
-from jld_core.mechanics import require_materials
+from jld_core.limit import Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
+from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
+from jld_core.tolerances import GAP
 from jld_explore.cli import exchange, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
@@ -65,19 +66,23 @@ app.command(name="assembly")(laying)
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 
 
-class Friction(StrEnum):
-    ASSOCIATIVE = "associative"
-    ZERO_DILATION = "zero-dilation"
-
-
-class Contact(StrEnum):
-    CONVEX = "convex"
-    CONCAVE = "concave"
-
-
-class InnerBending(StrEnum):
-    PAPER = "paper"
-    KERN = "kern"
+EffectiveArea = Annotated[
+    bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
+]
+Contact = Annotated[
+    Contacts, typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces.")
+]
+Bending = Annotated[
+    InnerBending, typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress.")
+]
+Blocks = Annotated[
+    Condense, typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong.")
+]
+First = Annotated[
+    str,
+    typer.Option(help="Solver asked first: " + ", ".join(SOLVERS) + "; where it proves nothing, others follow."),
+]
+Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
 
 
 class Picture(StrEnum):
@@ -85,12 +90,6 @@ class Picture(StrEnum):
     SVG = "svg"
     PDF = "pdf"
     HTML = "html"
-
-
-class Condense(StrEnum):
-    AUTO = "auto"
-    ON = "on"
-    OFF = "off"
 
 
 Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
@@ -139,29 +138,16 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
 @app.command()
 def solve(
     scene: SceneFile,
-    friction: Annotated[
-        Friction, typer.Option(help="Associative, or sliding without dilation.")
-    ] = Friction.ASSOCIATIVE,
+    friction: Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")] = "associative",
     range_: Annotated[
         bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
     ] = False,
-    effective_area: Annotated[
-        bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
-    ] = False,
-    contact: Annotated[
-        Contact,
-        typer.Option(help="Resultants at centres of pressure, or points at the corners of dry faces."),
-    ] = Contact.CONVEX,
-    inner_bending: Annotated[
-        InnerBending,
-        typer.Option(help="Bending of spatial inner faces: uncoupled, or by elastic edge stress."),
-    ] = InnerBending.PAPER,
-    condense: Annotated[
-        Condense,
-        typer.Option(help="Rigid blocks, cracked on demand; auto: where inner faces are very strong."),
-    ] = Condense.AUTO,
-    solver: Annotated[str, typer.Option(help="Solver: " + ", ".join(SOLVERS) + ".")] = "auto",
-    gap: Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")] = 1e-6,
+    effective_area: EffectiveArea = False,
+    contact: Contact = "convex",
+    inner_bending: Bending = "paper",
+    condense: Blocks = "auto",
+    solver: First = "auto",
+    gap: Gap = GAP,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     strict: Strict = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
@@ -172,17 +158,15 @@ def solve(
     parsed, assembly = _load(scene, strict, quiet=as_json)
     if "search" in parsed.model_fields_set:
         _check_search(scene, parsed, assembly)
-    if not gap > 0.0:
-        raise InputError("--gap", f"{gap:g} is no width", "a number above 0")
     try:
         result = solve_assembly(
             assembly,
-            friction=str(friction),
+            friction=friction,
             range=range_,
             effective_area=effective_area,
-            contact=str(contact),
-            inner_bending=str(inner_bending),
-            condense=str(condense),
+            contact=contact,
+            inner_bending=inner_bending,
+            condense=condense,
             solver=solver,
             gap=gap,
         )
@@ -215,7 +199,7 @@ def explore_command(
     driver: Annotated[
         str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")
     ] = None,
-    objective: Annotated[Friction, typer.Option(help="λ that is maximised.")] = Friction.ASSOCIATIVE,
+    objective: Annotated[Friction, typer.Option(help="λ that is maximised.")] = "associative",
     budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
@@ -229,6 +213,12 @@ def explore_command(
         str | None, typer.Option(help="Exact and genetic drivers: best, or front (the best for every count).")
     ] = None,
     strict: Strict = False,
+    effective_area: EffectiveArea = False,
+    contact: Contact = "convex",
+    inner_bending: Bending = "paper",
+    condense: Blocks = "auto",
+    solver: First = "auto",
+    gap: Gap = GAP,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
     certificates: Annotated[
         bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
@@ -246,7 +236,15 @@ def explore_command(
     _raise_on_signals()
     settings = ExploreSettings(
         driver=driver,
-        objective=str(objective),
+        model=SolveOptions(
+            friction=objective,
+            effective_area=effective_area,
+            contact=contact,
+            inner_bending=inner_bending,
+            condense=condense,
+            solver=solver,
+            gap=gap,
+        ),
         budget=budget,
         seconds=seconds,
         jobs=jobs or os.cpu_count() or 1,

@@ -32,6 +32,9 @@ class Driver(ABC):
     ahead: ClassVar[int] = 0
     """Portions a study asks before it tells the answers to an earlier one, so that asking and evaluating overlap."""
 
+    modular: ClassVar[bool] = False
+    """Whether it relies on bounds of labellings never solved, which hold for convex contact on whole faces alone."""
+
     name: ClassVar[str]
     """The word for it on the command line and in tables."""
 

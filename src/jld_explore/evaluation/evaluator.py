@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
-from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import Batch, LimitAnalysis, Proof, Status, apart, relative_width
-from jld_core.models import solve_condensed, worth_condensing, zero_dilation
+from jld_core.limit import Batch, Proof, SolveOptions, Status, relative_width
+from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.certificates import Proofs, proofs_of
-from jld_explore.evaluation.evaluation import BOUND, Evaluation
+from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.force_method import ForceMethod
 
 _GIVEN: Final = 0.1  # share of the gap that a vertex may leave open, so that two of them still make a narrow bracket
@@ -23,25 +22,24 @@ _GIVEN: Final = 0.1  # share of the gap that a vertex may leave open, so that tw
 class EvaluatorSettings:
     """What an evaluator is asked for.
 
-    objective: "associative" or "zero-dilation". gap: width above which it is uncertified. prove: also say what
-    a solve proves about other labellings.
+    model: what is modelled. prove: also say what a solve proves about other labellings, where bounds speak of
+    more than one (`SolveOptions.modular`).
     """
 
-    objective: str = "associative"
-    gap: float = tolerances.GAP
+    model: SolveOptions = field(default_factory=SolveOptions)
     prove: bool = False
 
     @property
     def in_lanes(self) -> bool:
         """Whether bounds on λ are all that is asked, which is what the kernel gives."""
-        return self.objective == "associative" and not self.prove
+        return self.model.modular and not self.prove
 
 
 def kernel_settles(assembly: Assembly, settings: EvaluatorSettings) -> bool:
     """Whether nearly all labellings are the kernel's to settle, so that one process does what several would."""
     if not settings.in_lanes:
         return False
-    batch = Batch.of(LimitAnalysis(assembly, gap=settings.gap))
+    batch = Batch.of(limit_analysis(assembly, settings.model))
     return batch is not None and batch.worthwhile
 
 
@@ -50,7 +48,8 @@ class Evaluator:
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self.assembly, self.settings = assembly, settings
-        self._analysis = LimitAnalysis(assembly, gap=settings.gap)
+        self._analysis = limit_analysis(assembly, settings.model)
+        self._prove = settings.prove and settings.model.modular
         self._force_method: ForceMethod | None = None
         self._batch = Batch.of(self._analysis) if settings.in_lanes else None
 
@@ -100,42 +99,29 @@ class Evaluator:
         well, and that proofs had better say something about.
         """
         start = time.perf_counter()
-        if self.settings.objective == "zero-dilation":
-            return self._without_dilation(labels, start, floor)
-        if self.settings.prove:
+        if self._prove:
             found = self._at_a_vertex(labels, company, start)
             if found is not None:
                 return found
-        if worth_condensing(self._analysis.template, labels):
-            found = self._condensed(labels, start)
-            if found is not None:
-                return found
-        status, proof = self._analysis.prove(labels)
-        if status is Status.UNCERTIFIED and not labels.all():
-            found, scale = self._condensed(labels, start), self._analysis.template.scaling.load
-            known = proof.low * scale, proof.high * scale
-            # an answer that contradicts what is proven already proves nothing
-            if (
-                found is not None
-                and found.status is not Status.UNCERTIFIED
-                and not apart((found.low, found.high), known)
-            ):
-                return found
-        proofs = proofs_of(self._analysis.template, proof, labels) if self.settings.prove else None
-        return self._evaluation(status, proof, proofs, start)
+        proof = solve_labelling(self._analysis, labels, self.settings.model, floor=floor)
+        # what rigid blocks prove is proven of their own labelling
+        modular = self._prove and "rigid_blocks" not in proof.extra
+        return self._evaluation(proof, proofs_of(self._analysis.template, proof, labels) if modular else None, start)
 
-    def _evaluation(self, status: Status, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
-        scale, nan = self._analysis.template.scaling.load, math.nan
-        low = proof.low * scale if math.isfinite(proof.low) else nan
-        high = proof.high * scale if math.isfinite(proof.high) else nan
-        load_factor = 0.5 * (low + high)
-        if status is Status.UNSTABLE:
-            low = high = load_factor = nan
-        elif status is Status.LOCKED:
-            high = load_factor = nan
-        elif status is Status.UNCERTIFIED and math.isnan(load_factor):
-            load_factor = proof.guess * scale
-        return Evaluation(status, low, high, load_factor, seconds=time.perf_counter() - start, proofs=proofs)
+    def _evaluation(self, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
+        scale = self._analysis.template.scaling.load
+        (low, high), load = proof.bracket, proof.load_factor
+        dilates = self.settings.model.friction == "associative"
+        return Evaluation(
+            status=proof.status,
+            low=low * scale,
+            high=high * scale,
+            associative=(load if dilates else proof.associative) * scale,
+            zero_dilation=math.nan if dilates or proof.outbid else load * scale,
+            settled=BOUND if proof.outbid else SOLVE,
+            seconds=time.perf_counter() - start,
+            proofs=proofs,
+        )
 
     def _at_a_vertex(self, labels: Bits, company: Bits | None, start: float) -> Evaluation | None:
         """The evaluation by the force method; None where its vertex does not prove a narrow bracket."""
@@ -151,34 +137,8 @@ class Evaluator:
         proof.offer_motion(vertex.motion)
         if vertex.state is not None:
             proof.offer_state(vertex.state)
-        status = self._analysis.judge(proof)
-        narrow = relative_width(proof.low, proof.high, 0.0) <= _GIVEN * self.settings.gap
-        if status is Status.UNSTABLE or (status is Status.COLLAPSE and narrow):
-            return self._evaluation(status, proof, vertex.proofs, start)
+        proof.status = self._analysis.judge(proof)
+        narrow = relative_width(proof.low, proof.high, 0.0) <= _GIVEN * self.settings.model.gap
+        if proof.status is Status.UNSTABLE or (proof.status is Status.COLLAPSE and narrow):
+            return self._evaluation(proof, vertex.proofs, start)
         return None
-
-    def _condensed(self, labels: Bits, start: float) -> Evaluation | None:
-        """The evaluation with rigid blocks; None where those are no help."""
-        found = solve_condensed(self._analysis, labels, stands=False)
-        if found is None:
-            return None
-        low, high = found.bracket
-        return Evaluation(found.status, low, high, found.load_factor, seconds=time.perf_counter() - start)
-
-    def _without_dilation(self, labels: Bits, start: float, floor: float) -> Evaluation:
-        associative = self._analysis.solve(labels, stands=False)
-        high = associative.bracket[1]
-        if associative.status is Status.COLLAPSE and high <= floor:
-            # no answer without dilation exceeds the associative one
-            seconds, known = time.perf_counter() - start, associative.load_factor
-            return Evaluation(Status.UNCERTIFIED, math.nan, high, known, settled=BOUND, seconds=seconds)
-        found = zero_dilation(self._analysis, labels, associative=associative, stands=False)
-        low, high = found.bracket
-        return Evaluation(
-            status=found.status,
-            low=low,
-            high=high,
-            associative=associative.load_factor,
-            zero_dilation=found.load_factor,
-            seconds=time.perf_counter() - start,
-        )

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
+from jld_core.limit import SolveOptions
 from jld_core.models import solve
+from jld_core.solvers import SOLVERS
 from jld_explore.drivers import Exact, front_of_all
 from jld_explore.drivers import front as proven_front
 from jld_explore.evaluation import STORE_FILE
@@ -65,6 +67,11 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
         proven=study.driver.finished,
     )
     found["warnings"] = list(study.assembly.warnings)
+    model = study.settings.model
+    found["model"] = model.facts()
+    if model.effective_area:
+        # proven with the areas of each labelling frozen, which says nothing of other fixed points
+        found |= {"proven": False, "bound": None, "gap": None}
     if isinstance(study.driver, Exact):
         found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
         if study.driver.aim == "front":
@@ -80,7 +87,7 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
     write_text(study.folder / "pareto.csv", front.to_csv(index=False))
     write_text(study.folder / tables.CONVERGENCE, tables.convergence_table(study.store).to_csv(index=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
-    return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason)
+    return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason, model)
 
 
 def write_pictures(done: Exploration, ending: str = "png", out: Path | None = None) -> list[Path]:
@@ -95,7 +102,7 @@ def write_pictures(done: Exploration, ending: str = "png", out: Path | None = No
     pictures = {"pareto": drawings.front_picture(done)}
     best = done.summary["best_labelling"]
     if best is not None:
-        pictures["best"] = drawings.plot_best(solve(done.assembly, from_string(best)))
+        pictures["best"] = drawings.plot_best(solve(done.assembly, from_string(best), **vars(done.model)))
     pictures["distribution"] = drawings.plot_distribution(done.results)
     pictures["dry_frequency"] = drawings.plot_dry_frequency(done.results, done.assembly)
     history = done.folder / tables.CONVERGENCE
@@ -126,7 +133,16 @@ def read_folder(folder: Path) -> Exploration:
         summary=summary,
         folder=folder,
         stop_reason=StopReason(summary["stop_reason"]),
+        model=model_of(summary),
     )
+
+
+def model_of(summary: dict[str, Any]) -> SolveOptions:
+    """What a summary says was modelled; a solver that was handed in is taken for the default one."""
+    facts = dict(summary["model"])
+    if facts["solver"] not in SOLVERS:
+        facts["solver"] = "auto"
+    return SolveOptions(**facts)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit import LimitAnalysisResult, SolveOptions
 from jld_core.models import solve
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
@@ -80,7 +80,7 @@ def study_data(
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
         table=table_of(rows, marked, done.assembly, count=front_of.count, sense=front_of.sense, left_out=left_out),
-        solutions=_solutions(rows, done.front, _solve(done.assembly), patience),
+        solutions=_solutions(rows, done.front, _solve(done.assembly, done.model), patience),
         convergence=curves,
         summary=done.summary,
         studio=studio,
@@ -95,8 +95,9 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any]) -> pd.DataFra
     return front.assign(evidence="proven" if everything else "found")
 
 
-def _solve(assembly: Assembly) -> Solve:
-    return lambda labels: {"": solve(assembly, labels)}
+def _solve(assembly: Assembly, model: SolveOptions | None = None) -> Solve:
+    options = vars(model or SolveOptions())
+    return lambda labels: {"": solve(assembly, labels, **options)}
 
 
 def _solutions(rows: pd.DataFrame, front: pd.DataFrame, solved: Solve, patience: float) -> dict[int, dict[str, Any]]:

@@ -17,7 +17,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.base import RawSolution, RawStatus
+from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 from jld_core.solvers.schur.system import SchurSystem
 
@@ -36,7 +36,7 @@ class _Iterate:
     kappa: float = 1.0
 
 
-class SchurSolver:
+class SchurSolver(Solver):
     """Schur-complement interior point; the analysis of a structure is kept for the programs that follow.
 
     tolerance: relative residuals; None leaves it to the kind of program. gap: relative duality gap. most:

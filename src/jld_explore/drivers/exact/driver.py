@@ -60,6 +60,7 @@ class Exact(Driver):
 
     name = "exact"
     remembers = True
+    modular = True
 
     def __init__(self, space: SearchSpace, seed: int, aim: str = "best") -> None:
         if aim not in ("best", "front"):

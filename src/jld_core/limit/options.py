@@ -1,0 +1,66 @@
+"""What is modelled, and by which way: what a result, an evaluator and the settings of a search carry along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+from jld_core import tolerances
+from jld_core.errors import InputError
+from jld_core.mechanics import InnerBending
+from jld_core.solvers import Solver
+
+Friction = Literal["associative", "zero-dilation"]
+Contacts = Literal["convex", "concave"]
+Condense = Literal["auto", "on", "off"]
+
+_WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
+
+    friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py). range: of
+    zero dilation the lowest and the highest λ that are found.
+    contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
+    faces). effective_area: torsion about the area that is really pressed, by iteration. inner_bending: "paper"
+    (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand ("auto": where inner
+    faces are very strong). solver: of the first attempt, by name or handed in; repairs and auxiliary programs have
+    their own. gap: width of the bracket above which a result is uncertified.
+
+    Raises InputError for a choice that has no such value, or two that do not go together.
+    """
+
+    friction: Friction = "associative"
+    range: bool = False
+    contact: Contacts = "convex"
+    effective_area: bool = False
+    inner_bending: InnerBending = "paper"
+    condense: Condense = "auto"
+    solver: str | Solver = "auto"
+    gap: float = tolerances.GAP
+
+    def __post_init__(self) -> None:
+        for key, words in _WORDS.items():
+            value, allowed = getattr(self, key), get_args(words)
+            if value not in allowed:
+                option = key.replace("_", "-")
+                raise InputError(f"--{option}", f"no {key.replace('_', ' ')} is named {value!r}", " or ".join(allowed))
+        if self.range and self.friction != "zero-dilation":
+            raise InputError("--range", "λ of associative friction is one number", "--friction zero-dilation with it")
+        if self.effective_area and self.contact == "concave":
+            raise InputError("--effective-area", "points have no area", "--contact convex with it")
+        if not self.gap > 0.0:
+            raise InputError("--gap", f"{self.gap:g} is no width", "a number above 0")
+
+    @property
+    def modular(self) -> bool:
+        """Is λ that of associative friction on whole faces as they are, of which bounds on many labellings speak?"""
+        same = SolveOptions(condense=self.condense, solver=self.solver, gap=self.gap)
+        return self == same
+
+    def facts(self) -> dict[str, Any]:
+        """The fields as plain values, a solver that was handed in by its name."""
+        solver = self.solver if isinstance(self.solver, str) else self.solver.name
+        return {**{key: value for key, value in self.__dict__.items() if key != "solver"}, "solver": solver}

@@ -1,0 +1,35 @@
+"""What a search without dilation proves."""
+
+from __future__ import annotations
+
+from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
+from jld_core.models.zero_dilation_search import Pair
+
+
+def proof_of(associative: Proof, analysis: LimitAnalysis, pair: Pair | None, solves: int) -> Proof:
+    """The proof of a pair; where there is none, associative friction has decided."""
+    converged = pair is not None and bool(pair.converged)
+    proof = Proof(
+        status=associative.status,
+        stands=associative.stands,
+        associative=associative.load_factor,
+        solves=solves + associative.solves,
+        route=[*associative.route, f"zero dilation ({solves})"],
+    )
+    if pair is not None:
+        proof.status, proof.motion, proof.found = Status.UNCERTIFIED, pair.motion, pair.state
+        proof.offer_state(pair.state)
+        if pair.locked:
+            proof.status = Status.LOCKED
+        elif converged and relative_width(*proof.bracket, analysis.floor) <= analysis.gap:
+            proof.status = Status.COLLAPSE
+    proof.extra = {
+        "associative_load_factor": number(associative.load_factor * analysis.template.scaling.load),
+        "friction_violation": None if pair is None else number(pair.violation),
+        "complementarity_gap": None if pair is None else number(pair.relative_gap),
+        "dilation": None if pair is None else number(pair.dilation),
+        "converged": converged or proof.status in (Status.LOCKED, Status.UNSTABLE),
+        "bracket_of": "problem with friction frozen at μN of these forces",
+        "zero_dilation_iterations": solves,
+    }
+    return proof

@@ -1,0 +1,126 @@
+"""One policy: what is modelled travels with the result, solvers are handed in, rungs are tried in order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cases_spatial
+from cases import grid_assembly
+from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
+from jld_core.limit import LADDER, Climb, Rung, result_of
+from jld_core.models import LADDERS, limit_analysis, solve_labelling
+from jld_core.program import ConicProgram
+from jld_core.solvers import HighsSolver, RawSolution, Solver
+
+
+class Own(Solver):
+    """A solver of one's own: dual simplex, counted."""
+
+    name = "own"
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def solve(self, program: ConicProgram) -> RawSolution:
+        self.asked += 1
+        return HighsSolver().solve(program)
+
+
+@pytest.mark.parametrize("condense", ["off", "on"])
+def test_a_solver_is_handed_in(condense: str) -> None:
+    assembly = grid_assembly(["aab", "abb", "###"])
+    own = Own()
+    found = solve(assembly, solver=own, condense=condense)
+    assert own.asked >= 1
+    assert found.route[0].endswith("own")
+    assert found.model.solver is own
+    assert found.model.facts()["solver"] == "own"
+    assert found.load_factor == pytest.approx(solve(assembly).load_factor, rel=1e-7)
+
+
+def test_a_result_says_what_was_modelled() -> None:
+    assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
+    given = {"contact": "concave", "inner_bending": "kern", "condense": "off", "gap": 1e-5}
+    found = solve(assembly, **given)
+    assert found.model == SolveOptions(**given)  # type: ignore[arg-type]
+    assert (found.contact, found.friction) == ("concave", "associative")
+    assert found.forces is not None
+    assert found.forces.shape == (len(assembly.interfaces), 6)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"contact": "glued"}, "--contact: no contact is named 'glued'"),
+        ({"inner_bending": "elastic"}, "paper or kern"),
+        ({"effective_area": True, "contact": "concave"}, "points have no area"),
+        ({"gap": 0.0}, "--gap: 0 is no width"),
+        ({"solver": "simplex"}, "no solver is named"),
+    ],
+)
+def test_options_that_are_none(options: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        solve(grid_assembly(["aa", "##"]), **options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        SolveOptions(),
+        SolveOptions(contact="concave"),
+        SolveOptions(effective_area=True),
+        SolveOptions(friction="zero-dilation"),
+        SolveOptions(friction="zero-dilation", contact="concave"),
+        SolveOptions(condense="on"),
+    ],
+    ids=lambda o: ",".join(f"{k}={v}" for k, v in o.facts().items() if v != SolveOptions().facts()[k]) or "plain",
+)
+def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptions) -> None:
+    """Forces balance the loads at their λ, and the mechanism does one unit of live work: sums in scene units."""
+    assembly = cases_spatial.assembly(cases_spatial.wall(3, 2))
+    analysis = limit_analysis(assembly, options)
+    proof = solve_labelling(analysis, assembly.labels, options, stands=True)
+    assert proof.status is Status.COLLAPSE
+    assert proof.stands is True
+    held = proof.found or proof.state
+    assert held is not None
+    assert proof.motion is not None
+    template = analysis.template
+    left = template.matrix @ held.forces.ravel() + template.dead + held.load * template.live
+    assert abs(left).max() <= 1e-8
+    assert template.live @ proof.motion.velocity == pytest.approx(1.0, rel=1e-9)
+    result = result_of(template, assembly.labels, options, proof, elapsed=0.0)
+    assert result.load_factor == pytest.approx(solve(assembly, **vars(options)).load_factor, rel=1e-9)
+
+
+def test_every_ladder_ends_and_begins_with_what_is_solved() -> None:
+    assert LADDERS["off"] == LADDER
+    names = [rung.name for rung in LADDERS["auto"]]
+    assert [name for name in names if "rigid" not in name] == [rung.name for rung in LADDER]
+    assert names[0].startswith("rigid")
+    assert names[-1].startswith("rigid")
+
+
+def test_no_repair_after_a_proof() -> None:
+    assembly = grid_assembly(["aab", "abb", "###"])
+    analysis = LimitAnalysis(assembly)
+    asked: list[tuple[str, Status]] = []
+
+    def watched(rung: Rung) -> Rung:
+        def take(climb: Climb) -> None:
+            asked.append((rung.name, climb.proof.status))
+            rung.take(climb)
+
+        return replace(rung, take=take)
+
+    ladder = tuple(watched(rung) for rung in LADDER)
+    order = [rung.name for rung in LADDER]
+    for labels in np.random.default_rng(0).random((20, len(assembly.interfaces))) < 0.5:
+        asked.clear()
+        analysis.prove(labels, ladder)
+        assert [name for name, _ in asked] == [name for name in order if name in dict(asked)]
+        assert all(status is Status.UNCERTIFIED for name, status in asked if name in order[:5])
+    assert len(asked) < len(ladder)
