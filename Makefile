@@ -9,7 +9,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 
-.PHONY: setup browser types demo test check bench sanitize studies docs clean
+.PHONY: setup browser types demo test check bench sanitize studies docs dist clean
 
 setup: $(VENV)/.done
 
@@ -58,5 +58,11 @@ studies: setup
 docs: setup
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs out/docs
 
+# source archive, the wheel built from it, and both tried in a clean environment outside the checkout
+dist: setup
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/python -m tools.try_wheel dist/*.whl
+
 clean:
-	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,103 @@
+"""What a stranger expects of a repository: workflows, hooks, citation, changelog and contribution guide that are true."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+
+import pytest
+import yaml
+
+from jld_core import __version__
+from paths import ROOT
+
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yaml"))
+
+
+def valid(schema: str, *files: Path) -> None:
+    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *map(str, files)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def recipe(target: str) -> list[str]:
+    """Commands of a target of the Makefile, without the folder of the environment."""
+    text = (ROOT / "Makefile").read_text("utf-8")
+    lines = text.split(f"\n{target}:", 1)[1].splitlines()[1:]
+    own = [line.strip() for line in lines[: next(i for i, line in enumerate(lines) if not line.startswith("\t"))]]
+    return [line.removeprefix("$(BIN)/") for line in own]
+
+
+def test_workflows_are_valid() -> None:
+    assert [path.stem for path in WORKFLOWS] == ["checks", "docs", "wheels"]
+    valid("vendor.github-workflows", *WORKFLOWS)
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_may_only_read_and_end(path: Path) -> None:
+    found = yaml.safe_load(path.read_text("utf-8"))
+    assert found["permissions"] == {"contents": "read"}
+    for job in found["jobs"].values():
+        assert job["timeout-minutes"] <= 60
+        for step in job["steps"]:
+            if step.get("uses", "").startswith("actions/checkout"):
+                assert step["with"]["persist-credentials"] is False
+
+
+@pytest.mark.parametrize("name", ["checks", "wheels"])
+def test_workflows_run_on_three_systems(name: str) -> None:
+    found = yaml.safe_load((ROOT / ".github" / "workflows" / f"{name}.yaml").read_text("utf-8"))
+    systems = [job["strategy"]["matrix"]["os"] for job in found["jobs"].values() if "strategy" in job]
+    assert [{system.split("-")[0] for system in each} for each in systems] == [{"ubuntu", "macos", "windows"}]
+
+
+def test_what_a_workflow_makes_and_runs_is_there() -> None:
+    text = "".join(path.read_text("utf-8") for path in WORKFLOWS)
+    for target in re.findall(r"run: make (\w+)", text):
+        assert recipe(target), target
+    commands = [
+        line for job in yaml.safe_load(WORKFLOWS[0].read_text("utf-8"))["jobs"].values() for line in job["steps"]
+    ]
+    ran = [step["run"] for step in commands if "run" in step]
+    assert set(recipe("check")) <= set(ran)
+
+
+def test_hooks_are_those_of_make_check() -> None:
+    found = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text("utf-8"))
+    (local,) = found["repos"]
+    assert local["repo"] == "local"
+    assert [hook["entry"].removeprefix(".venv/bin/") for hook in local["hooks"]] == recipe("check")
+
+
+def test_citation_and_changelog_name_the_version() -> None:
+    valid("vendor.citation-file-format", ROOT / "CITATION.cff")
+    found = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert found["version"] == __version__
+    released = found["date-released"]
+    assert isinstance(released, date)
+    first = re.search(r"^## (\S+) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
+    assert first is not None
+    assert first.groups() == (__version__, released.isoformat())
+
+
+def test_contributing_names_what_is_there() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    named = [path for path in re.findall(r"`([\w.]+(?:/[\w.]+)+)`", text) if "NAME" not in path and ".venv" not in path]
+    assert len(set(named)) > 40
+    for path in named:
+        assert (ROOT / path).exists(), path
+    for target in re.findall(r"^make (\w+)", text, flags=re.M):
+        assert f"\n{target}:" in (ROOT / "Makefile").read_text("utf-8"), target
+    for link in re.findall(r"\]\(([^)#]+)\)", text):
+        assert (ROOT / link).exists(), link
+
+
+def test_the_way_a_wheel_is_tried_works_here() -> None:
+    """Not of a wheel, which takes a minute to install: of this environment, which must be called a checkout."""
+    command = [sys.executable, "-m", "tools.try_wheel", "--installed"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "is a checkout, not an installation" in done.stderr
