@@ -1,4 +1,4 @@
-"""What a stranger expects of a repository: workflows, hooks, citation, changelog and contribution guide that are true."""
+"""What a stranger expects of a repository: workflows, hooks, citation, changelog and guide, all true."""
 
 from __future__ import annotations
 
