@@ -16,6 +16,7 @@ SOURCES = ROOT / "src"
 ORDER = [
     ["jld_explore.__main__"],
     ["jld_explore.cli"],
+    ["jld_explore.studio"],
     ["jld_explore"],
     ["jld_explore.explore"],
     ["jld_explore.report"],

@@ -295,6 +295,26 @@ def plot(
     _say(str(target))
 
 
+@app.command()
+def studio(
+    source: Annotated[
+        Path | None,
+        typer.Argument(help="A scene file, or a folder written by jld explore; default: a wall to begin with."),
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+) -> None:
+    """Move joints by hand and see the proven collapse load follow: a page on this machine, for you alone."""
+    from jld_explore.studio import open_studio
+
+    open_studio(source, port, _say_at_once, browser)
+
+
+def _say_at_once(text: str) -> None:
+    _say(text)
+    sys.stdout.flush()
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         _say(f"jld {__version__}, {kernel_in_use()}")

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from jld_core.arrays import Bits
+from jld_core.errors import InputError
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, standing
-from jld_explore.space import SearchSpace, keys
+from jld_explore.space import SearchSpace, feasible, keys
+
+_ALL = -1  # owner of a labelling that all climbers begin at
 
 
 @dataclass
@@ -31,14 +34,40 @@ class HillClimb(Searcher):
     name = "hillclimb"
     ahead: ClassVar[int] = 1
 
-    def __init__(self, space: SearchSpace, seed: int, climbers: int = 8, neighbours: int = 8, rounds: int = 4) -> None:
+    def __init__(
+        self,
+        space: SearchSpace,
+        seed: int,
+        climbers: int = 8,
+        neighbours: int = 8,
+        rounds: int = 4,
+        start: str | None = None,
+    ) -> None:
+        """start: letters d and i of the labelling that all climbers begin at, in place of random ones.
+
+        Raises InputError where it is not in the space.
+        """
         super().__init__(space, seed, climbers * neighbours)
-        self.neighbours, self.rounds = neighbours, rounds
+        self.neighbours, self.rounds, self.start = neighbours, rounds, start
         self._climbers = [_Climber() for _ in range(climbers)]
         self._owner: dict[bytes, int] = {}
+        self._first: Bits | None = None
+        if start is not None:
+            if len(start) != len(space.fixed) or start.strip("di"):
+                raise InputError("start", f"it is {start[:40]!r}", f"{len(space.fixed)} letters d or i")
+            self._first = np.array([letter == "d" for letter in start])
+            if not feasible(space, self._first[None])[0]:
+                raise InputError("start", "the search does not admit it", "a segmentation within all limits")
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Where it begins."""
+        return {} if self.start is None else {"start": self.start}
 
     def propose(self) -> Bits:
-        """The neighbours of every climber, and random starts for those that begin."""
+        """The neighbours of every climber, and random starts for those that begin; at first the given start."""
+        if self._first is not None:
+            return self._beginning(self._first)
         batches = []
         for number, climber in enumerate(self._climbers):
             if climber.stalled >= self.rounds:
@@ -60,12 +89,22 @@ class HillClimb(Searcher):
             batches.append(rows)
         return np.concatenate(batches)
 
+    def _beginning(self, first: Bits) -> Bits:
+        """The given start, which is every climber's, and as many of its neighbours as a round has."""
+        self._first = None
+        start = self.register.admit(first[None])
+        near = self.fresh(lambda count: self.operators.vary(np.repeat(start, count, axis=0), self.rng), self.size - 1)
+        self._owner.update((key, _ALL) for key in keys(start))
+        self._owner.update((key, k % len(self._climbers)) for k, key in enumerate(keys(near)))
+        return np.concatenate([start, near])
+
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Climbers step to what is better than where they stand."""
         for key, labels, found in zip(keys(labellings), labellings, evaluations, strict=True):
             number = self._owner.pop(key, None)
             if number is None:
                 continue
-            climber, worth = self._climbers[number], standing(found)
-            if worth < climber.worth:
-                climber.place, climber.worth, climber.stalled = labels, worth, 0
+            worth = standing(found)
+            for climber in self._climbers if number == _ALL else [self._climbers[number]]:
+                if worth < climber.worth:
+                    climber.place, climber.worth, climber.stalled = labels, worth, 0

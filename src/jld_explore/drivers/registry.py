@@ -42,6 +42,7 @@ DRIVERS: Final[dict[str, Callable[..., Driver]]] = {
 OPTIONS: Final[dict[str, tuple[str, ...]]] = {
     "genetic": ("population", "aim"),
     "exact": ("aim",),
+    "hillclimb": ("start",),
     "optuna": ("sampler", "storage", "title"),
 }
 """Options that the drivers take from a study, beside space and seed."""

@@ -33,6 +33,14 @@ def asset(name: str) -> str:
     return files("jld_explore.report").joinpath("assets", name).read_text(encoding="utf-8")
 
 
+def asset_names() -> list[str]:
+    """Files of the front end that a browser loads: modules and styles, those of vendors under their folder."""
+    root = files("jld_explore.report").joinpath("assets")
+    own = [entry.name for entry in root.iterdir() if entry.name.endswith((".js", ".css"))]
+    theirs = [f"vendor/{entry.name}" for entry in root.joinpath("vendor").iterdir() if entry.name.endswith(".js")]
+    return sorted(own + theirs)
+
+
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
     """One script from a module and all it imports, each in a scope of its own, in the order of need.
 
@@ -117,4 +125,4 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
 
 
-__all__ = ["asset", "filled", "linked", "packed", "page"]
+__all__ = ["asset", "asset_names", "filled", "linked", "packed", "page"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,8 +35,8 @@ PATIENCE: Final = 1.5
 
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
 
-Solve = Callable[[Bits], Mapping[str, LimitAnalysisResult]]
-"""A labelling (m,) to its results by load case."""
+Cases = tuple[Mapping[str, LimitAnalysisResult], str]
+"""Results of one labelling by load case, and the name of the case that governs."""
 
 
 def study_page(done: Exploration, patience: float = PATIENCE) -> str:
@@ -46,8 +46,8 @@ def study_page(done: Exploration, patience: float = PATIENCE) -> str:
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
     """HTML of a scene with its own labels, solved."""
-    found = _solve(assembly)(assembly.labels)
-    facts = {**facts_of_assembly(assembly), **facts_of_result(next(iter(found.values())))}
+    found, governing = solve_cases(assembly, assembly.labels)
+    facts = {**facts_of_assembly(assembly), **facts_of_result(found[governing])}
     candidates = assembly.free_faces
     return page(
         page_data(
@@ -56,7 +56,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
             assembly=assembly,
             candidates=candidates,
             facts=facts,
-            solutions={0: solution_of(found)},
+            solutions={0: solution_of(found, governing)},
         )
     )
 
@@ -80,7 +80,7 @@ def study_data(
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
         table=table_of(rows, marked, done.assembly, count=front_of.count, sense=front_of.sense, left_out=left_out),
-        solutions=_solutions(rows, done.front, _solve(done.assembly, done.model), patience),
+        solutions=_solutions(rows, done, patience),
         convergence=curves,
         summary=done.summary,
         studio=studio,
@@ -95,18 +95,19 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any]) -> pd.DataFra
     return front.assign(evidence="proven" if everything else "found")
 
 
-def _solve(assembly: Assembly, model: SolveOptions | None = None) -> Solve:
-    options = vars(model or SolveOptions())
-    return lambda labels: {"": solve(assembly, labels, **options)}
+def solve_cases(assembly: Assembly, labels: Bits, model: SolveOptions | None = None) -> Cases:
+    """One labelling (m,) solved under every load case of the assembly, as pages show it. model: default associative."""
+    return {"": solve(assembly, labels, **vars(model or SolveOptions()))}, ""
 
 
-def _solutions(rows: pd.DataFrame, front: pd.DataFrame, solved: Solve, patience: float) -> dict[int, dict[str, Any]]:
+def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[int, dict[str, Any]]:
     start = time.perf_counter()
     found: dict[int, dict[str, Any]] = {}
-    for place in _worth(rows, front):
+    for place in _worth(rows, done.front):
         if found and time.perf_counter() - start > patience:
             break
-        found[place] = solution_of(solved(from_string(str(rows["labelling"].iloc[place]))))
+        labels = from_string(str(rows["labelling"].iloc[place]))
+        found[place] = solution_of(*solve_cases(done.assembly, labels, done.model))
     return dict(sorted(found.items()))
 
 

@@ -180,7 +180,7 @@ export class Viewer {
       node?.addEventListener(kind, (/** @type {PointerEvent} */ event) => {
         if (!this.tell.pointer || (kind === "pointermove" && !event.buttons)) return;
         if (this.tell.pointer(figure.pick(event), event, figure)) event.preventDefault();
-      });
+      }, { capture: true }); // before a spatial view takes the stroke for turning
     }
     node?.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
       if (this.tell.key?.(event)) event.preventDefault();

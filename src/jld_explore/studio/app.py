@@ -1,0 +1,180 @@
+"""What the studio answers: its page, the modules of the front end, and JSON under `api/`."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import anyio
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from jld_core.errors import InputError, SolverError
+from jld_explore.report import asset, asset_names, read_folder, study_data, study_page, write_text
+from jld_explore.studio.assets_of_studio import studio_asset, studio_asset_names
+from jld_explore.studio.desk import Desk
+from jld_explore.studio.guard import Guard
+from jld_explore.studio.jobs import Jobs, orders_for
+
+KINDS: Final = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
+SECONDS: Final = (1.0, 86_400.0)
+"""Least and most seconds of a search begun from the page."""
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")
+CANDIDATES: Final = "candidates.json"
+
+
+class Answers:
+    """The studio's memory, and its answers to a page.
+
+    desk: the scene. jobs: searches. root: the only folder that anything is written into. first: the page's data.
+    """
+
+    def __init__(self, desk: Desk, jobs: Jobs, root: Path, first: Callable[[], dict[str, Any]]) -> None:
+        self.desk, self.jobs, self.root, self._first = desk, jobs, root, first
+        self._newest: dict[str, int] = {}
+        self._turn = threading.Lock()
+
+    def data(self, _: dict[str, Any]) -> dict[str, Any]:
+        """The data of the page, and the candidates kept from earlier."""
+        kept = self.root / CANDIDATES
+        candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
+        found = self._first()
+        return {**found, "studio": {**(found["studio"] or {}), "candidates": candidates}}
+
+    def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """The solution of a state of the page, with the number of that state; none where a newer one is asked for."""
+        page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
+        self._newest[page] = max(revision, self._newest.get(page, revision))
+        with self._turn:
+            if self._newest[page] > revision:
+                return {"revision": revision, "superseded": True}
+            return {"revision": revision, **self.desk.solve(asked.get("labelling"), _changes(asked))}
+
+    def list_jobs(self, _: dict[str, Any]) -> dict[str, Any]:
+        """All searches."""
+        return {"jobs": [job.told() for job in self.jobs.all.values()]}
+
+    def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Begin to improve, prove or explore from a state of the page."""
+        kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
+        if kind not in ("improve", "prove", "explore"):
+            raise InputError("kind", f"there is no {str(kind)[:40]!r}", "improve, prove or explore")
+        if not isinstance(seconds, int | float) or not SECONDS[0] <= seconds <= SECONDS[1]:
+            raise InputError("seconds", f"it is {str(seconds)[:40]}", f"a number from {SECONDS[0]:g} to {SECONDS[1]:g}")
+        letters = asked.get("labelling")
+        setup = self.desk.setup(_changes(asked))
+        self.desk.labels(letters)
+        document = setup.scene.model_dump(mode="json", exclude_defaults=True)
+        return self.jobs.start(kind, document, orders_for(kind, str(letters), float(seconds))).told()
+
+    def stop_job(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Stop a search."""
+        return self.jobs.stop(str(asked.get("name"))).told()
+
+    def resume_job(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Go on with a search."""
+        return self.jobs.resume(str(asked.get("name"))).told()
+
+    def results(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """The data of the page of a search that has stopped."""
+        job = self.jobs.find(str(asked.get("name")))
+        return study_data(read_folder(job.results), patience=0.3)
+
+    def report(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """The page of a search that has stopped, as one file."""
+        job = self.jobs.find(str(asked.get("name")))
+        return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
+
+    def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Keep the list of candidates."""
+        kept = asked.get("candidates")
+        if not isinstance(kept, list) or len(kept) > 500:
+            raise InputError("candidates", "it is no list of up to 500", "a list")
+        self.root.mkdir(parents=True, exist_ok=True)
+        write_text(self.root / CANDIDATES, json.dumps(kept))
+        return {"kept": len(kept)}
+
+    def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """The scene file of a state of the page."""
+        return self.desk.scene_with(asked.get("labelling"), _changes(asked))
+
+    def save(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Write the scene of a state of the page into the opened folder, under a plain name."""
+        name = asked.get("name")
+        if not isinstance(name, str) or not _NAME.fullmatch(name) or ".." in name:
+            raise InputError("name", f"it is {str(name)[:60]!r}", "letters, digits, blanks, '-', '_' and '.'")
+        name = name if name.endswith(".json") else f"{name}.json"
+        if name == CANDIDATES:
+            raise InputError("name", f"{CANDIDATES} is taken", "another name")
+        self.root.mkdir(parents=True, exist_ok=True)
+        write_text(self.root / name, json.dumps(self.scene(asked), indent=1))
+        return {"path": str(self.root / name)}
+
+
+def _whole(value: object) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise InputError("revision", f"it is {str(value)[:40]!r}", "a whole number from 0")
+    return value
+
+
+def _changes(asked: dict[str, Any]) -> dict[str, Any]:
+    changes = asked.get("changes", {})
+    if not isinstance(changes, dict):
+        raise InputError("changes", "they are no object", "an object")
+    return changes
+
+
+def build_app(answers: Answers, token: str, hosts: tuple[str, ...]) -> Guard:
+    """The ASGI application. token: first part of every path; hosts: what `Host` may be."""
+
+    def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
+        async def answer(request: Request) -> Response:
+            try:
+                asked = json.loads(await request.body() or b"{}") if request.method == "POST" else {}
+                if not isinstance(asked, dict):
+                    raise InputError("request", "it is no JSON object", "an object")
+                return JSONResponse(await anyio.to_thread.run_sync(call, asked))
+            except (InputError, SolverError) as error:
+                return JSONResponse({"error": str(error)}, status_code=400)
+            except (json.JSONDecodeError, UnicodeDecodeError, RecursionError):
+                return JSONResponse({"error": "request: it is not JSON; expected one JSON object"}, status_code=400)
+
+        return answer
+
+    async def page(_: Request) -> Response:
+        return HTMLResponse(studio_asset("studio.html"))
+
+    ours, shared = studio_asset_names(), asset_names()
+
+    async def file(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in ours and name not in shared:
+            return Response("no such file\n", status_code=404, media_type="text/plain")
+        text = studio_asset(name) if name in ours else asset(name)
+        return Response(text, media_type=KINDS[name.rpartition(".")[2]])
+
+    calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+        "solve": answers.solve,
+        "start": answers.start_job,
+        "stop": answers.stop_job,
+        "resume": answers.resume_job,
+        "results": answers.results,
+        "report": answers.report,
+        "candidates": answers.keep,
+        "scene": answers.scene,
+        "save": answers.save,
+    }
+    routes = [
+        Route("/", page),
+        Route("/assets/{name:path}", file),
+        Route("/api/data", calling(answers.data)),
+        Route("/api/jobs", calling(answers.list_jobs)),
+        *(Route(f"/api/{name}", calling(call), methods=["POST"]) for name, call in calls.items()),
+    ]
+    return Guard(Starlette(routes=routes), token, hosts)

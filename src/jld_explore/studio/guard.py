@@ -1,0 +1,108 @@
+"""Who may talk to the studio: its own page on this machine, by a token, and nobody through another site.
+
+Every answer carries a policy that lets a page run and load only what this server gives it.
+"""
+
+from __future__ import annotations
+
+import secrets
+from typing import Final
+
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+LARGEST: Final = 4_000_000
+"""Bytes of a request, at the most."""
+
+HEADERS: Final = {
+    "content-security-policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "cache-control": "no-store",
+}
+
+
+class Guard:
+    """Lets requests through that name this server as their host, come from its own page, and carry the token.
+
+    token: the first part of every path. hosts: what `Host` may be. A request that changes something needs an `Origin`
+    of these hosts, or none at all, and JSON; no request may be larger than `LARGEST`.
+    """
+
+    def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:
+        self.app, self.token, self.hosts = app, token, hosts
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self.app(scope, receive, send)
+            return
+        refused = self._refusal(scope)
+        if refused is not None:
+            await PlainTextResponse(refused[1], status_code=refused[0])(scope, receive, _with_headers(send))
+            return
+        prefix = f"/{self.token}"
+        inside = {**scope, "path": scope["path"][len(prefix) :], "root_path": scope.get("root_path", "")}
+        body = await _body(receive) if scope["method"] == "POST" else b""
+        if body is None:
+            await PlainTextResponse("too large\n", status_code=413)(scope, receive, _with_headers(send))
+            return
+        whole: Message = {"type": "http.request", "body": body, "more_body": False}
+        waiting = [whole]
+
+        async def once() -> Message:
+            return waiting.pop() if waiting else await receive()
+
+        await self.app(inside, once, _with_headers(send))
+
+    def _refusal(self, scope: Scope) -> tuple[int, str] | None:
+        headers: dict[str, list[str]] = {}
+        for name, value in scope["headers"]:
+            headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+        if headers.get("host", []) not in [[host] for host in self.hosts]:
+            return 421, "this server answers to 127.0.0.1 only\n"
+        origins = headers.get("origin", [])
+        if any(origin not in [f"http://{host}" for host in self.hosts] for origin in origins):
+            return 403, "not from another page\n"
+        if headers.get("sec-fetch-site", ["none"])[0] not in ("none", "same-origin"):
+            return 403, "not from another page\n"
+        given, slash, _ = scope["path"].removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(given.encode("utf-8"), self.token.encode("ascii")):
+            return 403, "the token is missing; use the whole address that jld studio printed\n"
+        if scope["method"] not in ("GET", "HEAD", "POST"):
+            return 405, "GET or POST\n"
+        if scope["method"] == "POST":
+            if headers.get("content-type", [""])[0].partition(";")[0].strip() != "application/json":
+                return 415, "JSON only\n"
+            length = headers.get("content-length", ["0"])[0]
+            if not length.isdigit() or int(length) > LARGEST:
+                return 413, "too large\n"
+        return None
+
+
+async def _body(receive: Receive) -> bytes | None:
+    """All of a request's body; None where it is larger than `LARGEST`, whatever its length was said to be."""
+    parts, size, more = [], 0, True
+    while more:
+        message = await receive()
+        parts.append(message.get("body", b""))
+        size += len(parts[-1])
+        if size > LARGEST:
+            return None
+        more = message.get("more_body", False)
+    return b"".join(parts)
+
+
+def _with_headers(send: Send) -> Send:
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            own = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            message = {**message, "headers": [*message.get("headers", []), *own]}
+        await send(message)
+
+    return sending

@@ -1,0 +1,170 @@
+"""Searches behind a page: each a process of its own with a folder of its own, so that it outlives a closed tab."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from jld_core.errors import InputError
+from jld_explore.report import write_text
+
+Kind = Literal["improve", "prove", "explore", "study"]
+State = Literal["running", "stopping", "stopped", "done", "failed"]
+
+ORDERS: Final = "order.json"
+"""In a job's folder, beside its results: what it was told to do."""
+
+MOST: Final = 4
+"""Searches that may run at a time."""
+
+
+@dataclass
+class Job:
+    """One search. orders: settings of the search. progress: as it last reported. error: why it failed, in one line."""
+
+    name: str
+    kind: Kind
+    folder: Path
+    orders: dict[str, Any]
+    state: State = "stopped"
+    progress: dict[str, Any] = field(default_factory=dict)
+    error: str = ""
+    process: subprocess.Popen[str] | None = None
+
+    @property
+    def results(self) -> Path:
+        """The folder of its study."""
+        return self.folder if self.kind == "study" else self.folder / "results"
+
+    def told(self) -> dict[str, Any]:
+        """What a page is told about it."""
+        summary = self.results / "summary.json"
+        found: dict[str, Any] = {}
+        if self.state not in ("running", "stopping") and summary.exists():
+            found = json.loads(summary.read_text(encoding="utf-8"))
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "state": self.state,
+            "progress": self.progress,
+            "error": self.error,
+            "summary": {key: found.get(key) for key in ("best", "bound", "gap", "proven", "stop_reason", "evaluated")},
+        }
+
+
+class Jobs:
+    """All searches of one opened folder, those of earlier sessions too."""
+
+    def __init__(self, root: Path, study: Path | None = None) -> None:
+        self.root = root
+        self.all: dict[str, Job] = {}
+        if study is not None:
+            self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
+        for place in sorted(root.glob("*/" + ORDERS)):
+            told = json.loads(place.read_text(encoding="utf-8"))
+            state: State = "done" if told.get("done") else "stopped"
+            self.all[place.parent.name] = Job(place.parent.name, told["kind"], place.parent, told["orders"], state)
+
+    def start(self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any]) -> Job:
+        """Begin a search of a scene. Raises InputError where too many are running."""
+        self._room()
+        number = 1
+        while (self.root / f"{kind}-{number}").exists():
+            number += 1
+        folder = self.root / f"{kind}-{number}"
+        folder.mkdir(parents=True)
+        write_text(folder / "scene.json", json.dumps(scene, indent=1))
+        job = self.all[folder.name] = Job(folder.name, kind, folder, dict(orders))
+        self._launch(job)
+        return job
+
+    def resume(self, name: str) -> Job:
+        """Go on with a search. Raises InputError where it runs, or too many do."""
+        job = self.find(name)
+        if job.state in ("running", "stopping"):
+            raise InputError(name, "it is running", "a search that was stopped")
+        self._room()
+        self._launch(job)
+        return job
+
+    def stop(self, name: str) -> Job:
+        """Ask a search to stop; what it has finished is on disk."""
+        job = self.find(name)
+        if job.process is not None and job.state == "running":
+            job.state = "stopping"
+            job.process.send_signal(signal.SIGTERM)
+        return job
+
+    def find(self, name: str) -> Job:
+        """A search by its name. Raises InputError for none."""
+        if name not in self.all:
+            raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
+        return self.all[name]
+
+    def close(self) -> None:
+        """Stop all that run, and wait for them."""
+        for job in self.all.values():
+            self.stop(job.name)
+        for job in self.all.values():
+            if job.process is not None:
+                try:
+                    job.process.wait(timeout=10.0)
+                except subprocess.TimeoutExpired:
+                    job.process.kill()
+
+    def _room(self) -> None:
+        if sum(job.state in ("running", "stopping") for job in self.all.values()) >= MOST:
+            raise InputError("job", f"{MOST} searches are running", "one of them stopped first")
+
+    def _launch(self, job: Job) -> None:
+        scene = job.results / "scene.json" if job.kind == "study" else job.folder / "scene.json"
+        resume = job.results.exists() and any(job.results.iterdir())
+        told = {"kind": job.kind, "orders": job.orders, "done": False}
+        if job.kind != "study":
+            write_text(job.folder / ORDERS, json.dumps(told))
+        orders = json.dumps({**job.orders, "resume": resume})
+        command = [sys.executable, "-m", "jld_explore.studio.worker", str(scene), str(job.results), orders]
+        job.state, job.error = "running", ""
+        job.process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        threading.Thread(target=self._listen, args=(job, told), daemon=True).start()
+
+    def _listen(self, job: Job, told: dict[str, Any]) -> None:
+        process = job.process
+        assert process is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        for line in process.stdout:
+            job.progress = {**json.loads(line), "at": time.time()}
+        words = process.stderr.read().strip().splitlines()
+        process.stdout.close()
+        process.stderr.close()
+        code = process.wait()
+        job.state = "done" if code == 0 else "stopped" if code == 3 else "failed"
+        job.error = words[-1][:300] if code not in (0, 3) and words else ""
+        if job.kind != "study":
+            write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+
+
+def _orders_of(study: Path) -> dict[str, Any]:
+    """The settings of a study that was begun elsewhere, as far as its summary says them."""
+    summary = json.loads((study / "summary.json").read_text(encoding="utf-8"))
+    return {"driver": summary.get("driver"), "seed": summary.get("seed", 0)}
+
+
+def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
+    """What the three kinds of search are told to do."""
+    if kind == "improve":
+        return {"driver": "hillclimb", "seconds": seconds, "options": {"start": labelling}}
+    if kind == "prove":
+        return {"driver": "exact", "seconds": seconds}
+    return {"seconds": seconds}

@@ -1,0 +1,102 @@
+"""The studio as a command runs it: what is opened, where it listens, and that nothing outlives it."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from jld_core.errors import InputError
+from jld_core.scene import Scene, load_scene, parse_scene
+from jld_explore.report import page_data, read_folder, solution_of, solve_cases, study_data
+from jld_explore.studio.desk import Desk
+
+START: dict[str, Any] = {
+    "name": "a wall to begin with",
+    "grid": {"cell": [0.4, 0.2], "thickness": 0.2, "rows": ["aabbcc", "addeec", "ffgghh", "######"]},
+    "materials": {
+        "density": 2000,
+        "dry": {"friction_coefficient": 0.65},
+        "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+    },
+    "loads": {"live": [{"body": [1, 0]}]},
+}
+"""What the studio opens where it is given nothing."""
+
+
+def open_studio(source: Path | None, port: int, announce: Callable[[str], None], browser: bool) -> None:
+    """Serve the studio on 127.0.0.1 until it is interrupted.
+
+    source: a scene file, a folder written by jld explore, or None for a wall to begin with. port: 0 takes a free one.
+    announce: told the address. browser: open it. Raises InputError for a source that cannot be opened, a port that is
+    taken, or where the extra `studio` is not installed.
+    """
+    try:
+        import uvicorn
+
+        from jld_explore.studio.app import Answers, build_app
+    except ImportError as error:
+        raise InputError("jld studio", f"{error.name} is not installed", "pip install 'jld[studio]'") from None
+    from jld_explore.studio.jobs import Jobs
+
+    scene, root, study = opened(source)
+    desk = Desk(scene)
+    listener = _listener(port)
+    number = listener.getsockname()[1]
+    token = secrets.token_urlsafe(24)
+    jobs = Jobs(root, study)
+    answers = Answers(desk, jobs, root, lambda: first_data(desk, root, study))
+    app = build_app(answers, token, (f"127.0.0.1:{number}", f"localhost:{number}"))
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
+    address = f"http://127.0.0.1:{number}/{token}/"
+    announce(address)
+    if browser:
+        import webbrowser
+
+        webbrowser.open(address)
+    try:
+        server.run(sockets=[listener])
+    finally:
+        jobs.close()
+        listener.close()
+
+
+def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
+    """The scene, the folder that is written into, and the study's folder where one was opened."""
+    if source is None:
+        return parse_scene(START), Path("studio"), None
+    if source.is_dir():
+        return read_folder(source).scene, source / "studio", source
+    return load_scene(source), source.with_name(f"{source.stem}_studio"), None
+
+
+def first_data(desk: Desk, root: Path, study: Path | None) -> dict[str, Any]:
+    """The data of the page: a study's table where one was opened, else the scene with its own labels, solved."""
+    extra = {"folder": str(root), "changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
+    if study is not None:
+        return study_data(read_folder(study), patience=0.5, kind="studio", studio=extra)
+    setup = desk.setup({})
+    assembly = setup.assembly
+    results, governing = solve_cases(assembly, assembly.labels)
+    return page_data(
+        kind="studio",
+        scene=desk.scene,
+        assembly=assembly,
+        candidates=assembly.free_faces if setup.space is None else setup.space.candidates,
+        facts={},
+        solutions={0: solution_of(results, governing)},
+        studio=extra,
+    )
+
+
+def _listener(port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(("127.0.0.1", port))
+    except (OSError, OverflowError) as error:
+        listener.close()
+        raise InputError("--port", f"{port} cannot be had ({error})", "a free port, or none for any") from None
+    return listener

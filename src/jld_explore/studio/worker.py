@@ -1,0 +1,63 @@
+"""A search in a process of its own: progress as lines of JSON on stdout, SIGTERM stops it, exit codes as of jld."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+from jld_core.errors import InputError
+from jld_core.scene import load_scene
+from jld_explore.explore import ExploreSettings, explore
+from jld_explore.study import Interrupted, Progress
+
+EVERY: Final = 0.2
+"""Seconds between two reports."""
+
+
+class _Teller:
+    """Writes progress, not too often."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def __call__(self, progress: Progress) -> None:
+        now = time.monotonic()
+        if now - self._last < EVERY:
+            return
+        self._last = now
+        self.tell(progress)
+
+    def tell(self, progress: Progress) -> None:
+        best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
+        told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
+        sys.stdout.write(json.dumps({**told, "seconds": progress.seconds}) + "\n")
+        sys.stdout.flush()
+
+
+def main(scene: str, folder: str, orders: str) -> int:
+    """Search a scene into a folder. Returns the exit code: 0 done, 2 bad input, 3 stopped."""
+
+    def stop(number: int, frame: object) -> NoReturn:
+        raise Interrupted
+
+    warnings.filterwarnings("ignore", message=r"\d+ tasks which were still", module="joblib")
+    signal.signal(signal.SIGINT, stop)
+    signal.signal(signal.SIGTERM, stop)
+    try:
+        explore(load_scene(scene), Path(folder), ExploreSettings(**json.loads(orders)), report=_Teller())
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    except Interrupted:
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,267 @@
+"""The studio in a real browser: what a hand does, and λ that follows."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser_visits import Open, Visit, looks_like
+from command import environment
+from jld_core import build_assembly, load_scene, parse_scene, solve
+from jld_explore import ExploreSettings, explore
+from scenes_of_pages import HOSTILE, small_scene, spatial_scene
+
+
+class Running:
+    """A studio as the command runs it."""
+
+    def __init__(self, source: Path) -> None:
+        command = [sys.executable, "-m", "jld_explore", "studio", str(source), "--no-browser"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment())
+        assert self.process.stdout is not None
+        self.address = self.process.stdout.readline().strip()
+
+    def close(self) -> None:
+        self.process.terminate()
+        assert self.process.wait(timeout=20.0) is not None
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("studio") / "courses.json"
+    path.write_text(json.dumps(small_scene()), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def address(browser: object, scene: Path) -> Iterator[str]:
+    running = Running(scene)
+    yield running.address
+    running.close()
+
+
+def answered(found: Visit) -> dict[str, object]:
+    """Wait until the newest state has its answer; its solution."""
+    found.page.wait_for_function("() => !studio.live.waiting && studio.solution")
+    return dict(found.run("() => studio.solution.cases[0]"))
+
+
+def state(found: Visit) -> dict[str, object]:
+    """Labels, materials and loads as the page has them."""
+    return dict(found.run("() => studio.steps.now"))
+
+
+def proven(found: Visit, source: Path) -> float:
+    """λ of the page's state, solved here."""
+    now = state(found)
+    document = {**json.loads(source.read_text()), "materials": now["materials"], "loads": now["loads"]}
+    labels = np.array([letter == "d" for letter in str(now["labelling"])])
+    return solve(build_assembly(parse_scene(document)), labels).load_factor
+
+
+def test_a_toggled_face_changes_the_proven_factor(visit: Open, address: str, scene: Path) -> None:
+    found = visit(address)
+    first = answered(found)["load_factor"]
+    assert first == pytest.approx(solve(build_assembly(load_scene(scene))).load_factor, rel=1e-8)
+    looks_like(found, "studio")
+    before = state(found)["labelling"]
+    found.page.locator("line.touch[data-face='1']").click(force=True)
+    after = answered(found)
+    assert sum(a != b for a, b in zip(str(before), str(state(found)["labelling"]), strict=True)) == 1
+    assert after["load_factor"] == pytest.approx(proven(found, scene), rel=1e-8)
+    found.page.keyboard.press("Control+z")
+    assert state(found)["labelling"] == before
+    assert answered(found)["load_factor"] == first
+    found.page.keyboard.press("Control+y")
+    assert state(found)["labelling"] != before
+
+
+def test_the_keyboard_toggles_faces_and_slits_are_marked_not_refused(visit: Open, address: str) -> None:
+    found = visit(address)
+    answered(found)
+    found.run("() => studio.change({ labelling: 'i'.repeat(studio.steps.now.labelling.length) })")
+    answered(found)
+    for key in ("ArrowRight", "ArrowRight", "Enter"):
+        found.page.locator("svg.figure").press(key)
+    answered(found)
+    labels = str(state(found)["labelling"])
+    assert labels.count("d") == 1
+    slits = found.page.locator("#slits")
+    assert slits.count() == 1
+    assert "one block on both sides" in slits.inner_text()
+    assert found.page.locator(".drawing line.differs").count() > 0
+    assert found.run("() => studio.solution.cases[0].status") == "collapse"
+
+
+def test_a_painted_block_is_a_block_of_its_own(visit: Open, address: str, scene: Path) -> None:
+    found = visit(address)
+    answered(found)
+    found.page.locator("[data-tool=paint]").click()
+    boxes = [found.page.locator(f"polygon[data-element='{k}']").bounding_box() for k in (4, 5)]
+    assert boxes[0] is not None
+    assert boxes[1] is not None
+    middles = [(b["x"] + 0.5 * b["width"], b["y"] + 0.5 * b["height"]) for b in boxes if b]
+    found.page.mouse.move(*middles[0])
+    found.page.mouse.down()
+    found.page.mouse.move(*middles[1], steps=5)
+    found.page.mouse.up()
+    assert answered(found)["load_factor"] == pytest.approx(proven(found, scene), rel=1e-8)
+    assembly = build_assembly(load_scene(scene))
+    faces = zip(assembly.interfaces.a.tolist(), assembly.interfaces.b.tolist(), strict=True)
+    for (a, b), letter in zip(faces, str(state(found)["labelling"]), strict=True):
+        if {a, b} == {4, 5}:
+            assert letter == "i"
+        elif {a, b} & {4, 5}:
+            assert letter == "d"
+    assert found.run("() => studio.steps.past.length") == 1
+
+
+def test_materials_and_loads_move_the_factor(visit: Open, address: str, scene: Path) -> None:
+    found = visit(address)
+    first = answered(found)["load_factor"]
+    slider = found.page.locator("[data-material='friction μ, dry']")
+    slider.fill("0.4")
+    found.page.wait_for_function("() => studio.steps.now.materials.dry.friction_coefficient === 0.4")
+    second = answered(found)["load_factor"]
+    assert second == pytest.approx(proven(found, scene), rel=1e-8)
+    assert second != first
+    found.page.locator("[data-tool=load]").click()
+    arrow = found.page.locator("path.load[data-load='0']").bounding_box()
+    assert arrow is not None
+    tip = (arrow["x"] + 0.5 * arrow["width"], arrow["y"] + arrow["height"] - 2)
+    found.page.mouse.move(*tip)
+    found.page.mouse.down()
+    found.page.mouse.move(tip[0] - 60, tip[1], steps=5)
+    found.page.mouse.up()
+    third = answered(found)["load_factor"]
+    moved = [load for load in dict(state(found)["loads"])["live"] if "force" in load]  # type: ignore[call-overload]
+    assert moved[0]["at"][0] < 0.6
+    assert third == pytest.approx(proven(found, scene), rel=1e-8)
+    field = found.page.locator("#loads input[data-load='0']").first
+    field.fill("2")
+    field.press("Enter")
+    assert answered(found)["load_factor"] == pytest.approx(proven(found, scene), rel=1e-8)
+    for _ in range(3):
+        found.page.locator("#undo").click()
+    assert answered(found)["load_factor"] == first
+
+
+def test_no_stale_answer_is_ever_shown(visit: Open, address: str) -> None:
+    """Answers are held back and let go late: what is on the page is the newest state's, or says that it waits."""
+    found = visit(address)
+    answered(found)
+    held: list[object] = []
+    found.page.route("**/api/solve", lambda route: held.append(route))
+    found.page.locator("line.touch[data-face='1']").click(force=True)
+    found.page.wait_for_function("() => studio.live.busy")
+    found.page.locator("line.touch[data-face='4']").click(force=True)
+    found.page.wait_for_timeout(50)
+    assert len(held) == 1  # one question at a time, the newest next
+    assert found.page.locator(".answer.waiting").count() == 1
+    held[0].continue_()  # type: ignore[attr-defined]
+    found.page.wait_for_timeout(150)
+    assert found.run("() => studio.solution") is None  # the answer to the state before was dropped
+    held[1].continue_()  # type: ignore[attr-defined]
+    answered(found)
+    assert found.page.locator(".answer.waiting").count() == 0
+    assert found.run("() => studio.solution.labelling === studio.steps.now.labelling")
+
+
+def test_candidates_are_kept_compared_and_saved(visit: Open, address: str, scene: Path) -> None:
+    found = visit(address)
+    answered(found)
+    found.page.locator("#keep").click()
+    found.page.locator("line.touch[data-face='2']").click(force=True)
+    answered(found)
+    found.page.locator("#candidates li >> text=compare").first.click()
+    found.page.wait_for_selector(".pane >> nth=1")
+    assert found.page.locator(".drawing line.differs").count() >= 2
+    with found.page.expect_download() as waiting:
+        found.page.locator("#export-scene").click()
+    text = Path(waiting.value.path()).read_text(encoding="utf-8")
+    own = solve(build_assembly(parse_scene(json.loads(text))))
+    assert own.load_factor == pytest.approx(answered(found)["load_factor"], rel=1e-8)
+    found.page.get_by_label("name of the file").fill("mine")
+    found.page.locator("#save").click()
+    found.page.wait_for_selector("#export p:has-text('saved as')")
+    saved = scene.with_name("courses_studio") / "mine.json"
+    assert json.loads(saved.read_text()) == json.loads(text)
+    found.page.get_by_label("name of the file").fill("../outside")
+    found.page.locator("#save").click()
+    found.page.wait_for_selector("#complaint:not([hidden])")
+    assert not (scene.parent / "outside.json").exists()
+    found.errors.clear()  # the browser notes the refusal
+    again = visit(address)
+    answered(again)
+    assert again.page.locator("#candidates li").count() >= 1
+
+
+def test_a_search_runs_behind_the_page_and_survives_it(visit: Open, address: str) -> None:
+    found = visit(address)
+    answered(found)
+    found.page.get_by_label("seconds").fill("30")
+    found.page.locator("[data-search=prove]").click()
+    found.page.wait_for_selector("li[data-job=prove-1]")
+    found.page.close()
+    again = visit(address)
+    again.page.wait_for_selector("li[data-job=prove-1][data-state=done]", timeout=90_000)
+    told = again.text("li[data-job=prove-1]")
+    assert "proven strongest" in told
+    again.page.locator("li[data-job=prove-1] >> text=show best").click()
+    again.page.wait_for_selector("#candidates li:has(.name:text-is('prove-1, rank 1'))")
+    again.page.locator("#candidates li:has(.name:text-is('prove-1, rank 1')) >> text=show").click()
+    best = answered(again)["load_factor"]
+    summary = again.run("async () => (await (await fetch('api/jobs')).json()).jobs[0].summary")
+    assert best == pytest.approx(summary["best"], rel=1e-6)
+    with again.page.expect_download() as waiting:
+        again.page.locator("li[data-job=prove-1] >> text=page").click()
+    assert "<!doctype html>" in Path(waiting.value.path()).read_text(encoding="utf-8")
+
+
+def test_a_results_folder_is_gone_on_with(visit: Open, tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    explore(parse_scene(small_scene(name=HOSTILE)), folder, ExploreSettings(budget=20, pictures=False))
+    running = Running(folder)
+    try:
+        found = visit(running.address)
+        answered(found)
+        assert found.text("h1") == " ".join(HOSTILE.split())
+        assert found.page.locator("#candidates li:has(.name:text-is('this folder, rank 1'))").count() == 1
+        assert found.text("li[data-job=study]").startswith("study")
+    finally:
+        running.close()
+
+
+def test_a_spatial_scene_is_toggled_too(visit: Open, tmp_path: Path) -> None:
+    path = tmp_path / "cubes.json"
+    path.write_text(json.dumps(spatial_scene()), encoding="utf-8")
+    running = Running(path)
+    try:
+        found = visit(running.address)
+        first = answered(found)
+        before = str(state(found)["labelling"])
+        found.page.get_by_label("see through").fill("0.8")
+        box = found.page.locator("canvas.spatial").bounding_box()
+        assert box is not None
+        pixels = found.pixels("canvas.spatial")
+        assert abs(pixels - pixels[0, 0]).max(axis=2).astype(bool).mean() > 0.05
+        for step in range(30):
+            x = box["x"] + box["width"] * (0.42 + 0.02 * (step % 6))
+            y = box["y"] + box["height"] * (0.35 + 0.05 * (step // 6))
+            found.page.mouse.click(x, y)
+            if str(state(found)["labelling"]) != before:
+                break
+        after = answered(found)
+        assert str(state(found)["labelling"]) != before
+        assert after["load_factor"] == pytest.approx(proven(found, path), rel=1e-6)
+        assert first["status"] == "collapse"
+    finally:
+        running.close()

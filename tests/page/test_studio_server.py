@@ -1,0 +1,215 @@
+"""What the studio's server answers and refuses, over real sockets on this machine."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_explore.report import asset_names
+from scenes_of_pages import HOSTILE, small_scene
+
+uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
+
+from jld_explore.studio import guard, server  # noqa: E402
+from jld_explore.studio.app import Answers, build_app  # noqa: E402
+from jld_explore.studio.desk import Desk  # noqa: E402
+from jld_explore.studio.jobs import Jobs  # noqa: E402
+
+TOKEN = "t0ken-of-this-test"
+
+
+class Local:
+    """A studio in a thread of this process."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.desk = Desk(parse_scene(small_scene(name=HOSTILE)))
+        self.jobs = Jobs(root)
+        answers = Answers(self.desk, self.jobs, root, lambda: server.first_data(self.desk, root, None))
+        listener = socket.create_server(("127.0.0.1", 0))
+        self.port = listener.getsockname()[1]
+        app = build_app(answers, TOKEN, (f"127.0.0.1:{self.port}", f"localhost:{self.port}"))
+        self.server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
+        self.thread = threading.Thread(target=self.server.run, kwargs={"sockets": [listener]}, daemon=True)
+        self.thread.start()
+        while not self.server.started:
+            time.sleep(0.01)
+
+    def ask(
+        self, path: str, body: Any = None, *, raw: bytes | None = None, method: str = "", **headers: str
+    ) -> tuple[int, dict[str, str], str]:
+        """Status, headers and text. body: posted as JSON; headers: with underscores for hyphens."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10.0)
+        content = raw if raw is not None else None if body is None else json.dumps(body).encode()
+        sent = {name.replace("_", "-"): value for name, value in headers.items()}
+        if content is not None:
+            sent.setdefault("content-type", "application/json")
+        connection.request(method or ("GET" if content is None else "POST"), path, content, sent)
+        answer = connection.getresponse()
+        found = answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read().decode()
+        connection.close()
+        return found
+
+    def api(self, name: str, body: Any = None) -> tuple[int, Any]:
+        """Status and JSON of a call with the token."""
+        status, _, text = self.ask(f"/{TOKEN}/api/{name}", body)
+        return status, json.loads(text)
+
+    def close(self) -> None:
+        self.server.should_exit = True
+        self.thread.join(timeout=10.0)
+        self.jobs.close()
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Local]:
+    made = Local(tmp_path_factory.mktemp("server") / "studio")
+    yield made
+    made.close()
+
+
+def letters(local: Local) -> str:
+    return "".join("d" if dry else "i" for dry in local.desk.setup({}).assembly.labels)
+
+
+def test_a_labelling_is_answered_with_its_proof(local: Local) -> None:
+    status, found = local.api("solve", {"page": "a", "revision": 1, "labelling": letters(local), "changes": {}})
+    assert status == 200
+    assert found["revision"] == 1
+    own = solve(build_assembly(parse_scene(small_scene())))
+    case = found["solution"]["cases"][0]
+    assert case["load_factor"] == pytest.approx(own.load_factor, rel=1e-8)
+    assert case["bracket"][0] <= own.load_factor <= case["bracket"][1] * (1 + 1e-12)
+    assert found["admitted"] is True
+
+
+def test_changed_materials_are_solved_and_come_back(local: Local) -> None:
+    document = small_scene()
+    document["materials"]["dry"] = {"friction_coefficient": 0.2}
+    asked = {"page": "b", "revision": 1, "labelling": letters(local), "changes": {"materials": document["materials"]}}
+    expected = solve(build_assembly(parse_scene(document))).load_factor
+    assert local.api("solve", asked)[1]["solution"]["cases"][0]["load_factor"] == pytest.approx(expected, rel=1e-8)
+
+
+def test_an_older_state_is_not_solved(local: Local) -> None:
+    asked = {"page": "c", "labelling": letters(local), "changes": {}}
+    assert "solution" in local.api("solve", {**asked, "revision": 5})[1]
+    assert local.api("solve", {**asked, "revision": 4})[1] == {"revision": 4, "superseded": True}
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, 403),
+        (f"/{TOKEN}", {}, 403),
+        (f"/{TOKEN}x/", {}, 403),
+        ("/wrong/api/data", {}, 403),
+        ("/api/data", {}, 403),
+        (f"/{TOKEN}/api/data", {"host": "evil.example"}, 421),
+        (f"/{TOKEN}/api/data", {"host": "127.0.0.1"}, 421),
+        (f"/{TOKEN}/api/data", {"origin": "http://evil.example"}, 403),
+        (f"/{TOKEN}/api/data", {"origin": "null"}, 403),
+        (f"/{TOKEN}/api/data", {"sec_fetch_site": "cross-site"}, 403),
+        (f"/{TOKEN}/assets/../../../../etc/passwd", {}, 404),
+        (f"/{TOKEN}/assets/..%2f..%2fpage.py", {}, 404),
+        (f"/{TOKEN}/assets/vendor/three.LICENSE", {}, 404),
+        (f"/{TOKEN}/assets/studio.html", {}, 404),
+    ],
+)
+def test_what_is_not_for_others_is_refused(local: Local, path: str, headers: dict[str, str], status: int) -> None:
+    assert local.ask(path, **headers)[0] == status
+
+
+def test_a_post_needs_json_of_a_size(local: Local) -> None:
+    path = f"/{TOKEN}/api/solve"
+    assert local.ask(path, raw=b"a=1", content_type="application/x-www-form-urlencoded")[0] == 415
+    assert local.ask(path, raw=b"{}", content_type="text/plain")[0] == 415
+    assert local.ask(path, raw=b"", content_length=str(guard.LARGEST + 1))[0] == 413
+    assert local.ask(path, raw=b"{")[0] == 400
+    assert local.ask(path, raw=b"[1]")[0] == 400
+    assert local.ask(path, {}, origin="http://evil.example")[0] == 403
+    assert local.ask(path, raw=b"{}", method="PUT")[0] == 405
+
+
+def test_a_body_without_a_length_is_cut_off(local: Local) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", local.port, timeout=20.0)
+    piece = b" " * 100_000
+    body = (piece for _ in range(guard.LARGEST // len(piece) + 2))
+    sent = {"content-type": "application/json", "transfer-encoding": "chunked"}
+    try:
+        connection.request("POST", f"/{TOKEN}/api/solve", body, sent, encode_chunked=True)
+        assert connection.getresponse().status == 413
+    except (BrokenPipeError, ConnectionResetError):
+        pass  # cut off before all was sent, which is as good
+    finally:
+        connection.close()
+    assert local.api("jobs")[0] == 200
+
+
+def test_every_answer_carries_the_policy(local: Local) -> None:
+    for path in (f"/{TOKEN}/", f"/{TOKEN}/api/data", f"/{TOKEN}/assets/studio.js", "/nowhere"):
+        _, headers, _ = local.ask(path)
+        policy = headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self'")
+        assert "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert "access-control-allow-origin" not in headers
+
+
+def test_the_page_names_no_script_but_files_of_its_own(local: Local) -> None:
+    _, headers, text = local.ask(f"/{TOKEN}/")
+    assert headers["content-type"].startswith("text/html")
+    assert "<script>" not in text
+    assert HOSTILE not in text
+    for name in asset_names():
+        assert local.ask(f"/{TOKEN}/assets/{name}")[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "words"),
+    [
+        ("solve", {"revision": 1, "labelling": "x"}, "letters d or i"),
+        ("solve", {"revision": 1, "labelling": None}, "letters d or i"),
+        ("solve", {"revision": "1"}, "a whole number"),
+        ("solve", {"revision": 1, "changes": {"grid": {}}}, "materials or loads"),
+        ("solve", {"revision": 1, "changes": [1]}, "an object"),
+        ("start", {"kind": "rm"}, "improve, prove or explore"),
+        ("start", {"kind": "prove", "seconds": 1e9}, "a number from"),
+        ("stop", {"name": "../../x"}, "one of the list"),
+        ("resume", {"name": "../../x"}, "one of the list"),
+        ("results", {"name": "../../x"}, "one of the list"),
+        ("save", {"name": "../x"}, "letters, digits"),
+        ("save", {"name": "/etc/x"}, "letters, digits"),
+        ("save", {"name": "a..b"}, "letters, digits"),
+        ("save", {"name": "x" * 100}, "letters, digits"),
+        ("candidates", {"candidates": "x"}, "a list"),
+    ],
+)
+def test_wrong_questions_get_one_clear_line(local: Local, name: str, body: Any, words: str) -> None:
+    status, found = local.api(name, body)
+    assert status == 400
+    assert words in found["error"]
+    assert "\n" not in found["error"]
+    assert not local.root.exists()
+
+
+def test_bad_materials_are_said_not_solved(local: Local) -> None:
+    changes = {"materials": {"density": 2000, "dry": {"friction_coefficient": -1}}}
+    status, found = local.api("solve", {"revision": 1, "labelling": letters(local), "changes": changes})
+    assert status == 400
+    assert "friction_coefficient" in found["error"]
+
+
+def test_a_port_that_is_taken_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot be had"):
+        server._listener(taken.getsockname()[1])
