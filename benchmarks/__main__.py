@@ -26,6 +26,7 @@ BENCHMARKS: Final = (
     "field",
     "scale",
     "batched",
+    "experiment",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 

@@ -84,8 +84,8 @@ def experiment(
     except InputError as error:
         raise (error if error.where.startswith("--") else error.within(str(source))) from None
     facts = summary(curve, limit.load_factor) | {"seconds": spent}
-    facts |= _without_dilation(assembly, labels) if curve.stands and dilation != "friction" else {}
     if out is not None:
+        facts |= _without_dilation(assembly, labels) if curve.stands else {}
         _write(curve, limit, facts, out)
     _say(json.dumps(facts, indent=1) if as_json else _words(facts))
     if status_of(curve) == "uncertified":
@@ -103,10 +103,14 @@ def _tangent(text: str) -> float:
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
-    """What limit analysis without dilation finds: not unique, so a value and not the value."""
-    found = solve(assembly, labels, friction="zero-dilation")
-    certain = found.status is Status.COLLAPSE
-    return {"zero_dilation_load_factor": found.load_factor if certain else None}
+    """What limit analysis without dilation finds, from the lowest to the highest: in space one value, since seeking
+    them from every side takes long there."""
+    planar = assembly.dimension == 2
+    found = solve(assembly, labels, friction="zero-dilation", range=planar)
+    if found.status is not Status.COLLAPSE:
+        return {"zero_dilation_lowest": None, "zero_dilation_highest": None}
+    highest = found.extra["highest_found"] if planar else found.load_factor
+    return {"zero_dilation_lowest": found.load_factor, "zero_dilation_highest": highest}
 
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
@@ -116,8 +120,9 @@ def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out:
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "curve.csv", table(curve).to_csv(index=False))
     write_text(out / "summary.json", json.dumps(facts, indent=1))
-    zero = facts.get("zero_dilation_load_factor")
-    save_figure(figure_of(curve, limit, None if zero is None else (zero, zero)), out / "experiment.png")
+    low, high = facts.get("zero_dilation_lowest"), facts.get("zero_dilation_highest")
+    band = None if low is None or high is None else (low, high)
+    save_figure(figure_of(curve, limit, band), out / "experiment.png")
 
 
 def _words(facts: dict[str, Any]) -> str:
@@ -135,8 +140,9 @@ def _words(facts: dict[str, Any]) -> str:
         "first crack": plain(facts["first_crack"]),
         "faces": f"{facts['inner']} inner, dilation {facts['dilation']}, {facts['cracked_faces']} cracked",
     }
-    if facts.get("zero_dilation_load_factor") is not None:
-        lines["no dilation"] = f"λ = {plain(facts['zero_dilation_load_factor'])} (one solution of limit analysis)"
+    if facts.get("zero_dilation_lowest") is not None:
+        low, high = plain(facts["zero_dilation_lowest"]), plain(facts["zero_dilation_highest"])
+        lines["no dilation"] = f"limit analysis finds λ from {low} to {high}"
     if not facts["stands"]:
         lines["experiment"] = "does not stand under its dead loads alone"
     return "\n".join(f"{name:<12} {value}" for name, value in lines.items())
