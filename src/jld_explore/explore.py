@@ -13,6 +13,7 @@ from jld_core.limit import SolveOptions
 from jld_core.scene import Scene
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver, size_up_to
 from jld_explore.evaluation import CERTIFICATES_FILE, EvaluatorSettings, Store
+from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Progress, StopReason, Study
@@ -30,7 +31,9 @@ class ExploreSettings:
 
     model: what is modelled, whose λ is maximised. resume: go on with a folder that holds a study. certificates: let
     past solves settle labellings. pictures: draw what was found at the end. strict: take what is possible but hardly
-    meant as an error. small: classes up to which a space is counted beforehand, and enumerated where no driver is
+    meant as an error. experiment: how many of the best by λ are put to the virtual experiment
+    at the end. by_experiment: search by it then, with as many experiments in all (default 500), seeded by the best
+    by λ. small: classes up to which a space is counted beforehand, and enumerated where no driver is
     named; 0: not counted.
     """
 
@@ -42,6 +45,8 @@ class ExploreSettings:
     seed: int = 0
     resume: bool = False
     certificates: bool = False
+    experiment: int | None = None
+    by_experiment: bool = False
     pictures: bool = True
     strict: bool = False
     small: int = SMALL
@@ -110,6 +115,11 @@ def explore(
             folder.rmdir()
         raise _nothing_to_search()
     done = write_tables(study, name, reason, total)
+    if settings.experiment or settings.by_experiment:
+        deadline = None if settings.seconds is None else study.started + settings.seconds
+        experiments = Experiments(assembly, folder, settings.jobs, deadline)
+        objective = (settings.model, settings.seed) if settings.by_experiment else None
+        done = add_experiments(done, space, experiments, settings.experiment or DEFAULT, objective)
     if settings.pictures:
         write_pictures(done)
         write_report(done)

@@ -11,7 +11,7 @@ import sys
 import warnings
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 import typer
 
@@ -62,6 +62,8 @@ app.add_typer(samples.commands(), name="new")
 exchange.add_to(app)
 app.command()(experiment)
 app.command(name="assembly")(laying)
+
+Objective = Literal["associative", "zero-dilation", "experiment"]
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 
@@ -199,7 +201,13 @@ def explore_command(
     driver: Annotated[
         str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")
     ] = None,
-    objective: Annotated[Friction, typer.Option(help="λ that is maximised.")] = "associative",
+    objective: Annotated[
+        Objective, typer.Option(help="What is maximised: λ, or what a virtual experiment carries.")
+    ] = "associative",
+    experiment_of: Annotated[
+        int | None,
+        typer.Option("--experiment", min=1, help="Put the best K to the virtual experiment: a column more."),
+    ] = None,
     budget: Annotated[int | None, typer.Option(min=1, help="Distinct classes evaluated at the most.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
@@ -237,7 +245,7 @@ def explore_command(
     settings = ExploreSettings(
         driver=driver,
         model=SolveOptions(
-            friction=objective,
+            friction="associative" if objective == "experiment" else objective,
             effective_area=effective_area,
             contact=contact,
             inner_bending=inner_bending,
@@ -251,6 +259,8 @@ def explore_command(
         seed=seed,
         resume=resume,
         certificates=certificates,
+        experiment=experiment_of,
+        by_experiment=objective == "experiment",
         strict=strict,
         options={"population": population, "sampler": sampler, "storage": storage, "aim": aim},
     )

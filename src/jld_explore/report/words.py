@@ -49,10 +49,17 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     proof = "proven strongest" if facts["proven"] and facts["best"] is not None else "not proven"
     if facts["unbounded"]:
         proof = "but some labellings are locked: they carry any load"
+    tried = facts.get("experiment")
+    carried = {}
+    if tried is not None:
+        most = "none stands" if tried["best"] is None else f"most carried {tried['best']:.6g}"
+        most += ", no layout carries more" if tried["none_better"] else ""
+        carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
     return {
         "classes": f"{facts['evaluated']} ({facts['labellings']} labellings): {counted}",
         "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
         "best λ": f"{best} ({proof})",
+        **carried,
     }
 
 

@@ -1,0 +1,215 @@
+"""Experiments on what a search found: the best by λ, or a search by what is carried when cracks are brittle.
+
+λ of limit analysis bounds every quasi-static experiment from above, whatever dilates and whatever breaks, so a layout
+whose λ is below what another has carried needs no experiment.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import joblib
+import numpy as np
+import pandas as pd
+
+from jld_core.assembly import Assembly
+from jld_core.limit import SolveOptions, Status
+from jld_explore.drivers import make_driver
+from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
+from jld_explore.report import Exploration, write_text
+from jld_explore.space import SearchSpace, from_string, to_string
+
+FILE: Final = "experiments.csv"
+COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
+DEFAULT: Final = 500
+"""Experiments of a search by them, where nothing is said."""
+
+PORTION: Final = 16
+"""Labellings asked of the driver at a time."""
+
+
+@dataclass
+class Experiments:
+    """Experiments on layouts of one assembly, brittle inner faces and no dilation, each run once and kept in a file.
+
+    Every few are on disk before the next are begun. jobs: processes. deadline: as `time.perf_counter` counts, s, after
+    which none is begun.
+    """
+
+    assembly: Assembly
+    folder: Path
+    jobs: int = 1
+    deadline: float | None = None
+    say: Callable[[str], None] | None = None
+    rows: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        path = self.folder / FILE
+        if path.exists():
+            table = pd.read_csv(path, dtype={"labelling": str})
+            self.rows = {str(row["labelling"]): {str(k): v for k, v in row.items()} for row in table.to_dict("records")}
+
+    @property
+    def late(self) -> bool:
+        """Is time up?"""
+        return self.deadline is not None and time.perf_counter() >= self.deadline
+
+    def run(self, wanted: list[tuple[str, float]]) -> None:
+        """Experiments on layouts with their λ, those that are on record left out."""
+        fresh = [(name, value) for name, value in wanted if name not in self.rows]
+        for part in _portions(fresh, self.jobs):
+            if self.late:
+                return
+            found = joblib.Parallel(n_jobs=min(self.jobs, len(part)))(
+                joblib.delayed(one_experiment)(self.assembly, name, value) for name, value in part
+            )
+            self.rows |= {row["labelling"]: row for row in found}
+            write_text(self.folder / FILE, self.table().to_csv(index=False))
+
+    def table(self) -> pd.DataFrame:
+        """What was run, the strongest first."""
+        table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
+        return table.sort_values(["experiment", "labelling"], ascending=[False, True]).reset_index(drop=True)
+
+    @property
+    def best(self) -> float:
+        """The most that any layout has carried, −inf where none."""
+        return max((row["experiment"] for row in self.rows.values() if row["status"] == "collapse"), default=-np.inf)
+
+
+def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[str, float]]]:
+    for start in range(0, len(rows), size):
+        yield rows[start : start + size]
+
+
+def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
+    """One row of experiments.csv; a layout that does not stand carries 0."""
+    from jld_experiment import run_experiment
+    from jld_experiment.report import status_of
+
+    start = time.perf_counter()
+    curve = run_experiment(assembly, from_string(name))
+    return {
+        "labelling": name,
+        "load_factor": load_factor,
+        "experiment": curve.collapse_load if curve.stands else 0.0,
+        "status": status_of(curve),
+        "stands": curve.stands,
+        "rate_error": curve.rate_error,
+        "first_crack": curve.first_crack,
+        "seconds": time.perf_counter() - start,
+    }
+
+
+def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]]:
+    """The first layouts of a study by λ."""
+    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(count)
+    return [(str(a), float(b)) for a, b in zip(ranked["labelling"], ranked["load_factor_associative"], strict=True)]
+
+
+def search_by_experiment(
+    experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
+) -> None:
+    """The genetic driver by experiments, seeded by the best by λ: `budget` experiments in all.
+
+    The seeds are a third of the budget. A child is experimented on only where its λ is above the most that was carried,
+    since otherwise it cannot be better; for the driver it is then worth a little less than its λ says.
+    """
+    seeds = best_by_load_factor(done, max(2, budget // 3))
+    experiments.run(seeds)
+    driver = make_driver("genetic", space, seed, aim="best")
+    evaluator = Evaluator(experiments.assembly, EvaluatorSettings(model=model))
+    known = [name for name, _ in seeds if name in experiments.rows]
+    if known:
+        driver.tell(np.array([from_string(name) for name in known]), [_worth(experiments, name) for name in known])
+    idle = 0
+    while len(experiments.rows) < budget and not experiments.late and idle < DEFAULT:
+        labellings = driver.ask(PORTION)
+        if not len(labellings):
+            return
+        evaluations = evaluator.evaluate_all(labellings)
+        names = [to_string(labels) for labels in labellings]
+        before = len(experiments.rows)
+        stronger = [
+            (name, e.load_factor)
+            for name, e in zip(names, evaluations, strict=True)
+            if e.status is Status.COLLAPSE and e.load_factor > experiments.best
+        ]
+        experiments.run(stronger[: budget - len(experiments.rows)])
+        idle = 0 if len(experiments.rows) > before else idle + len(names)
+        driver.tell(labellings, _told(experiments, names, evaluations))
+
+
+def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
+    return [
+        _worth(experiments, name) if name in experiments.rows else _below(evaluation)
+        for name, evaluation in zip(names, evaluations, strict=True)
+    ]
+
+
+def _worth(experiments: Experiments, name: str) -> Evaluation:
+    row = experiments.rows[name]
+    status = Status.COLLAPSE if row["stands"] and np.isfinite(row["experiment"]) else Status.UNSTABLE
+    return Evaluation(status, np.nan, float(row["load_factor"]), float(row["experiment"]))
+
+
+def _below(evaluation: Evaluation) -> Evaluation:
+    """A layout that was not worth an experiment, at half of λ: about what brittle faces leave."""
+    if evaluation.status is not Status.COLLAPSE:
+        return evaluation
+    return Evaluation(Status.COLLAPSE, evaluation.low, evaluation.high, 0.5 * evaluation.associative)
+
+
+def add_experiments(
+    done: Exploration,
+    space: SearchSpace,
+    experiments: Experiments,
+    count: int,
+    objective: tuple[SolveOptions, int] | None,
+) -> Exploration:
+    """Run experiments and write the tables again, with a column `experiment`, and what was found into the summary.
+
+    count: how many. objective: None for the best by λ; else model and seed, to search by experiment.
+    """
+    if objective is None:
+        experiments.run(best_by_load_factor(done, count))
+    else:
+        search_by_experiment(experiments, done, space, objective[0], count, objective[1])
+    found = with_experiments(done, experiments, objective is not None)
+    write_text(done.folder / "results.csv", found.results.to_csv(index=False))
+    fresh = done.folder / "results.parquet.new"
+    found.results.to_parquet(fresh, index=False)
+    os.replace(fresh, done.folder / "results.parquet")
+    write_text(done.folder / "summary.json", json.dumps(found.summary, indent=1))
+    return found
+
+
+def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
+    """The study with a column `experiment` in its results, and in its summary what the experiments found."""
+    rows = experiments.rows
+    values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
+    results = done.results.assign(experiment=values)
+    table = experiments.table()
+    ranked = table[table["status"] == "collapse"]
+    # a layout without λ has nothing that bounds it
+    unknown = {"locked", "uncertified", "failed"} & set(done.summary["counts_by_status"])
+    complete = done.summary["stop_reason"] == "exhausted" and len(ranked) > 0 and not unknown
+    left = done.results[~done.results["labelling"].isin(list(rows))]["load_factor_associative"]
+    facts = {
+        "runs": len(table),
+        "best": None if ranked.empty else float(ranked["experiment"].iloc[0]),
+        "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
+        "not_standing": int((~table["stands"].astype(bool)).sum()),
+        "uncertified": int((table["status"] == "uncertified").sum()),
+        # λ bounds what was not tried, where every class has its λ
+        "none_better": bool(complete and not (left > experiments.best).any()),
+        "searched": objective,
+    }
+    summary = {**done.summary, "experiment": facts}
+    return Exploration(done.scene, done.assembly, results, done.front, summary, done.folder, done.stop_reason)
