@@ -7,7 +7,7 @@ no tension, Mohr–Coulomb friction) or ``INNER`` (a crack plane with finite str
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -105,6 +105,24 @@ class Strengths:
     crush_inner: Floats
 
 
+Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
+"""Places and vectors of point forces."""
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """One load case: dead and live loads as those of `Assembly`, the dead ones with all that is common.
+
+    required: factor that its λ is divided by, so that 1 is just enough.
+    """
+
+    name: str
+    dead: Floats
+    live: Floats
+    required: float = 1.0
+    live_points: Points = ()
+
+
 @dataclass(frozen=True)
 class Assembly(Shown):
     """One structure, its loads and its materials, before any labelling is chosen.
@@ -112,8 +130,9 @@ class Assembly(Shown):
     dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
     units; dead holds self-weight and is never scaled by λ. labels: (m,) the labels the scene itself gives.
     live_points: places and vectors of the live point forces, for drawing. moved: farthest that a corner was moved to
-    close gaps and overlaps, length. warnings: what is possible and hardly meant, a sentence each. In a notebook it
-    shows what is modelled.
+    close gaps and overlaps, length. warnings: what is possible and hardly meant, a sentence each. cases: the load
+    cases of a scene that has several; dead and live are then those of the first, and what solves asks for
+    `by_case`. In a notebook it shows what is modelled.
     """
 
     name: str
@@ -125,14 +144,29 @@ class Assembly(Shown):
     dead: Floats
     live: Floats
     labels: Bits
-    live_points: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
+    live_points: Points = ()
     moved: float = 0.0
     warnings: tuple[str, ...] = ()
+    cases: tuple[LoadCase, ...] = ()
 
     @property
     def freedoms(self) -> int:
         """Equations per element and resultants per interface: 3 planar, 6 spatial."""
         return 3 if self.dimension == 2 else 6
+
+    @cached_property
+    def by_case(self) -> tuple[Assembly, ...]:
+        """This structure under each of its load cases alone, in their order; itself where there is one load only."""
+        if not self.cases:
+            return (self,)
+        return tuple(
+            replace(self, dead=case.dead, live=case.live, live_points=case.live_points, cases=()) for case in self.cases
+        )
+
+    @property
+    def required(self) -> Floats:
+        """(c,) factor that the λ of each load case is divided by."""
+        return np.array([case.required for case in self.cases]) if self.cases else np.ones(1)
 
     @cached_property
     def free_faces(self) -> Bools:

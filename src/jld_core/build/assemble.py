@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jld_core.arrays import Bits
-from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
 from jld_core.build.elements import faces_of_pairs
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
-from jld_core.scene import Contact, Scene
+from jld_core.scene import BodyLoad, Contact, PointLoad, Scene
 
 LABELS = {"dry": DRY, "inner": INNER}
 
@@ -29,11 +30,7 @@ def build_assembly(scene: Scene) -> Assembly:
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     elements, interfaces, given = geometry.elements, geometry.interfaces, geometry.given
     _check_paths(elements, interfaces)
-    dead = loads.generalised(scene.loads.dead, elements, "loads.dead")
-    dead[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
-    live = loads.generalised(scene.loads.live, elements, "loads.live")
-    if not np.any(live):
-        raise InputError("loads.live", "the live load is zero", "at least one load that acts on a free element")
+    cases = _cases(scene, elements)
     assembly = Assembly(
         name=scene.name,
         dimension=scene.dimension,
@@ -41,11 +38,12 @@ def build_assembly(scene: Scene) -> Assembly:
         elements=elements,
         interfaces=interfaces,
         strengths=materials.strengths(scene.materials, given),
-        dead=dead,
-        live=live,
+        dead=cases[0].dead,
+        live=cases[0].live,
         labels=_own_labels(scene, elements, interfaces, given),
-        live_points=_points(scene, elements),
+        live_points=cases[0].live_points,
         moved=geometry.moved,
+        cases=cases if scene.loads.cases is not None else (),
     )
     return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
 
@@ -87,12 +85,33 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
     return labels.astype(bool)
 
 
-def _points(scene: Scene, elements: Elements) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]:
+def _cases(scene: Scene, elements: Elements) -> tuple[LoadCase, ...]:
+    """The load cases of a scene, each with the common dead load and self-weight; without a name where it has one."""
+    common = loads.generalised(scene.loads.dead, elements, "loads.dead")
+    common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
+    if scene.loads.cases is None:
+        return (_case("", "loads", common, scene.loads.live or [], 1.0, elements),)
+    found = []
+    for position, case in enumerate(scene.loads.cases):
+        key = f"loads.cases[{position}]"
+        dead = common + loads.generalised(case.dead, elements, f"{key}.dead")
+        found.append(_case(case.name, key, dead, case.live, case.required, elements))
+    return tuple(found)
+
+
+def _case(
+    name: str, key: str, dead: Floats, live: Sequence[PointLoad | BodyLoad], required: float, elements: Elements
+) -> LoadCase:
+    total = loads.generalised(live, elements, f"{key}.live")
+    if not np.any(total):
+        raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
+    return LoadCase(name, dead, total, required, _points(live, elements))
+
+
+def _points(live: Sequence[PointLoad | BodyLoad], elements: Elements) -> Points:
     points = []
-    for entry in scene.loads.live:
-        force = getattr(entry, "force", None)
-        if force is not None:
-            index = elements.index[entry.element]  # type: ignore[union-attr]
-            at = entry.at or elements.centroid[index].tolist()  # type: ignore[union-attr]
-            points.append((tuple(at), tuple(force)))
+    for entry in live:
+        if isinstance(entry, PointLoad) and entry.force is not None:
+            at = entry.at or elements.centroid[elements.index[entry.element]].tolist()
+            points.append((tuple(at), tuple(entry.force)))
     return tuple(points)

@@ -163,6 +163,12 @@ def _of_geometry(assembly: Assembly) -> Iterator[str]:
                 + (f" (and {count - 1} more are {what})" if count > 1 else "")
                 + f"; usual is 1 mm to 1 km; {meant} were probably meant"
             )
+    for case in assembly.by_case:
+        yield from _of_live(case)
+
+
+def _of_live(assembly: Assembly) -> Iterator[str]:
+    elements = assembly.elements
     live = resultant(assembly.live, elements)
     if live.cancels:
         return

@@ -6,6 +6,7 @@ from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
+from jld_core.limit.governing import Governing, Known, governing
 from jld_core.limit.mechanism import (
     Movement,
     displacement,
@@ -32,6 +33,8 @@ __all__ = [
     "Contacts",
     "DualBound",
     "Friction",
+    "Governing",
+    "Known",
     "LimitAnalysis",
     "LimitAnalysisResult",
     "Motion",
@@ -52,6 +55,7 @@ __all__ = [
     "face_jumps",
     "face_motions",
     "flow_rule",
+    "governing",
     "has_hull",
     "load_floor",
     "number",

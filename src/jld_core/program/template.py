@@ -39,6 +39,8 @@ class Template:
     """
 
     def __init__(self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None) -> None:
+        if assembly.cases:
+            raise ValueError("an assembly with load cases has a template for each: see Assembly.by_case")
         self.assembly = assembly
         self.scaling = scaling or scaling_of(assembly)
         make = planar_yield if assembly.dimension == 2 else spatial_yield

@@ -175,33 +175,64 @@ class BodyLoad(_Part):
     body: Annotated[Vector, Field(description="a vector")]
 
 
-class Loads(_Part):
-    dead: list[PointLoad | BodyLoad] = []
-    live: Annotated[list[PointLoad | BodyLoad], Field(description="a list of loads that are multiplied by λ")]
+def _tell_the_kinds_apart(entries: Any) -> Any:
+    """Body loads and point loads by their keys, so that a complaint speaks of the one that was meant."""
+    if not isinstance(entries, list):
+        return entries
+    kinds: list[Any] = []
+    for index, entry in enumerate(entries):
+        body = isinstance(entry, dict) and "body" in entry
+        if body and len(entry) > 1:
+            other = next(key for key in entry if key != "body")
+            raise InputError(
+                f"[{index}]",
+                f'"{other}" stands beside "body"',
+                "a body load alone, others in entries of their own",
+            )
+        try:
+            kinds.append((BodyLoad if body else PointLoad).model_validate(entry))
+        except ValidationError as error:
+            known = ("body", *PointLoad.model_fields)
+            found = first_complaint(error, BodyLoad if body else PointLoad, known)
+            where = f"[{index}]" + (f".{found.where}" if found.where else "")
+            raise InputError(where, found.problem, found.expected) from None
+    return kinds
 
-    @field_validator("dead", "live", mode="before")
-    @classmethod
-    def _tell_the_kinds_apart(cls, entries: Any) -> Any:
-        if not isinstance(entries, list):
-            return entries
-        kinds: list[Any] = []
-        for index, entry in enumerate(entries):
-            body = isinstance(entry, dict) and "body" in entry
-            if body and len(entry) > 1:
-                other = next(key for key in entry if key != "body")
+
+_Entries = list[PointLoad | BodyLoad]
+
+
+class Case(_Part):
+    """One load case: what it adds to the common dead load, what is multiplied by λ, and the factor it must reach."""
+
+    name: Annotated[str, Field(min_length=1, description="a name of its own")]
+    live: Annotated[_Entries, Field(description="a list of loads that are multiplied by λ")]
+    dead: _Entries = []
+    required: Positive = 1.0
+
+    _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
+
+
+class Loads(_Part):
+    dead: _Entries = []
+    live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
+    cases: Annotated[list[Case] | None, Field(min_length=1)] = None
+
+    _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> Self:
+        if self.live is None and self.cases is None:
+            raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
+        if self.live is not None and self.cases is not None:
+            raise InputError(".live", 'it stands beside "cases"', "the live loads of each case inside it")
+        names = [case.name for case in self.cases or []]
+        for position, name in enumerate(names):
+            if name in names[:position]:
                 raise InputError(
-                    f"[{index}]",
-                    f'"{other}" stands beside "body"',
-                    "a body load alone, others in entries of their own",
+                    f".cases[{position}].name", f"{name!r} is used twice", "a name of its own for each case"
                 )
-            try:
-                kinds.append((BodyLoad if body else PointLoad).model_validate(entry))
-            except ValidationError as error:
-                known = ("body", *PointLoad.model_fields)
-                found = first_complaint(error, BodyLoad if body else PointLoad, known)
-                where = f"[{index}]" + (f".{found.where}" if found.where else "")
-                raise InputError(where, found.problem, found.expected) from None
-        return kinds
+        return self
 
 
 class Labels(_Part):

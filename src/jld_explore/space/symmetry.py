@@ -195,15 +195,31 @@ def _same_corners(
 
 
 def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
-    """Whether dead and live loads are mapped onto themselves; moments turn over in a reflection."""
-    d = assembly.dimension
+    """Whether every load case is mapped onto one of the same required factor; no two onto one."""
+    cases, required = assembly.by_case, assembly.required
+    left = set(range(len(cases)))
+    for case, factor in zip(cases, required, strict=True):
+        image = next(
+            (k for k in sorted(left) if required[k] == factor and _falls_on(case, cases[k], to, matrix)),
+            None,
+        )
+        if image is None:
+            return False
+        left.remove(image)
+    return True
+
+
+def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
+    """Whether the dead and live loads of one case are mapped onto those of another; moments turn over in a mirror."""
+    d = one.dimension
     reflect = np.linalg.det(matrix)
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix
-    for loads in (assembly.dead, assembly.live):
-        for values, map_, arm in ((loads[:, :d], matrix, 1.0), (loads[:, d:], turn, assembly.size)):
-            total = np.linalg.norm(loads[:, :d], axis=1).sum() * arm + np.linalg.norm(loads[:, d:], axis=1).sum() * (
-                arm / assembly.size
-            )
-            if abs(values @ map_.T - values[to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY * total:
+    for loads, there in ((one.dead, other.dead), (one.live, other.live)):
+        total = np.linalg.norm(loads[:, :d], axis=1).sum() + np.linalg.norm(loads[:, d:], axis=1).sum() / one.size
+        for part, map_, arm in ((slice(0, d), matrix, 1.0), (slice(d, None), turn, one.size)):
+            if (
+                abs(loads[:, part] @ map_.T - there[to][:, part]).max(initial=0.0)
+                > 10.0 * tolerances.SYMMETRY * total * arm
+            ):
                 return False
     return True
