@@ -83,7 +83,7 @@ def case(assembly: Assembly, labellings: Bits) -> Case:
     template, kept, values = Template(assembly), [], []
     for labels in labellings:
         raw = HighsSolver().solve(template.program(labels))
-        if raw.status is RawStatus.OPTIMAL and raw.point[-1] * template.scaling.load > load_floor(template):
+        if raw.status is RawStatus.OPTIMAL and raw.point[-1] * template.scaling.load > load_floor(template.assembly):
             kept.append(labels)
             values.append(float(raw.point[-1]) * template.scaling.load)
     return Case(template, Template(moved(assembly)), np.array(kept), np.array(values))
@@ -94,7 +94,10 @@ def prove(analysis: LimitAnalysis, labels: Bits) -> tuple[float, float, Proof, f
     start = time.process_time()
     proof = analysis.prove(labels)
     spent = time.process_time() - start
-    scale, floor = analysis.template.scaling.load, load_floor(analysis.template) / analysis.template.scaling.load
+    scale, floor = (
+        analysis.template.scaling.load,
+        load_floor(analysis.template.assembly) / analysis.template.scaling.load,
+    )
     middle = 0.5 * (proof.low + proof.high) if math.isfinite(proof.high - proof.low) else proof.guess
     return middle * scale, relative_width(proof.low, proof.high, floor), proof, spent
 

@@ -160,7 +160,15 @@ class Assembly(Shown):
         if not self.cases:
             return (self,)
         return tuple(
-            replace(self, dead=case.dead, live=case.live, live_points=case.live_points, cases=()) for case in self.cases
+            replace(
+                self,
+                name=f"{self.name}: {case.name}",
+                dead=case.dead,
+                live=case.live,
+                live_points=case.live_points,
+                cases=(),
+            )
+            for case in self.cases
         )
 
     @property

@@ -74,6 +74,8 @@ def explore(
     if announce is not None:
         for warning in assembly.warnings:
             announce(f"warning: {warning}")
+    if assembly.cases and settings.certificates:
+        raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
     space = search_space(scene, assembly)
     name, total = choose_driver(space, settings)
     if announce is not None:

@@ -270,7 +270,7 @@ class LimitAnalysis:
         self.route = make_solver(solver, tolerance=precision.residual, structure=self.template.structure)
         self.interior = Repair(self.template, self.prover)
         self.margin = precision.margin if margin is None else margin
-        self.floor = load_floor(self.template) / self.template.scaling.load
+        self.floor = load_floor(self.template.assembly) / self.template.scaling.load
         self.reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self.seconds = time.perf_counter() - start
 

@@ -18,6 +18,7 @@ import scipy.sparse.linalg as spla
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
 from jld_core.linalg import Fronts
 from jld_core.program import Template
 
@@ -292,7 +293,6 @@ def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
 
 
-def load_floor(template: Template) -> float:
+def load_floor(assembly: Assembly) -> float:
     """1e-3 · total weight / total live load, in scene units of λ."""
-    assembly = template.assembly
     return tolerances.GAP_FLOOR * assembly.total_dead / assembly.total_live

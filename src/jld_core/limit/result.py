@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.bounds import load_floor, relative_width
+from jld_core.limit.governing import Known, governing
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.status import Status
@@ -25,8 +26,10 @@ class LimitAnalysisResult(Shown):
     load_factor: λ, NaN where none. bracket: (lo, hi), NaN where an end is unproven or infinite. gap: relative
     width. labels: (m,). forces: (m, q) resultants in scene units, admissible at `bracket[0]` (planar N, V, M;
     spatial N, V1, V2, M1, M2, MT). mechanism: (n, q) velocities about the centroids with b_λ·u = 1, or None.
-    route: what was done, in order. seconds: assemble, solve, total. model: what was modelled. In a notebook it
-    shows its facts and drawing.
+    route: what was done, in order. seconds: assemble, solve, total. model: what was modelled. cases: of a structure
+    with load cases the result of each by its name; load_factor and bracket are then of the governing factor, min over
+    cases of λ / required, and forces and mechanism of the case named in `governing`. In a notebook it shows its facts
+    and drawing.
     """
 
     assembly: Assembly
@@ -43,6 +46,8 @@ class LimitAnalysisResult(Shown):
     seconds: dict[str, float]
     model: SolveOptions = field(default_factory=SolveOptions)
     extra: dict[str, Any] = field(default_factory=dict)
+    cases: dict[str, LimitAnalysisResult] = field(default_factory=dict)
+    governing: str | None = None
 
     @property
     def friction(self) -> str:
@@ -89,6 +94,11 @@ class LimitAnalysisResult(Shown):
             "seconds": dict(self.seconds),
             "warnings": list(assembly.warnings),
             **self.extra,
+            **(
+                {"governing": self.governing, "cases": {name: one.to_json() for name, one in self.cases.items()}}
+                if self.cases
+                else {}
+            ),
             "mechanism": mechanism,
             "forces": forces,
         }
@@ -102,7 +112,7 @@ def result_of(
     labels: (m,) True dry. assemble, elapsed: seconds of building the analysis, and of all since.
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
-    floor = load_floor(template) / scaling.load
+    floor = load_floor(template.assembly) / scaling.load
     held, motion = proof.found or proof.state, proof.motion
     forces = None if held is None or status is Status.UNSTABLE else held.forces * scaling.face
     moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
@@ -124,6 +134,30 @@ def result_of(
         seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
         model=options,
         extra=proof.extra,
+    )
+
+
+def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
+    """The result of a structure with load cases from those of its cases, by name, in their order."""
+    found = list(cases.values())
+    known = [Known(one.status, *one.bracket, one.load_factor) for one in found]
+    decided = governing(known, assembly.required.tolist())
+    first = found[decided.case]
+    floor = max(1e-300, load_floor(first.assembly) / float(assembly.required[decided.case]))
+    width = relative_width(decided.low, decided.high, floor)
+    stands = [one.stands_at_zero for one in found]
+    return replace(
+        first,
+        assembly=assembly,
+        status=decided.status,
+        load_factor=decided.load_factor,
+        bracket=(decided.low, decided.high),
+        gap=math.nan if decided.status in (Status.UNSTABLE, Status.LOCKED) else width,
+        stands_at_zero=False if False in stands else None if None in stands else True,
+        iterations=sum(one.iterations for one in found),
+        seconds={key: sum(one.seconds[key] for one in found) for key in first.seconds},
+        cases=cases,
+        governing=list(cases)[decided.case],
     )
 
 

@@ -14,7 +14,17 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit import LADDER, Climb, LimitAnalysis, LimitAnalysisResult, Proof, Rung, SolveOptions, result_of
+from jld_core.limit import (
+    LADDER,
+    Climb,
+    LimitAnalysis,
+    LimitAnalysisResult,
+    Proof,
+    Rung,
+    SolveOptions,
+    governing_result,
+    result_of,
+)
 from jld_core.mechanics import require_materials
 from jld_core.models.effective_area import prove_effective_area
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
@@ -28,9 +38,18 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     """Collapse load factor of one labelling, with a two-sided bracket.
 
     assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `SolveOptions`.
+    Of a structure with load cases: the governing factor, and every case's own result in `cases`.
     Raises InputError where a material that the labelling needs is missing, or an option has no such value.
     Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (2.1), (3.3).
     """
+    if assembly.cases:
+        return governing_result(
+            assembly,
+            {
+                case.name: solve(one, labels, **options)
+                for case, one in zip(assembly.cases, assembly.by_case, strict=True)
+            },
+        )
     model = SolveOptions(**options)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)

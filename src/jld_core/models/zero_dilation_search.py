@@ -131,7 +131,7 @@ class Run:
         self.hold = ProximalSolver(self.count, _HOLD, max(_MATCH, residual))
         self.route = ClarabelSolver(residual)
         self.shared: Template = template
-        self.floor = load_floor(template) / template.scaling.load
+        self.floor = load_floor(template.assembly) / template.scaling.load
         self.reached = np.zeros(self.count)
         self.solves = 0
 

@@ -225,7 +225,9 @@ def figure_of_assembly(assembly: Assembly, labels: Bits | None = None) -> Figure
 
 def figure_of_result(result: LimitAnalysisResult) -> Figure:
     """Labels, forces and mechanism of one result, side by side (very wide scenes: one above the other), under
-    a title with name, λ, its bracket and the status."""
+    a title with name, λ, its bracket and the status; of several load cases the one that governs."""
+    if result.governing is not None:
+        result = result.cases[result.governing]
     figure, axes = _figure(result.assembly, 3)
     draw_assembly(axes[0], result.assembly, result.labels)
     draw_forces(axes[1], result)

@@ -15,7 +15,7 @@ import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_core.build import Resultant, resultant
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit import LimitAnalysisResult, number
 from jld_core.program import Template
 from jld_core.shown import show_with
 
@@ -26,21 +26,34 @@ LARGEST: Final = 1500
 def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
     """What is modelled, by name: dimension, counts, loads with their unit, size of the program, size in space."""
     elements, faces = assembly.elements, assembly.interfaces
-    length, force = assembly.units
-    structure = Template(assembly).structure
+    length = assembly.units[0]
+    structure = Template(assembly.by_case[0]).structure
     dry = int(np.count_nonzero(assembly.labels))
     kind = "second-order cone program" if structure.cones else "linear program"
     return {
         "dimension": "planar" if assembly.dimension == 2 else "spatial",
         "elements": f"{len(elements)}: {len(elements.free)} free, {int(elements.support.sum())} supports",
         "interfaces": f"{len(faces)}: {dry} dry, {len(faces) - dry} inner in the scene's own labelling",
-        "dead load": _load(resultant(assembly.dead, elements), force, length),
-        "live load": "λ × " + _load(resultant(assembly.live, elements), force, length),
+        **_loads(assembly),
         "program": f"{kind}, {structure.shape[1]} unknowns, {structure.equalities} equations, "
         f"{structure.linear - 1} inequalities, {len(structure.cones)} cones",
         "size": f"{assembly.size:.6g} {length}",
         **({"snapped": f"corners moved by {assembly.moved:.3g} {length} at the most"} if assembly.moved else {}),
     }
+
+
+def _loads(assembly: Assembly) -> dict[str, str]:
+    """Dead and live loads; of every case by its name where there are several."""
+    length, force = assembly.units
+    found = {}
+    names = [case.name for case in assembly.cases] or [""]
+    for name, required, one in zip(names, assembly.required, assembly.by_case, strict=True):
+        after = f" {name}" if name else ""
+        found[f"dead load{after}"] = _load(resultant(one.dead, one.elements), force, length)
+        found[f"live load{after}"] = "λ × " + _load(resultant(one.live, one.elements), force, length)
+        if required != 1.0:
+            found[f"live load{after}"] += f", λ of {required:g} required"
+    return found
 
 
 def _load(sum_of: Resultant, force: str, length: str) -> str:
@@ -63,7 +76,10 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     bracket = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in (low, high))
     facts = {
         "status": str(result.status),
-        "λ": "none" if math.isnan(result.load_factor) else f"{result.load_factor:.12g}",
+        **({"governing": str(result.governing)} if result.cases else {}),
+        "λ / required" if result.cases else "λ": "none"
+        if math.isnan(result.load_factor)
+        else f"{result.load_factor:.12g}",
         "bracket": bracket + ("" if math.isnan(result.gap) else f"   (relative width {result.gap:.1e})"),
     }
     if result.friction == "zero-dilation":
@@ -76,6 +92,9 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
             f"complementarity gap {_shown(extra['complementarity_gap'])}, "
             + ("converged" if extra["converged"] else "not converged")
         )
+    for (name, one), required in zip(result.cases.items(), result.assembly.required, strict=False):
+        ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in one.bracket)
+        facts[f"λ {name}"] = f"{_shown(number(one.load_factor))} of {required:g} required ({one.status}, {ends})"
     stands = result.stands_at_zero
     facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
     facts["route"] = ", ".join(result.route)

@@ -189,9 +189,11 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
-    figure = figures.figure_of_result(result)
-    for ending in ("png", "svg"):
-        figures.save_figure(figure, out / f"result.{ending}")
+    drawn = {"": result} if not result.cases else {f"-{k}": one for k, one in enumerate(result.cases.values(), 1)}
+    for after, one in drawn.items():
+        figure = figures.figure_of_result(one)
+        for ending in ("png", "svg"):
+            figures.save_figure(figure, out / f"result{after}.{ending}")
 
 
 @app.command(name="explore")

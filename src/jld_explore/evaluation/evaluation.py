@@ -26,7 +26,9 @@ class Evaluation:
     status: of the objective. low, high: proven bounds. associative: λ with associative friction.
     zero_dilation: λ without dilation. settled: "solve", "certificate" or
     "bound": then only `high` is known, of a labelling that was not worth more. seconds: spent on it. proofs: what the
-    solve proves about other labellings, where that was asked for.
+    solve proves about other labellings, where that was asked for. cases: of a structure with load cases λ of each,
+    NaN where none; all else is then of the governing factor. governing: position of the case that governs, −1 of one
+    load alone.
     """
 
     status: Status
@@ -37,6 +39,8 @@ class Evaluation:
     settled: str = SOLVE
     seconds: float = 0.0
     proofs: Proofs | None = field(default=None, compare=False, repr=False)
+    cases: tuple[float, ...] = ()
+    governing: int = -1
 
     @property
     def load_factor(self) -> float:

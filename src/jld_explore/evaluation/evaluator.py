@@ -39,8 +39,8 @@ def kernel_settles(assembly: Assembly, settings: EvaluatorSettings) -> bool:
     """Whether nearly all labellings are the kernel's to settle, so that one process does what several would."""
     if not settings.in_lanes:
         return False
-    batch = Batch.of(limit_analysis(assembly, settings.model))
-    return batch is not None and batch.worthwhile
+    batches = [Batch.of(limit_analysis(case, settings.model)) for case in assembly.by_case]
+    return all(batch is not None and batch.worthwhile for batch in batches)
 
 
 class Evaluator:

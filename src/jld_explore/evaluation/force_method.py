@@ -63,7 +63,7 @@ class ForceMethod:
         assembly, sets = template.assembly, template.yield_set
         faces = len(assembly.interfaces)
         every = np.ones(faces, dtype=bool)
-        self._floor = load_floor(template) / template.scaling.load
+        self._floor = load_floor(template.assembly) / template.scaling.load
         self._asked: tuple[Bits | None, Floats] = (None, np.empty((0, faces)))
         self.usable = False
         if template.structure.cones or faces > LARGEST:

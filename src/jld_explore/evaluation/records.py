@@ -192,9 +192,11 @@ def settled(rows: NDArray[np.void]) -> NDArray[np.object_]:
 
 
 def _evaluation(row: np.void) -> Evaluation:
-    numbers = {name: float(row[name]) for name in ("low", "high", "associative", "zero_dilation", "seconds")}
+    low, high, associative, zero_dilation, seconds = (
+        float(row[name]) for name in ("low", "high", "associative", "zero_dilation", "seconds")
+    )
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
-    return Evaluation(status=status, settled=settled_by, proofs=None, **numbers)
+    return Evaluation(status, low, high, associative, zero_dilation, settled_by, seconds)
 
 
 def _compare_headers(path: str, found: bytes, wanted: bytes) -> None:

@@ -49,7 +49,7 @@ class CertificateEvaluator:
     def __init__(self, pool: Pool, template: Template, gap: float, archive: Archive) -> None:
         self.pool, self.gap, self.archive = pool, gap, archive
         self.scale = template.scaling.load
-        self.floor = load_floor(template) / self.scale
+        self.floor = load_floor(template.assembly) / self.scale
         self.small = is_small(template)
         self._round_size = FEW if self.small else ROUND
         self._asks = _asks(template.assembly)

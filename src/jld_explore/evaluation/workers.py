@@ -28,8 +28,9 @@ from joblib.externals.loky.process_executor import ShutdownExecutorError, Termin
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.lanes import chosen
+from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+from jld_explore.evaluation.evaluator import EvaluatorSettings
 
 HANG: Final = 600.0
 """Seconds without any result after which the workers are taken to hang."""
@@ -88,7 +89,7 @@ def evaluate_batch(
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     if getattr(_own, "digest", None) != recipe.digest:
         assembly, settings = pickle.loads(recipe.content)
-        _own.evaluator, _own.digest = Evaluator(assembly, settings), recipe.digest
+        _own.evaluator, _own.digest = evaluator_of(assembly, settings), recipe.digest
     return number, _own.evaluator.evaluate_all(labellings, floors, company, deadline)
 
 

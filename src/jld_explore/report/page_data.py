@@ -145,22 +145,22 @@ def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) ->
 
 def cases_of(assembly: Assembly) -> list[str]:
     """Names of the load cases; one empty name where the scene has one only."""
-    return [""]
+    return [case.name for case in assembly.cases] or [""]
 
 
 def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
     """Live loads as they are drawn: on points, on all bodies together, and couples."""
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
     found: list[dict[str, Any]] = []
-    for name in cases_of(assembly):
-        for at, vector in assembly.live_points:
+    for name, case in zip(cases_of(assembly), assembly.by_case, strict=True):
+        for at, vector in case.live_points:
             nearest = int(np.argmin(np.linalg.norm(assembly.elements.centroid - np.asarray(at), axis=1)))
             found.append(_load(name, "live", ids[nearest], at, vector))
-        total = marks.body_load(assembly)
+        total = marks.body_load(case)
         if total is not None:
             found.append(_load(name, "body", "", np.zeros(d), total))
-        for k in marks.live_couples(assembly):
-            moment = assembly.live[k, d:] if not planar else assembly.live[k, 2:]
+        for k in marks.live_couples(case):
+            moment = case.live[k, d:] if not planar else case.live[k, 2:]
             found.append(_load(name, "couple", ids[k], assembly.elements.centroid[k], moment))
     return found
 

@@ -97,7 +97,8 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any]) -> pd.DataFra
 
 def solve_cases(assembly: Assembly, labels: Bits, model: SolveOptions | None = None) -> Cases:
     """One labelling (m,) solved under every load case of the assembly, as pages show it. model: default associative."""
-    return {"": solve(assembly, labels, **vars(model or SolveOptions()))}, ""
+    found = solve(assembly, labels, **vars(model or SolveOptions()))
+    return (found.cases, found.governing or "") if found.cases else ({"": found}, "")
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[int, dict[str, Any]]:

@@ -32,7 +32,8 @@ def result(found: LimitAnalysisResult) -> str:
 
 
 def _lines(facts: dict[str, str]) -> str:
-    return "\n".join(f"{name:<12} {value}" for name, value in facts.items())
+    width = max(12, *(len(name) for name in facts))
+    return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
 
 
 def columns() -> list[str]:

@@ -72,7 +72,7 @@ class Exact(Driver):
             raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
         analysis = LimitAnalysis(space.assembly)
         self._template = analysis.template
-        self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template)
+        self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template.assembly)
         self._blocks = possible_blocks(space)
         asked = [count for count, _ in space.limits.on_counts] + ([] if self._count is None else [self._count])
         terms = [count.terms(space.assembly) if count.terms else None for count in asked]

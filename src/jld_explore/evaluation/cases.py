@@ -1,0 +1,81 @@
+"""Evaluations of a structure with load cases: one evaluator a case, and the factor that governs."""
+
+from __future__ import annotations
+
+import math
+
+from jld_core.arrays import Bits, Floats
+from jld_core.assembly import Assembly
+from jld_core.limit import Known, Status, governing
+from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+
+
+class CasesEvaluator:
+    """Evaluates labellings of one assembly under all its load cases, as `Evaluator` does under one."""
+
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+        self.assembly, self.settings = assembly, settings
+        self._required = assembly.required.tolist()
+        self._each = [Evaluator(case, settings) for case in assembly.by_case]
+
+    def evaluate_all(
+        self, labellings: Bits, floors: Floats | None = None, company: Bits | None = None, deadline: float | None = None
+    ) -> list[Evaluation]:
+        """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of the governing factor.
+
+        A labelling counts as evaluated when all its cases are.
+        """
+        found: list[list[Evaluation]] = []
+        count = len(labellings)
+        for evaluator, factor in zip(self._each, self._required, strict=True):
+            # a case that is worth less than the floor is worth no more by another
+            own = None if floors is None else floors[:count] * factor
+            answers = evaluator.evaluate_all(labellings[:count], own, company, deadline)
+            found.append(answers)
+            count = len(answers)
+        return [self._together([answers[k] for answers in found]) for k in range(count)]
+
+    def evaluate(self, labels: Bits, floor: float = -math.inf, company: Bits | None = None) -> Evaluation:
+        """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of the governing factor."""
+        pairs = zip(self._each, self._required, strict=True)
+        return self._together([each.evaluate(labels, floor * factor, company) for each, factor in pairs])
+
+    def _together(self, cases: list[Evaluation]) -> Evaluation:
+        known = [Known(one.status, one.low, one.high, one.load_factor) for one in cases]
+        decided = governing(known, self._required)
+        seconds = sum(one.seconds for one in cases)
+        values = tuple(one.load_factor for one in cases)
+        associative = [one.associative / factor for one, factor in zip(cases, self._required, strict=True)]
+        outbid = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
+        if outbid and decided.status not in (Status.UNSTABLE, Status.FAILED):
+            # one case alone shows that the labelling does not matter
+            position = next(k for k, one in enumerate(cases) if one.settled == BOUND)
+            return Evaluation(
+                Status.UNCERTIFIED,
+                math.nan,
+                min(outbid),
+                min(associative, key=lambda value: math.inf if math.isnan(value) else value),
+                settled=BOUND,
+                seconds=seconds,
+                cases=values,
+                governing=position,
+            )
+        free = all(math.isnan(one.zero_dilation) for one in cases)
+        least = min((value for value in associative if not math.isnan(value)), default=math.nan)
+        return Evaluation(
+            status=decided.status,
+            low=decided.low,
+            high=decided.high,
+            associative=decided.load_factor if free else least,
+            zero_dilation=math.nan if free else decided.load_factor,
+            settled=SOLVE,
+            seconds=seconds,
+            cases=values,
+            governing=decided.case,
+        )
+
+
+def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator | CasesEvaluator:
+    """What evaluates labellings of an assembly, under one load or several."""
+    return CasesEvaluator(assembly, settings) if assembly.cases else Evaluator(assembly, settings)

@@ -1,0 +1,130 @@
+"""Several load cases: one structure, the factor that governs, and every case's own proof."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from command import call
+from jld_core import InputError, Status, build_assembly, parse_scene, solve
+from jld_core.limit import CaseRelaxation, Known, LimitAnalysis, Relaxation, governing
+from jld_core.program import Template
+
+ROWS = ["aab", "cbb", "###"]
+RIGHT, LEFT = [{"body": [1, 0]}], [{"body": [-1, 0]}]
+
+
+def document(cases: list[dict[str, Any]], rows: list[str] = ROWS, **keys: Any) -> dict[str, Any]:
+    return {**grid_document(rows, **keys), "loads": {"cases": cases}}
+
+
+def single(live: list[dict[str, Any]], dead: list[dict[str, Any]] | None = None, **keys: Any) -> float:
+    scene = {**grid_document(ROWS, **keys), "loads": {"live": live, "dead": dead or []}}
+    return solve(build_assembly(parse_scene(scene))).load_factor
+
+
+def test_the_least_over_what_is_required_governs() -> None:
+    push = [{"element": "c0r0", "force": [0, -400.0]}]
+    cases = [
+        {"name": "right", "live": RIGHT, "required": 0.5},
+        {"name": "left", "live": LEFT, "dead": push, "required": 2.0},
+    ]
+    assembly = build_assembly(parse_scene(document(cases)))
+    found = solve(assembly)
+    right, left = single(RIGHT) / 0.5, single(LEFT, push) / 2.0
+    assert found.status is Status.COLLAPSE
+    assert found.load_factor == pytest.approx(min(right, left), rel=1e-9)
+    assert found.governing == ("right" if right < left else "left")
+    assert found.cases["right"].load_factor == pytest.approx(0.5 * right, rel=1e-9)
+    assert found.cases["left"].load_factor == pytest.approx(2.0 * left, rel=1e-9)
+    assert found.bracket[0] <= found.load_factor <= found.bracket[1]
+    assert found.gap < 1e-6
+    with pytest.raises(ValueError, match="by_case"):
+        Template(assembly)
+
+
+def known(status: Status, low: float = math.nan, high: float = math.nan) -> Known:
+    return Known(status, low, high, 0.5 * (low + high))
+
+
+def test_what_governs() -> None:
+    collapse, locked = known(Status.COLLAPSE, 1.0, 1.0), known(Status.LOCKED, 0.2)
+    assert governing([collapse, locked], [1, 1]).status is Status.COLLAPSE
+    assert governing([collapse, locked], [1, 1]).load_factor == 1.0
+    both = governing([locked, locked], [1, 2])
+    assert (both.status, both.low, both.case) == (Status.LOCKED, 0.1, 1)
+    assert math.isnan(both.high)
+    assert governing([collapse, known(Status.UNSTABLE)], [1, 1]).status is Status.UNSTABLE
+    # a case that is open matters where it may be the least, and not where it is certain not to be
+    assert governing([collapse, known(Status.UNCERTIFIED, 0.5, 3.0)], [1, 1]).status is Status.UNCERTIFIED
+    assert governing([collapse, known(Status.UNCERTIFIED, 1.5, 3.0)], [1, 1]).status is Status.COLLAPSE
+    assert governing([collapse, known(Status.UNCERTIFIED, 1.5, 3.0)], [1, 2]).status is Status.UNCERTIFIED
+    open_end = governing([known(Status.UNCERTIFIED, math.nan, 2.0), collapse], [1, 1])
+    assert (open_end.status, open_end.high) == (Status.UNCERTIFIED, 1.0)
+    assert math.isnan(open_end.low)
+
+
+def test_a_bound_of_any_case_bounds_the_factor() -> None:
+    """Against all labellings: with everything undecided the bound is above the best governing factor."""
+    cases = [{"name": "r", "live": RIGHT}, {"name": "l", "live": LEFT, "required": 1.7}]
+    assembly = build_assembly(parse_scene(document(cases)))
+    each = [Relaxation(LimitAnalysis(case)) for case in assembly.by_case]
+    relaxation = CaseRelaxation(each, assembly.required.tolist())
+    count = len(assembly.interfaces)
+    free = assembly.free_faces
+    values = []
+    for number in range(0, 2 ** int(free.sum()), 3):
+        labels = np.ones(count, dtype=bool)
+        labels[free] = [bool(number >> k & 1) for k in range(int(free.sum()))]
+        found = solve(assembly, labels)
+        if found.status is Status.COLLAPSE:
+            values.append(found.load_factor)
+            decided = np.zeros(count, dtype=bool)
+            assert relaxation.refute(labels, decided, found.load_factor * (1.0 - 1e-6)) is None
+            proof = relaxation.refute(labels, decided, found.load_factor * (1.0 + 1e-5))
+            assert proof is not None
+            assert proof.bound >= found.load_factor * (1.0 - 1e-7)
+    assert relaxation.bound(np.ones(count, dtype=bool), free) >= max(values) * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("loads", "words"),
+    [
+        ({"live": RIGHT, "cases": [{"name": "a", "live": RIGHT}]}, 'loads.live: it stands beside "cases"'),
+        ({"cases": []}, "loads.cases"),
+        ({"cases": [{"name": "a"}]}, "loads.cases[0].live: missing"),
+        ({"cases": [{"name": "a", "live": []}]}, "loads.cases[0].live: the live load is zero"),
+        ({"cases": [{"name": "a", "live": RIGHT}] * 2}, "loads.cases[1].name: 'a' is used twice"),
+        ({"cases": [{"name": "a", "live": RIGHT, "required": 0}]}, "loads.cases[0].required"),
+        ({"cases": [{"name": "a", "live": [{"element": "x", "force": [1, 0]}]}]}, "loads.cases[0].live[0].element"),
+        ({"cases": [{"name": "a", "live": RIGHT, "dead": [{"body": "x"}]}]}, "loads.cases[0].dead[0].body"),
+        ({"cases": [{"name": "a", "live": RIGHT, "lvie": 1}]}, "loads.cases[0].lvie: unknown key"),
+    ],
+)
+def test_wrong_cases(loads: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        build_assembly(parse_scene({**grid_document(ROWS), "loads": loads}))
+    assert str(caught.value).removeprefix("scene: ").startswith(words)
+
+
+def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(document([{"name": "r", "live": RIGHT}, {"name": "l", "live": LEFT, "required": 2.0}])))
+    found = json.loads(call(monkeypatch, capsys, "solve", file, "--json").out)
+    assert set(found["cases"]) == {"r", "l"}
+    assert found["governing"] in found["cases"]
+    ratios = {"r": found["cases"]["r"]["load_factor"], "l": found["cases"]["l"]["load_factor"] / 2.0}
+    assert found["load_factor"] == pytest.approx(min(ratios.values()), rel=1e-9)
+    assert ratios[found["governing"]] == min(ratios.values())
+    out = call(monkeypatch, capsys, "solve", file, "--out", tmp_path / "out").out
+    assert "λ r" in out
+    assert sorted(p.name for p in (tmp_path / "out").glob("*.png")) == ["result-1.png", "result-2.png"]
+    checked = call(monkeypatch, capsys, "check", file).out
+    assert "live load l" in checked
+    assert "symmetries" in checked
