@@ -28,7 +28,7 @@ def main() -> None:
     labellings = np.concatenate([labels for labels, _ in batches])
     multiplicity = int(sum(weights.sum() for _, weights in batches))
     routes = {name: LimitAnalysis(assembly, solver=name) for name in ("clarabel", "highs")}
-    scale, floor = routes["clarabel"].template.scaling.load, load_floor(routes["clarabel"].template)
+    scale, floor = routes["clarabel"].template.scaling.load, load_floor(assembly)
     seconds = dict.fromkeys(routes, 0.0)
     tally: Counter[tuple[str, str]] = Counter()
     differences: list[tuple[float, str, float, float, str]] = []
