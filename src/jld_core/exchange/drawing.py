@@ -103,8 +103,9 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
     _name(cells, marks, options)
     _support(cells, marks, options, size, tolerance, notes)
     document: dict[str, Any] = {"name": drawing.name, "units": {"length": unit, "force": "N"}}
-    document |= {key: value for key, value in drawing.facts.items() if key not in ("loads",)}
-    document["elements"] = [_element(cell, size) for cell in cells]
+    document |= {key: value for key, value in drawing.facts.items() if key not in ("loads", "elements")}
+    keys = drawing.facts.get("elements", {})
+    document["elements"] = [_element(cell, size) | keys.get(cell.name, {}) for cell in cells]
     if options.thickness is not None or "thickness" not in document:
         document["thickness"] = 1.0 if options.thickness is None else options.thickness
         if options.thickness is None:
@@ -155,19 +156,22 @@ def _cells(
 ) -> list[_Cell]:
     """Elements: outlines, cut by the lines that cross them; or, without outlines, the cells of the network."""
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
-    outlines = [k for k in kept if paths[k].closed]
+    holes = [k for k in kept if paths[k].closed and options.role(paths[k].layer) == "hole"]
+    outlines = [k for k in kept if paths[k].closed and k not in holes]
     lines = [k for k in kept if not paths[k].closed]
     notes.skip(
         "holes", sum(len(paths[k].holes) for k in outlines), "an element has none; what lies in them stays empty"
     )
     network = [k for k in outlines if options.role(paths[k].layer) != "support"] == []
     segments = [shapely.LineString(snapped.paths[k]) for k in lines]
+    segments += [shapely.LinearRing(snapped.paths[k]) for k in holes]
+    empty = shapely.union_all([shapely.Polygon(snapped.paths[k]) for k in holes])
     if network and not segments:
         raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
     used = _one_outline_each(outlines, paths, snapped, notes)
     cells: list[_Cell] = []
     if network:
-        cells = _network(segments, [paths[k].layer for k in lines], options, size, notes)
+        cells = _network(segments, [paths[k].layer for k in (*lines, *holes)], options, size, notes)
         cells += [_Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
     else:
         tree = shapely.STRtree(segments) if segments else None
@@ -184,6 +188,7 @@ def _cells(
         if parts:
             whole = len({cell.owner for cell in cells if cell.owner is not None})
             notes.found.append(f"{several(whole, 'outline')} cut into {parts} cells by the lines that cross them")
+    cells = [cell for cell in cells if not empty.contains(shapely.Polygon(cell.points).representative_point())]
     if not cells:
         raise InputError("", "its lines enclose nothing", "lines that meet within --tolerance around every cell")
     if len(cells) > MOST:

@@ -32,7 +32,8 @@ ROLES: Final = {
     "load": ("*load*",),
     "dead": ("*dead*",),
     "id": ("ids", "*names*"),
-    "skip": ("*dimension*", "defpoints"),
+    "hole": ("holes",),
+    "skip": ("*dimension*", "defpoints", "arrows", "block ids"),
 }
 """Layers by their names, as patterns, where no option names them; letters may be capital or not."""
 
@@ -45,7 +46,7 @@ class ImportOptions:
     plane. tolerance: of snapping, in the units of the scene, default 1e-6 of the size. facet: largest distance of
     chords from arcs, default 1e-3 of the size. unit: of the file's lengths ("mm", "in", …), where its header says
     none or the wrong one; lengths then become metres. like: a scene whose materials, search and, where the file
-    holds none, body loads are taken over.
+    holds none, loads are taken over, those on elements by name.
     """
 
     support: tuple[str, ...] = ()
@@ -68,7 +69,7 @@ class ImportOptions:
             raise InputError("--unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
 
     def role(self, layer: str) -> str | None:
-        """What a layer is for: "support", "dry", "inner", "load", "dead", "id", "skip", or None for anything else."""
+        """What a layer is for: "support", "dry", "inner", "load", another key of ROLES, or None for anything else."""
         plain = layer.casefold()
         for role in ("support", "dry", "inner", "load"):
             if any(fnmatchcase(plain, pattern.casefold()) for pattern in getattr(self, role) if pattern != LOWEST):
@@ -164,9 +165,10 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
             document[key] = like[key]
     loads = document.setdefault("loads", {})
     if not loads.get("live"):
-        bodies = [entry for entry in like.get("loads", {}).get("live", []) if "body" in entry]
-        bodies = [entry for entry in bodies if len(entry["body"]) == dimension]
-        loads["live"] = bodies or [{"body": [1.0, 0.0, 0.0][:dimension]}]
-        if not bodies:
+        ids = {entry["id"] for entry in document["elements"]}
+        given = [entry for entry in like.get("loads", {}).get("live", []) if entry.get("element") in (None, *ids)]
+        fitting = [entry for entry in given if len(entry.get("body") or entry.get("force") or []) in (0, dimension)]
+        loads["live"] = fitting or [{"body": [1.0, 0.0, 0.0][:dimension]}]
+        if not fitting:
             notes.assumed.append("a horizontal body load along x: no load was found")
     return document

@@ -14,10 +14,11 @@ from jld_core.exchange.libraries import library, readable
 from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
 
+_KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements")
 _DEPTH: Final = 16
 _UNITS: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
 FACTS: Final = "jld"
-"""Custom property of a drawing that jld wrote: the keys of the scene that a drawing does not show."""
+"""Custom properties of a drawing that jld wrote, numbered: keys of the scene that a drawing does not show."""
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing:
@@ -89,14 +90,17 @@ class _Reader:
         return Drawing(self.paths, self.marks, unit, facts, name)
 
     def _facts(self) -> dict[str, Any]:
-        text = "".join(value for key, value in self.document.header.custom_vars if key == FACTS)
+        parts = sorted((str(key), str(value)) for key, value in self.document.header.custom_vars)
+        text = "".join(value for key, value in parts if key[: len(FACTS)] == FACTS and key[len(FACTS) :].isdigit())
         if not text:
             return {}
         found = json.loads(text)
         if not isinstance(found, dict):
             raise InputError(FACTS, "the property holds no object", "what jld export wrote")
         return {
-            key: found[key] for key in ("name", "units", "materials", "thickness", "loads", "search") if key in found
+            key: found[key]
+            for key in ("name", "units", "materials", "thickness", "loads", "search", "elements")
+            if key in found
         }
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:

@@ -51,6 +51,10 @@ def read_mesh(path: File, notes: Notes) -> Solids:
     parts = [part for name, faces in groups for part in _parts(name, points, faces)]
     if not parts:
         raise InputError("", "it holds no faces", "closed surfaces, one for each block")
+    said = re.findall(rb"(?m)^comment block \d+ (.*?)\r?$", data) if kind == "ply" else []
+    if len(said) == len(parts):  # names that jld wrote
+        words = [word.decode("utf-8", "replace") for word in said]
+        parts = [Part(word, word, part.vertices, part.faces) for word, part in zip(words, parts, strict=True)]
     notes.found.append(f"{len(groups)} groups" if len(groups) > 1 else "one group, by closed part")
     return Solids(parts, name=path.stem)
 

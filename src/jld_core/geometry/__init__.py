@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from jld_core.geometry.congruence import Shape, congruent, shape_numbers
 from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps, words_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
@@ -23,6 +24,7 @@ from jld_core.geometry.spatial_contacts import (
     near_solids,
     spatial_interfaces,
 )
+from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_outlines, union_solids
 
 __all__ = [
     "Faces",
@@ -30,11 +32,16 @@ __all__ = [
     "NearMiss",
     "Overlap",
     "PlanarContact",
+    "Region",
+    "Shape",
     "Snapped",
     "SnappedSolids",
     "SpatialContact",
+    "Surface",
     "check_overlaps",
     "check_polygons",
+    "congruent",
+    "extrude",
     "facets_of",
     "find_planar_contacts",
     "find_spatial_contacts",
@@ -46,12 +53,16 @@ __all__ = [
     "planar_interfaces",
     "rectangle_torsion_length",
     "refuse_overlaps",
+    "region_of",
+    "shape_numbers",
     "snap_paths",
     "snap_polygons",
     "snap_solids",
     "solids",
     "spatial_interfaces",
     "straight",
+    "union_outlines",
+    "union_solids",
     "without_repeats",
     "words_of",
 ]

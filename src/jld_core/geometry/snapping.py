@@ -65,7 +65,7 @@ def snap_paths(
     first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
     node_of = merge_points(corners, tolerance)
     place = corners[_representatives(node_of)]
-    rings = [_without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
+    rings = [without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
     merged = len(np.unique(corners, axis=0)) - len(place)
     place = _onto_edges(place, rings, closed, tolerance)
     rings, own = _with_hanging(place, rings, closed, tolerance)
@@ -75,7 +75,7 @@ def snap_paths(
             _without_straight(place, ring, mask, closed=shut)
             for ring, mask, shut in zip(rings, own, closed, strict=True)
         ]
-    rings = [_without_spikes(ring, closed=shut) for ring, shut in zip(rings, closed, strict=True)]
+    rings = [without_spikes(ring, closed=shut) for ring, shut in zip(rings, closed, strict=True)]
     shift = np.linalg.norm(place[node_of] - corners, axis=1)
     lost = tuple(k for k, ring in enumerate(rings) if len(ring) < (3 if closed[k] else 2))
     return Snapped(
@@ -227,7 +227,7 @@ def straight(outline: Floats) -> Floats:
     return outline[kept] if np.count_nonzero(kept) > 2 else outline
 
 
-def _without_spikes(ring: Sequence[int], *, closed: bool) -> list[int]:
+def without_spikes(ring: Sequence[int], *, closed: bool) -> list[int]:
     """A ring of nodes without repeats and without runs there and back again."""
     kept: list[int] = []
     for node in ring:

@@ -1,0 +1,113 @@
+"""What of a scene a file of another kind has no place for, carried along so that nothing is lost on the way back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.assembly import Assembly
+from jld_core.exchange.layout import Layout
+from jld_core.exchange.options import rounded
+
+_SCENE: Final = ("name", "units", "materials", "source", "notes")
+_ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
+
+
+def document_of(layout: Layout) -> dict[str, Any]:
+    """The layout's scene as a document, defaults left out."""
+    found: dict[str, Any] = layout.scene.model_dump(mode="json", exclude_defaults=True)
+    return found
+
+
+def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
+    """Name, units, materials and loads of a layout's scene.
+
+    cells: the file holds every element; else blocks, and point loads go to these. spatial: a planar scene is extruded,
+    so its vectors (x, y) become (x, 0, y) and places lie in the middle of the thickness.
+    """
+    document = document_of(layout)
+    facts: dict[str, Any] = {key: document[key] for key in _SCENE if key in document}
+    lift = spatial and layout.assembly.dimension == 2
+    if lift and isinstance(document["materials"].get("gravity"), list):
+        gx, gy = document["materials"]["gravity"]
+        facts["materials"] = {**document["materials"], "gravity": [gx, 0.0, gy]}
+    names = _names(layout, cells)
+    loads = {}
+    for key in ("live", "dead"):
+        entries = [_load(entry, names, layout, lift) for entry in document["loads"].get(key, [])]
+        if entries:
+            loads[key] = entries
+    facts["loads"] = loads
+    if layout.assembly.dimension == 2 and not spatial:
+        facts["thickness"] = layout.thickness
+    return facts
+
+
+def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
+    if cells:
+        return lambda name: name
+    index, blocks = layout.assembly.elements.index, layout.blocks
+    return lambda name: blocks[int(layout.block_of[index[name]])].name
+
+
+def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
+    if "body" in entry:
+        return {"body": _lifted(entry["body"]) if lift else entry["body"]}
+    element = layout.assembly.elements.index[entry["element"]]
+    found: dict[str, Any] = {"element": names(entry["element"])}
+    if entry.get("force") is not None:
+        # said explicitly, since the centroid of a block is not that of its cell
+        at = entry.get("at") or layout.assembly.elements.centroid[element].tolist()
+        found["force"] = _lifted(entry["force"]) if lift else entry["force"]
+        found["at"] = _lifted(at, 0.5 * layout.thickness) if lift else at
+    if np.any(entry.get("moment", 0.0)):
+        # counter-clockwise in x–z is about −y
+        found["moment"] = [0.0, -float(entry["moment"]), 0.0] if lift else entry["moment"]
+    elif "force" not in found:
+        found["moment"] = [0.0, 0.0, 0.0] if lift or layout.assembly.dimension == 3 else 0.0
+    return found
+
+
+def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
+    return [vector[0], y, vector[1]]
+
+
+def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
+    """By element what a scene says of it besides its geometry."""
+    entries = layout.scene.elements or []
+    dumped = [entry.model_dump(mode="json", exclude_defaults=True) for entry in entries]
+    kept: dict[str, dict[str, Any]] = {}
+    for entry in dumped:
+        kept[entry["id"]] = {str(key): entry[key] for key in _ELEMENT if key in entry}
+    return {name: keys for name, keys in kept.items() if keys}
+
+
+def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
+    """All interfaces one by one, labelled, with their strengths where these differ from the materials'."""
+    assembly = layout.assembly
+    faces, ids = assembly.interfaces, assembly.elements.ids
+    rows = _overrides(assembly)
+    return [
+        {
+            "elements": [ids[a], ids[b]],
+            "polygon": rounded(polygon, assembly.size),
+            "label": "dry" if dry else "inner",
+            **rows[k],
+        }
+        for k, (a, b, polygon, dry) in enumerate(zip(faces.a, faces.b, faces.polygon, layout.labels, strict=True))
+    ]
+
+
+def _overrides(assembly: Assembly) -> list[dict[str, float]]:
+    strengths = assembly.strengths
+    names = {"friction": "friction_coefficient", "tension": "tensile_strength", "shear": "shear_strength"}
+    rows: list[dict[str, float]] = [{} for _ in assembly.labels]
+    for field, key in names.items():
+        values = getattr(strengths, field)
+        usual = float(np.median(values)) if len(values) and np.isfinite(values).all() else None
+        for row, value in zip(rows, values.tolist(), strict=True):
+            if usual is not None and value != usual:
+                row[key] = value
+    return rows

@@ -1,0 +1,146 @@
+"""Blocks → COMPAS JSON, as compas_assembly writes its own: blocks at nodes, interfaces along edges."""
+
+from __future__ import annotations
+
+import json
+import uuid
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.exchange.facts import element_keys, facts_of, interfaces_of
+from jld_core.exchange.layout import Layout
+from jld_core.exchange.write_mesh import solids_of
+
+_SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
+
+
+def compas_text(layout: Layout, *, cells: bool) -> str:
+    """An assembly of compas_assembly; what it has no place for stands in its attribute "jld"."""
+    solids = list(solids_of(layout, cells=cells))
+    facts = facts_of(layout, cells=cells, spatial=True)
+    keys = _weights(layout, cells)
+    if cells:
+        facts["interfaces"] = [
+            {**entry, "polygon": _in_space(layout, np.array(entry["polygon"])).tolist()}
+            for entry in interfaces_of(layout)
+        ]
+    nodes, edges = {}, {str(k): {} for k in range(len(solids))}  # type: ignore[var-annotated]
+    for k, (name, support, surface) in enumerate(solids):
+        block = {
+            "attributes": {"name": name, "node": k},
+            "default_vertex_attributes": {"x": 0.0, "y": 0.0, "z": 0.0},
+            "default_edge_attributes": {},
+            "default_face_attributes": {},
+            "vertex": {str(i): dict(zip("xyz", p, strict=True)) for i, p in enumerate(surface.points.tolist())},
+            "face": {str(i): list(loop) for i, loop in enumerate(surface.faces)},
+            "facedata": {},
+            "edgedata": {},
+            "max_vertex": len(surface.points) - 1,
+            "max_face": len(surface.faces) - 1,
+        }
+        x, y, z = surface.points.mean(axis=0).tolist()
+        own = dict(keys.get(name, {}))
+        if "block" in own:
+            own["block_name"] = own.pop("block")
+        nodes[str(k)] = {
+            "block": _envelope("compas_assembly.datastructures/Block", block, name),
+            "name": name,
+            "is_support": support,
+            "x": x,
+            "y": y,
+            "z": z,
+            **own,
+        }
+    number = {name: k for k, (name, _, _) in enumerate(solids)}
+    for a, b, points in _faces(layout, cells):
+        face = {
+            "points": points.tolist(),
+            "size": _area(points),
+            "frame": _envelope("compas.geometry/Frame", _frame(points), ""),
+            "forces": None,
+            "mesh": None,
+        }
+        others = edges[str(number[a])]
+        entry = others.setdefault(str(number[b]), {"interfaces": []})
+        entry["interfaces"].append(_envelope("compas_assembly.datastructures/Interface", face, f"{a} {b}"))
+    graph = {
+        "attributes": {"name": "Graph"},
+        "default_node_attributes": {"block": None, "is_support": False, "displacement": [0, 0, 0, 0, 0, 0]},
+        "default_edge_attributes": {"interfaces": None},
+        "node": nodes,
+        "edge": edges,
+        "max_node": len(nodes) - 1,
+    }
+    data = {
+        "attributes": {"name": layout.assembly.name, "jld": facts},
+        "graph": _envelope("compas.datastructures/Graph", graph, "graph"),
+    }
+    return json.dumps(_envelope("compas_assembly.datastructures/Assembly", data, layout.assembly.name), indent=1) + "\n"
+
+
+def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
+    """An object as COMPAS sends it; the same file for the same layout, so its identity follows from its name."""
+    found = {"dtype": kind, "data": data}
+    return found if kind.startswith("compas.geometry") else {**found, "guid": str(uuid.uuid5(_SPACE, f"{kind} {name}"))}
+
+
+def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
+    """Interfaces between what the file holds, with their corners in space."""
+    assembly = layout.assembly
+    faces = assembly.interfaces
+    found = []
+    for a, b, polygon in zip(faces.a.tolist(), faces.b.tolist(), faces.polygon, strict=True):
+        if cells:
+            one, two = assembly.elements.ids[a], assembly.elements.ids[b]
+        else:
+            one, two = (layout.blocks[int(layout.block_of[k])].name for k in (a, b))
+        if one == two:
+            continue
+        found.append((one, two, _in_space(layout, polygon)))
+    return found
+
+
+def _in_space(layout: Layout, polygon: Floats) -> Floats:
+    """Corners (k, 3) of an interface; a planar one is as deep as its scene."""
+    if layout.assembly.dimension == 3:
+        return polygon
+    (x0, z0), (x1, z1) = polygon.tolist()
+    depth = layout.thickness
+    return np.array([[x0, 0.0, z0], [x1, 0.0, z1], [x1, depth, z1], [x0, depth, z0]])
+
+
+def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
+    """Weight and centroid of what the file holds, by name: as the scene has them, whatever the geometry says."""
+    elements = layout.assembly.elements
+    weight = np.linalg.norm(elements.weight, axis=1)
+    found: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
+    if cells and layout.assembly.dimension == 3:
+        return found
+    if cells:
+        rows = [
+            (name, weight[k], elements.centroid[k]) for k, name in enumerate(elements.ids) if not elements.support[k]
+        ]
+    else:
+        free = [block for block in layout.blocks if block.cells and not block.support]
+        rows = [(b.name, weight[list(b.elements)].sum(), np.array(b.centroid)) for b in free]
+    for name, force, centroid in rows:
+        x = centroid.tolist()
+        place = x if len(x) == 3 else [x[0], 0.5 * layout.thickness, x[1]]
+        found[name] = {"weight": float(force), "centroid": place}
+    return found
+
+
+def _area(points: Floats) -> float:
+    arm = points - points[0]
+    return float(np.linalg.norm(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)))
+
+
+def _frame(points: Floats) -> dict[str, list[float]]:
+    arm = points - points[0]
+    normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+    x = points[1] - points[0]
+    x = x / np.linalg.norm(x)
+    y = np.cross(normal / np.linalg.norm(normal), x)
+    return {"point": points.mean(axis=0).tolist(), "xaxis": x.tolist(), "yaxis": y.tolist()}

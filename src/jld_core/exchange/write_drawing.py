@@ -1,0 +1,164 @@
+"""Planar blocks → DXF, by ezdxf, and SVG: outlines on layers by shape, joints and cracks on their own."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.exchange.facts import element_keys, facts_of
+from jld_core.exchange.layout import Layout
+from jld_core.exchange.libraries import library
+from jld_core.exchange.read_dxf import FACTS
+from jld_core.geometry import polygons
+
+_UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}
+_COLOURS: Final = (1, 30, 50, 90, 130, 170, 210, 240)
+_LAYERS: Final = {
+    "SUPPORTS": 8, "JOINTS": 7, "CRACKS": 1, "HOLES": 9, "IDS": 5, "BLOCK IDS": 3, "ARROWS": 1, "DIMENSIONS": 8,
+}  # fmt: skip
+_CHUNK: Final = 200
+
+
+def write_dxf(layout: Layout, path: Path) -> None:
+    """A DXF file. Planar: outlines and lines; spatial: a mesh for each block, to look at and to cut.
+
+    Raises InputError without ezdxf.
+    """
+    ezdxf = library("ezdxf", path)
+    document = ezdxf.new(setup=True)
+    document.header["$INSUNITS"] = _UNITS.get(layout.assembly.units[0], 0)
+    space = document.modelspace()
+    layers = {f"SHAPE_{n:02d}": _COLOURS[n % len(_COLOURS)] for n in sorted({b.shape for b in layout.blocks} - {0})}
+    layers |= _LAYERS
+    for name, colour in layers.items():
+        document.layers.add(name, color=colour)
+    if layout.assembly.dimension == 3:
+        for block, surfaces in zip(layout.blocks, layout.surfaces, strict=True):
+            for surface in surfaces:
+                mesh = space.add_mesh(dxfattribs={"layer": _layer(block.shape, block.support and not block.cells)})
+                with mesh.edit_data() as data:
+                    data.vertices = surface.points.tolist()
+                    data.faces = [list(loop) for loop in surface.faces]
+        document.saveas(path)
+        return
+    facts = json.dumps({**facts_of(layout, cells=True, spatial=False), "elements": element_keys(layout)})
+    for number, begin in enumerate(range(0, len(facts), _CHUNK)):
+        document.header.custom_vars.append(f"{FACTS}{number:04d}", facts[begin : begin + _CHUNK])
+    _draw(layout, space)
+    document.saveas(path)
+
+
+def _layer(shape: int, support: bool) -> str:
+    return "SUPPORTS" if support else f"SHAPE_{shape:02d}"
+
+
+def _draw(layout: Layout, space: Any) -> None:
+    elements, faces = layout.assembly.elements, layout.assembly.interfaces
+    height = 0.15 * float(np.median(np.sqrt(layout.assembly.elements.volume / layout.thickness)))
+    for k, block in enumerate(layout.blocks):
+        if block.support:
+            # a block glued to a support is drawn in its elements, or what is support would be lost
+            for element in block.elements:
+                layer = "SUPPORTS" if elements.support[element] else _layer(block.shape, False)
+                space.add_lwpolyline(elements.shape[element].tolist(), close=True, dxfattribs={"layer": layer})
+            continue
+        for region in layout.regions[k]:
+            space.add_lwpolyline(region.shell.tolist(), close=True, dxfattribs={"layer": _layer(block.shape, False)})
+            for hole in region.holes:
+                space.add_lwpolyline(hole.tolist(), close=True, dxfattribs={"layer": "HOLES"})
+        x, y = block.centroid
+        at = {"layer": "BLOCK IDS", "height": height, "insert": (x, y - 1.5 * height)}
+        space.add_text(f"{block.name}: shape {block.shape}", dxfattribs=at)
+    for polygon, dry in zip(faces.polygon, layout.labels, strict=True):
+        space.add_line(*polygon.tolist(), dxfattribs={"layer": "JOINTS" if dry else "CRACKS"})
+    for name, shape in zip(elements.ids, elements.shape, strict=True):
+        space.add_text(name, dxfattribs={"layer": "IDS", "height": height, "insert": _inside(shape)})
+    for point, force in layout.assembly.live_points:
+        length = float(np.linalg.norm(np.array(force)))
+        if length > 0.0:
+            tail = np.array(point) - 6.0 * height * np.array(force) / length
+            space.add_line(tail.tolist(), point, dxfattribs={"layer": "ARROWS"})
+            space.add_text(f"{length:.6g}", dxfattribs={"layer": "ARROWS", "height": height, "insert": tail.tolist()})
+    _dimensions(layout, space, height)
+
+
+def _inside(outline: Floats) -> tuple[float, float]:
+    """A place well inside an outline: its centroid, or where that is outside, a point that is not."""
+    import shapely
+
+    shape = shapely.Polygon(outline)
+    point = shape.centroid if shape.contains(shape.centroid) else shape.representative_point()
+    return float(point.x), float(point.y)
+
+
+def _dimensions(layout: Layout, space: Any, height: float) -> None:
+    """Width and height of the whole, and of the first block of each shape."""
+    style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height, "dimdec": 3}
+    look = {"override": style, "dxfattribs": {"layer": "DIMENSIONS"}}
+    first = {block.shape: block for block in reversed(layout.blocks) if block.cells}
+    free = [block for block in layout.blocks if block.cells]
+    low = np.min([block.lower for block in free], axis=0).tolist()
+    high = np.max([block.upper for block in free], axis=0).tolist()
+    boxes: list[tuple[Any, Any, float]] = [(low, high, 8.0 * height)]
+    boxes += [(block.lower, block.upper, 0.0) for block in first.values()]
+    for (x0, y0), (x1, y1), gap in boxes:
+        space.add_linear_dim(base=(x0, y1 + gap), p1=(x0, y1), p2=(x1, y1), **look).render()
+        space.add_linear_dim(base=(x0 - gap, y0), p1=(x0, y0), p2=(x0, y1), angle=90, **look).render()
+
+
+def svg_text(layout: Layout) -> str:
+    """An SVG drawing of a planar layout, in its units, y down as SVG has it; groups are layers.
+
+    Raises InputError for a spatial layout.
+    """
+    if layout.assembly.dimension == 3:
+        raise InputError("--format svg", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")
+    elements = layout.assembly.elements
+    low, high = elements.lower.min(axis=0), elements.upper.max(axis=0)
+    size = float((high - low).max())
+    margin, line = 0.03 * size, 0.003 * size
+    box = (low[0] - margin, -high[1] - margin, high[0] - low[0] + 2 * margin, high[1] - low[1] + 2 * margin)
+
+    def ring(points: Floats) -> str:
+        return "M " + " L ".join(f"{x!r},{-y!r}" for x, y in points.tolist()) + " Z"
+
+    groups: dict[str, list[str]] = {}
+    for k, block in enumerate(layout.blocks):
+        name = escape(block.name, quote=True)
+        if block.support:
+            for element in block.elements:
+                layer = "supports" if elements.support[element] else f"shape {block.shape}"
+                own = escape(elements.ids[element], quote=True)
+                outline = ring(elements.shape[element])
+                groups.setdefault(layer, []).append(f'<path data-name="{own}" d="{outline}"/>')
+            continue
+        for region in layout.regions[k]:
+            outline = " ".join(ring(part) for part in (region.shell, *region.holes))
+            groups.setdefault(f"shape {block.shape}", []).append(f'<path data-name="{name}" d="{outline}"/>')
+    for polygon, dry in zip(layout.assembly.interfaces.polygon, layout.labels, strict=True):
+        (x0, y0), (x1, y1) = polygon.tolist()
+        layer = "joints" if dry else "cracks"
+        groups.setdefault(layer, []).append(f'<path d="M {x0!r},{-y0!r} L {x1!r},{-y1!r}"/>')
+    for name, shape in zip(elements.ids, elements.shape, strict=True):
+        x, y = _inside(shape)
+        groups.setdefault("ids", []).append(f'<text x="{x!r}" y="{-y!r}">{escape(name)}</text>')
+    tall = 0.12 * float(np.median(np.sqrt(np.abs([polygons.area(s[None])[0] for s in elements.shape]))))
+    looks = {
+        "supports": f'fill="#c9c9c9" stroke="#555" stroke-width="{line:.6g}"',
+        "joints": f'fill="none" stroke="#111" stroke-width="{2.0 * line:.6g}"',
+        "cracks": f'fill="none" stroke="#8a3b12" stroke-width="{line:.6g}" stroke-dasharray="{3 * line:.6g}"',
+        "ids": f'font-size="{tall:.6g}" text-anchor="middle" fill="#333" font-family="sans-serif"',
+    }
+    shown = f'fill="#dfe8f2" stroke="#333" stroke-width="{line:.6g}"'
+    body = [
+        f'<g id="{layer}" {looks.get(layer, shown)}>\n' + "\n".join(parts) + "\n</g>"
+        for layer, parts in sorted(groups.items(), key=lambda item: (item[0] in looks, item[0] == "ids"))
+    ]
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{v:.9g}" for v in box)}" width="800">'
+    return "\n".join([head, f"<title>{escape(layout.assembly.name)}</title>", *body, "</svg>"]) + "\n"

@@ -1,0 +1,72 @@
+"""A layout → a file of another program."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from pathlib import Path
+from typing import Final
+
+from jld_core.errors import InputError
+from jld_core.exchange.layout import Layout
+from jld_core.exchange.write_3dec import command_text
+from jld_core.exchange.write_compas import compas_text
+from jld_core.exchange.write_drawing import svg_text, write_dxf
+from jld_core.exchange.write_mesh import obj_text, ply_text, stl_text
+from jld_core.exchange.write_vtk import write_vtk
+
+FORMATS: Final = {
+    "dxf": ".dxf",
+    "obj": ".obj",
+    "stl": ".stl",
+    "ply": ".ply",
+    "compas": ".json",
+    "3dec": ".dat",
+    "vtk": ".vtu",
+    "svg": ".svg",
+}
+"""What can be written, and how such a file ends."""
+
+
+def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) -> Path:
+    """Write a layout for another program, whole or not at all.
+
+    kind: one of FORMATS. path: the file. cells: every element as a solid of its own, not every block (obj, stl, ply,
+    compas). Returns the path. Raises InputError: an unknown kind, one that has no such thing, or a missing library.
+    """
+    path = Path(path)
+    if kind not in FORMATS:
+        raise InputError("--format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
+    if cells and kind not in ("obj", "stl", "ply", "compas"):
+        raise InputError("--cells", f"{kind} draws blocks and the faces inside them", "obj, stl, ply or compas")
+    fresh = path.with_name(path.name + ".new")
+    try:
+        if kind == "dxf":
+            write_dxf(layout, fresh)
+        elif kind == "vtk":
+            write_vtk(layout, fresh)
+        else:
+            text = {
+                "obj": lambda: obj_text(layout, cells=cells),
+                "stl": lambda: stl_text(layout, cells=cells),
+                "ply": lambda: ply_text(layout, cells=cells),
+                "compas": lambda: compas_text(layout, cells=cells),
+                "3dec": lambda: command_text(layout),
+                "svg": lambda: svg_text(layout),
+            }[kind]()
+            fresh.write_text(text, encoding="utf-8")
+        os.replace(fresh, path)
+    finally:
+        fresh.unlink(missing_ok=True)
+    return path
+
+
+def blocks_csv(layout: Layout) -> str:
+    """The text of blocks.csv: one row for each block that holds a free element."""
+    rows = layout.table()
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]) if rows else ["block"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()

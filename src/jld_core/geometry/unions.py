@@ -1,0 +1,214 @@
+"""Cells that are one block, as one outline or one closed surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from jld_core import tolerances
+from jld_core.arrays import Floats
+from jld_core.geometry.polyhedra import Faces, Facets, facets_of
+from jld_core.geometry.snapping import merge_points, snap_polygons, straight, without_spikes
+
+_NEAR: Final = 1e-6
+"""Distance, relative to a planar block, within which its corners are one: above what contacts may gape."""
+
+_NEAR_SOLID: Final = 2.0 * tolerances.FACE
+"""The same for a spatial block."""
+
+
+_HAIR: Final = 1e-7
+
+
+@dataclass(frozen=True)
+class Region:
+    """A plane area. shell: (k, 2) counter-clockwise. holes: (k, 2) each, clockwise."""
+
+    shell: Floats
+    holes: tuple[Floats, ...] = ()
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A closed surface. points: (k, 3). faces: plane loops of indices, outward. triangles: (t, 3) of the same."""
+
+    points: Floats
+    faces: Faces
+    triangles: tuple[tuple[int, int, int], ...]
+
+
+def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
+    """What polygons cover together, in parts from left to right; (k, 2) corners each."""
+    size = float(np.ptp(np.concatenate(list(outlines)), axis=0).max())
+    snapped = snap_polygons(outlines, _NEAR * size, keep_nodes=True)
+    whole = shapely.union_all([shapely.Polygon(ring) for ring in snapped.paths])
+    parts = [part for part in shapely.get_parts(whole) if part.area > _NEAR**2 * size**2]
+    parts.sort(key=lambda part: part.bounds)
+    return [region_of(part) for part in parts]
+
+
+def region_of(part: shapely.Polygon) -> Region:
+    """A polygon of shapely, without corners in straight edges."""
+    part = shapely.Polygon(part.exterior, part.interiors)
+    shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
+    shell = shell if part.exterior.is_ccw else shell[::-1]
+    turned = [h[::-1] if ring.is_ccw else h for h, ring in zip(holes, part.interiors, strict=True)]
+    return Region(straight(shell), tuple(straight(hole) for hole in turned))
+
+
+def extrude(region: Region, depth: float) -> Surface:
+    """A region of the x–z plane, from y = 0 to y = depth."""
+    rings = (region.shell, *region.holes)
+    flat = np.concatenate(rings)
+    count = len(flat)
+    cap = _triangles(flat, _numbered(rings))
+    points = np.concatenate([np.column_stack([flat[:, 0], np.full(count, y), flat[:, 1]]) for y in (0.0, depth)])
+    # seen from −y, x to the right and z up: counter-clockwise rings face outward there, and sides run back from them
+    front = [tuple(t) for t in cap]
+    back = [(a + count, c + count, b + count) for a, b, c in cap]
+    sides: list[tuple[int, ...]] = []
+    begin = 0
+    for ring in rings:
+        size = len(ring)
+        sides += [
+            (begin + k, begin + count + k, begin + count + (k + 1) % size, begin + (k + 1) % size) for k in range(size)
+        ]
+        begin += size
+    caps: list[tuple[int, ...]] = [*front, *back]
+    if not region.holes:
+        caps = [tuple(range(count)), tuple(range(2 * count - 1, count - 1, -1))]
+    split = [t for side in sides for t in ((side[0], side[1], side[2]), (side[0], side[2], side[3]))]
+    return Surface(points, (*caps, *sides), (*front, *back, *split))  # type: ignore[arg-type]
+
+
+def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
+    """The outer surface of polyhedra that touch along parts of their faces; it is closed edge by edge.
+
+    vertices: (k, 3) of each. faces: outward loops of each, as `solids` returns them.
+    """
+    every = np.concatenate(list(vertices))
+    size = float(np.ptp(every, axis=0).max())
+    corners = every[np.unique(merge_points(every, _NEAR_SOLID * size), return_index=True)[1]]
+    facets = facets_of(list(vertices), list(faces))
+    pieces = [piece for plane in _planes(facets, _NEAR_SOLID * size) for piece in _outside(facets, plane, size)]
+    tree = cKDTree(corners)
+    rings: list[list[Floats]] = []
+    for _, loops in pieces:
+        placed = []
+        for loop in loops:
+            distance, nearest = (np.asarray(found) for found in tree.query(loop))
+            placed.append(np.where((distance <= _NEAR_SOLID * size)[:, None], corners[nearest], loop))
+        rings.append(placed)
+    flat = np.concatenate([loop for loops in rings for loop in loops])
+    node = merge_points(flat, _NEAR_SOLID * size)
+    points = flat[np.unique(node, return_index=True)[1]]
+    numbers = iter(np.split(node, np.cumsum([len(loop) for loops in rings for loop in loops])[:-1]))
+    found: list[tuple[int, ...]] = []
+    triangles: list[tuple[int, int, int]] = []
+    points_tree = cKDTree(points)
+    for (normal, _), loops in zip(pieces, rings, strict=True):
+        closed = [_with_nodes(next(numbers).tolist(), points, points_tree, _NEAR_SOLID * size) for _ in loops]
+        full = [loop for loop in (without_spikes(loop, closed=True) for loop in closed) if len(loop) > 2]
+        if not full:
+            continue
+        frame = _frame(normal)
+        local = points @ frame.T
+        cut = [(a, b, c) for a, b, c in _triangles(local, full)]
+        triangles += cut
+        found += [tuple(full[0])] if len(full) == 1 else [tuple(t) for t in cut]
+    return Surface(points, tuple(found), tuple(triangles))
+
+
+def _planes(facets: Facets, reach: float) -> list[list[int]]:
+    """Facets by the plane they lie in, whichever way they look."""
+    groups: list[list[int]] = []
+    for k in range(len(facets)):
+        for group in groups:
+            first = group[0]
+            apart = abs(float((facets.origin[k] - facets.origin[first]) @ facets.normal[first]))
+            if abs(float(facets.normal[k] @ facets.normal[first])) > 1.0 - 1e-8 and apart <= reach:
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return groups
+
+
+def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
+    """What of one plane is surface: normals outward, and loops in space, the outer one first."""
+    normal = facets.normal[plane[0]]
+    frame, origin = _frame(normal), facets.origin[plane[0]]
+
+    def region(facet: int) -> shapely.Geometry:
+        loops = [(loop - origin) @ frame.T for loop in facets.loops[facet]]
+        return shapely.make_valid(shapely.Polygon(loops[0], loops[1:]))
+
+    sides = [[region(k) for k in plane if facets.normal[k] @ normal * sign > 0.0] for sign in (1.0, -1.0)]
+    grid = 1e-9 * size
+    up, down = (shapely.union_all(side, grid_size=grid) if side else shapely.Polygon() for side in sides)
+    found = []
+    for sign, one, other in ((1.0, up, down), (-1.0, down, up)):
+        left = shapely.difference(one, other, grid_size=grid)
+        for part in shapely.get_parts(left):
+            if part.geom_type != "Polygon" or part.area <= (_NEAR_SOLID * size) * part.length:
+                continue
+            clean = region_of(part)
+            loops = [ring @ frame + origin for ring in (clean.shell, *clean.holes)]
+            found.append((sign * normal, loops if sign > 0.0 else [loop[::-1] for loop in loops]))
+    return found
+
+
+def _frame(normal: Floats) -> Floats:
+    """(2, 3) axes of a plane, right-handed with its normal."""
+    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    e1 = np.cross(least, normal)
+    e1 /= np.linalg.norm(e1)
+    return np.array([e1, np.cross(normal, e1)])
+
+
+def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:
+    """A loop with the corners of its neighbours that lie on its edges."""
+    full: list[int] = []
+    for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
+        if a == b:
+            continue
+        full.append(a)
+        along = points[b] - points[a]
+        length = float(np.linalg.norm(along))
+        near = [k for k in tree.query_ball_point(0.5 * (points[a] + points[b]), 0.5 * length) if k not in (a, b)]
+        on = []
+        for k in near:
+            share = float((points[k] - points[a]) @ along) / length**2
+            if np.linalg.norm(points[k] - points[a] - share * along) <= reach and 0.0 < share < 1.0:
+                on.append((share, k))
+        full += [k for _, k in sorted(on)]
+    return full
+
+
+def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
+    stops = np.cumsum([0, *(len(ring) for ring in rings)])
+    return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]
+
+
+def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
+    """Counter-clockwise triangles between the corners of a shell and its holes, and no others; points: (k, 2)."""
+    rings = [points[list(loop)] for loop in loops]
+    # a hole may touch the shell in a corner, which triangulation does not take: drawn in by a hair it does not
+    rings[1:] = [ring + _HAIR * (ring.mean(axis=0) - ring) for ring in rings[1:]]
+    number = {
+        tuple(p): k for loop, ring in zip(loops, rings, strict=True) for k, p in zip(loop, ring.tolist(), strict=True)
+    }
+    found = []
+    for triangle in shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:])).geoms:
+        a, b, c = shapely.get_coordinates(triangle)[:3]
+        if (b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0] < 0.0:
+            b, c = c, b
+        named = (number[tuple(a.tolist())], number[tuple(b.tolist())], number[tuple(c.tolist())])
+        if len(set(named)) == 3:
+            found.append(named)
+    return found
