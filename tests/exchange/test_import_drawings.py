@@ -186,11 +186,11 @@ def test_pairs_with_a_joint_and_a_crack_get_interfaces_of_their_own(tmp_path: Pa
 def test_svg_groups_are_layers_and_y_turns_up(tmp_path: Path) -> None:
     path = tmp_path / "sketch.svg"
     path.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape">'
+        '<svg width="210mm" viewBox="0 0 70 40" xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape">'
         '<g inkscape:label="Supports"><rect x="0" y="10" width="10" height="2"/></g>'
         '<g id="stones" transform="translate(0,5)"><path d="M0 0 h5 v5 h-5 z m5 0 h5 v5 h-5 z"/></g>'
         '<g id="stones2"><path d="M 0,5 A 5,5 0 0 1 10,5 Z"/></g>'
-        '<g id="names"><text x="2" y="7">left</text></g></svg>',
+        '<g id="names" transform="translate(1,0)"><text x="1" y="7">left</text></g></svg>',
         encoding="utf-8",
     )
     assembly = built(path, facet=0.001)

@@ -5,16 +5,16 @@ Every planar reader ends here: it says what is drawn where, and this module what
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
+from jld_core.exchange.drawn import MOST, Cell, Drawing, Mark
+from jld_core.exchange.drawn_loads import drawn_loads
 from jld_core.exchange.options import (
     FACET,
     LOWEST,
@@ -31,45 +31,7 @@ from jld_core.exchange.options import (
 from jld_core.exchange.paths import Path, flatten
 from jld_core.geometry import Snapped, find_planar_contacts, polygons, snap_paths, straight
 
-MOST: Final = 200_000
-"""Corners, lines or cells that a drawing may have: past that it is no structure, or no honest file."""
-
 _LEAST, _MOST_SIZE = 1e-12, 1e12
-
-_NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A point or a text on a layer; end: where an arrow ends, for a line on a load layer."""
-
-    at: tuple[float, float]
-    layer: str
-    text: str | None = None
-    end: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """What a file holds. unit: of its lengths, None where it does not say. facts: keys of a scene it carries along."""
-
-    paths: list[Path]
-    marks: list[Mark]
-    unit: str | None = None
-    facts: dict[str, Any] = field(default_factory=dict)
-    name: str = "drawing"
-
-
-@dataclass
-class _Cell:
-    """An element to be: its outline, layer, name, and the outline it was cut from."""
-
-    points: Floats
-    layer: str
-    name: str | None
-    owner: int | None = None
-    support: bool = False
-    block: str | None = None
 
 
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
@@ -110,7 +72,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
         document["thickness"] = 1.0 if options.thickness is None else options.thickness
         if options.thickness is None:
             notes.assumed.append("thickness 1: give --thickness")
-    document["loads"] = _loads(loads, marks, cells, options, drawing, notes)
+    document["loads"] = drawn_loads(loads, marks, cells, options, drawing, notes)
     document |= _labels(cells, paths, snapped, options, max(2.0 * tolerance, 1e-7 * size), notes)
     free = sum(not cell.support for cell in cells)
     notes.found.insert(0, f"{several(free, 'element')} and {several(len(cells) - free, 'support')}")
@@ -153,7 +115,7 @@ def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
 
 def _cells(
     paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
-) -> list[_Cell]:
+) -> list[Cell]:
     """Elements: outlines, cut by the lines that cross them; or, without outlines, the cells of the network."""
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
     holes = [k for k in kept if paths[k].closed and options.role(paths[k].layer) == "hole"]
@@ -169,10 +131,10 @@ def _cells(
     if network and not segments:
         raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
     used = _one_outline_each(outlines, paths, snapped, notes)
-    cells: list[_Cell] = []
+    cells: list[Cell] = []
     if network:
         cells = _network(segments, [paths[k].layer for k in (*lines, *holes)], options, size, notes)
-        cells += [_Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
+        cells += [Cell(snapped.paths[k], paths[k].layer, paths[k].name) for k in used]
     else:
         tree = shapely.STRtree(segments) if segments else None
         for k in used:
@@ -181,9 +143,9 @@ def _cells(
             near = [] if uncut or tree is None else [segments[i] for i in sorted(tree.query(shape).tolist())]
             pieces = _cut(shape, near, size) if shape.is_valid else []
             if len(pieces) > 1:
-                cells += [_Cell(piece, paths[k].layer, None, owner=k) for piece in pieces]
+                cells += [Cell(piece, paths[k].layer, None, owner=k) for piece in pieces]
             else:
-                cells.append(_Cell(snapped.paths[k], paths[k].layer, paths[k].name))
+                cells.append(Cell(snapped.paths[k], paths[k].layer, paths[k].name))
         parts = sum(cell.owner is not None for cell in cells)
         if parts:
             whole = len({cell.owner for cell in cells if cell.owner is not None})
@@ -213,7 +175,7 @@ def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, 
 
 def _network(
     segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
-) -> list[_Cell]:
+) -> list[Cell]:
     """Cells that a network of lines encloses, from below to above; the role of most of its boundary is a cell's."""
     noded = shapely.node(shapely.MultiLineString(segments))
     cells, cuts, dangles, invalid = shapely.polygonize_full([noded])
@@ -231,7 +193,7 @@ def _network(
             ring = shapely.get_coordinates(piece.exterior)[:-1]
             drawn = 0.0 if ground is None else cell.exterior.intersection(ground).length / cell.exterior.length
             layer = next(la for la in layers if options.role(la) == "support") if drawn > 0.5 else ""
-            found.append(_Cell(ring, layer, None))
+            found.append(Cell(ring, layer, None))
     found.sort(key=lambda cell: tuple(np.round(cell.points.mean(axis=0)[::-1] / size, 9)))
     notes.found.append(f"a network of {several(len(segments), 'line')} around {several(len(found), 'cell')}")
     return found
@@ -261,7 +223,7 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
     return [piece for part in parts for piece in _without_holes(part)]
 
 
-def _name(cells: list[_Cell], marks: list[Mark], options: ImportOptions) -> None:
+def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
     """Names: a text on a layer for names inside the cell, else the outline's own, else a number."""
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
@@ -281,7 +243,7 @@ def _name(cells: list[_Cell], marks: list[Mark], options: ImportOptions) -> None
 
 
 def _support(
-    cells: list[_Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
+    cells: list[Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> None:
     """Supports: on a layer for them, with a point or text on one inside, or what touches the lowest point."""
     shapes = [shapely.Polygon(cell.points) for cell in cells]
@@ -307,7 +269,7 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
         raise InputError("", "all of its elements are supports", "at least one that is free")
 
 
-def _element(cell: _Cell, size: float) -> dict[str, Any]:
+def _element(cell: Cell, size: float) -> dict[str, Any]:
     # corners of neighbours in straight edges were needed to cut, and are no corners of the element
     cell.points = straight(cell.points)
     cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
@@ -316,7 +278,7 @@ def _element(cell: _Cell, size: float) -> dict[str, Any]:
 
 
 def _labels(
-    cells: list[_Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
+    cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
     """Labels of the faces that lie on lines of a layer for joints or cracks: lists of pairs, or, where two faces of
     one pair differ, all interfaces one by one."""
@@ -359,69 +321,3 @@ def _labels(
         for contact, word in zip(contacts, label.tolist(), strict=True)
     ]
     return {"interfaces": entries}
-
-
-def _loads(
-    paths: list[Path], marks: list[Mark], cells: list[_Cell], options: ImportOptions, drawing: Drawing, notes: Notes
-) -> dict[str, Any]:
-    """Forces: arrows along lines, or points and texts; their sizes from texts, 1 where there is none."""
-    loads: dict[str, Any] = {"live": [], "dead": []}
-    shapes = [shapely.Polygon(cell.points) for cell in cells]
-    for role, key in (("load", "live"), ("dead", "dead")):
-        texts = [mark for mark in marks if options.role(mark.layer) == role and mark.text]
-        bare = [mark for mark in marks if options.role(mark.layer) == role and not mark.text]
-        arrows = [path for path in paths if options.role(path.layer) == role and len(path.points) > 1]
-        taken: set[int] = set()
-        for path in arrows:
-            start, end = path.points[0, :2], path.points[-1, :2]
-            length = float(np.hypot(*(end - start)))
-            if length == 0.0:
-                notes.skip("loads", 1, "a line without length")
-                continue
-            number = _nearest(texts, 0.5 * (start + end), start, end, taken)
-            size = 1.0
-            if number is None:
-                notes.assumed.append(f"a force of 1 along a line on layer {path.layer}: it has no text")
-            else:
-                taken.add(number)
-                size = _numbers(texts[number])[0]
-            _apply(loads[key], cells, shapes, end, (size * (end - start) / length).tolist())
-        for number, mark in enumerate(texts):
-            if number not in taken:
-                values = _numbers(mark)
-                force = values[:2] if len(values) > 1 else [0.0, -values[0]]
-                _apply(loads[key], cells, shapes, np.array(mark.at), force)
-        for mark in bare:
-            notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
-    bodies = {key: list(drawing.facts.get("loads", {}).get(key, [])) for key in loads}
-    for key in loads:
-        drawn = len(loads[key])
-        loads[key] += bodies[key]
-        if drawn:
-            notes.found.append(f"{several(drawn, key + ' force')}")
-    return {key: value for key, value in loads.items() if value}
-
-
-def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """The text nearest to an arrow, no further from it than the arrow is long."""
-    arrow = shapely.LineString([start, end])
-    away = [(arrow.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
-    close = [(distance, k) for distance, k in away if distance <= arrow.length]
-    return min(close)[1] if close else None
-
-
-def _numbers(mark: Mark) -> list[float]:
-    found = [float(text) for text in _NUMBER.findall(mark.text or "")]
-    if not found or not all(np.isfinite(found)):
-        raise InputError(f"layer {mark.layer!r}", f"the text {mark.text!r} is no force", "a number, or two as fx,fy")
-    return found
-
-
-def _apply(
-    entries: list[dict[str, Any]], cells: list[_Cell], shapes: list[shapely.Polygon], at: Floats, force: list[float]
-) -> None:
-    """A force on the free element it touches; of several that of the least number."""
-    point = shapely.Point(at)
-    free = [k for k, cell in enumerate(cells) if not cell.support]
-    chosen = min(free, key=lambda k: (round(shapes[k].distance(point), 12), k))
-    entries.append({"element": cells[chosen].name, "force": [float(f) for f in force], "at": [float(v) for v in at]})

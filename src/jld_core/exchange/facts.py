@@ -34,11 +34,23 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
         gx, gy = document["materials"]["gravity"]
         facts["materials"] = {**document["materials"], "gravity": [gx, 0.0, gy]}
     names = _names(layout, cells)
-    loads = {}
+    loads: dict[str, Any] = {}
     for key in ("live", "dead"):
         entries = [_load(entry, names, layout, lift) for entry in document["loads"].get(key, [])]
         if entries:
             loads[key] = entries
+    if "cases" in document["loads"]:
+        loads["cases"] = [
+            {
+                **case,
+                **{
+                    key: [_load(entry, names, layout, lift) for entry in case[key]]
+                    for key in ("live", "dead")
+                    if key in case
+                },
+            }
+            for case in document["loads"]["cases"]
+        ]
     facts["loads"] = loads
     if layout.assembly.dimension == 2 and not spatial:
         facts["thickness"] = layout.thickness

@@ -123,17 +123,14 @@ class Layout:
                     inner=float(extent[inside].sum()),
                 )
             )
-        names = [block.name for block in found]
-        if len(set(names)) < len(names):  # one name of the scene, cut in several blocks
-            found = [Block(**{**vars(block), "name": f"{block.name}.{k + 1}"}) for k, block in enumerate(found)]
         return tuple(found)
 
     def _name(self, members: Ints) -> str:
-        """The scene's name of a block that is one of its blocks, else the name of its first element."""
+        """The scene's name of a block that is the whole of one of its blocks, else the name of its first element."""
         elements = self.assembly.elements
-        given = {elements.blocks[k] for k in members.tolist()}
-        (only,) = given if len(given) == 1 else (None,)
-        return only if only is not None else elements.ids[int(members[0])]
+        name = elements.blocks[int(members[0])]
+        whole = [k for k, other in enumerate(elements.blocks) if other == name]
+        return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
 
     def _shapes(self) -> list[int]:
         """Number of the shape of each block; a planar block may be turned over, a spatial one may not be mirrored."""
@@ -157,7 +154,7 @@ class Layout:
         """Rows of blocks.csv: the blocks that hold a free element, with their names, sizes and shapes."""
         ids, axes = self.assembly.elements.ids, "xyz"[: self.assembly.dimension]
         measure = "length" if self.assembly.dimension == 2 else "area"
-        return [
+        rows = [
             {
                 "block": block.name,
                 "elements": " ".join(ids[k] for k in block.elements),
@@ -174,6 +171,11 @@ class Layout:
             }
             for block in self.blocks
             if block.cells
+        ]
+        # to twelve digits: what sums leave behind the last is no news
+        return [
+            {key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in row.items()}
+            for row in rows
         ]
 
 

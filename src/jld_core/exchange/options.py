@@ -164,7 +164,9 @@ def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, 
         if key in like and key not in document:
             document[key] = like[key]
     loads = document.setdefault("loads", {})
-    if not loads.get("live"):
+    if not loads and like.get("loads", {}).get("cases"):
+        notes.assumed.append("loads of the scene it is to be like are cases, and are not taken over")
+    if not loads.get("live") and "cases" not in loads:
         ids = {entry["id"] for entry in document["elements"]}
         given = [entry for entry in like.get("loads", {}).get("live", []) if entry.get("element") in (None, *ids)]
         fitting = [entry for entry in given if len(entry.get("body") or entry.get("force") or []) in (0, dimension)]

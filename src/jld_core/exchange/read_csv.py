@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.errors import InputError
-from jld_core.exchange.drawing import MOST, Drawing
+from jld_core.exchange.drawn import MOST, Drawing
 from jld_core.exchange.libraries import text_of
 from jld_core.exchange.options import Notes
 from jld_core.exchange.paths import Path

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.errors import InputError
-from jld_core.exchange.drawing import MOST, Drawing, Mark
+from jld_core.exchange.drawn import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, readable
 from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points

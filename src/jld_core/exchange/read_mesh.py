@@ -17,7 +17,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange.drawing import MOST
+from jld_core.exchange.drawn import MOST
 from jld_core.exchange.libraries import library, readable
 from jld_core.exchange.options import Notes
 from jld_core.exchange.solids import Part, Solids, split

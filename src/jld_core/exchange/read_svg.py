@@ -11,12 +11,13 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.exchange.drawing import MOST, Drawing, Mark
+from jld_core.exchange.drawn import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, text_of
 from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
 
 _PIXEL: Final = 96.0
+_PAGE: Final = r"""\s(viewBox|width|height)\s*=\s*("[^"]*"|'[^']*')"""
 
 
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
@@ -30,6 +31,8 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         raise InputError("", "it defines entities, which may unfold to anything", "an SVG without a DTD of its own")
     if text.count("<use") > 1000 or text.count("<") > 2 * MOST:
         raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
+    # the page that a drawing is shown on is no part of it: lengths are those it was drawn in
+    text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
     try:
         root = svg.SVG.parse(io.StringIO(text), reify=True, ppi=_PIXEL)
         return _drawing(svg, root, path.stem, options, notes)
@@ -52,7 +55,8 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
                 walk(item, _named(own) or layer)
             elif isinstance(item, svg.Text):
                 if item.text:
-                    marks.append(Mark((float(item.x), -float(item.y)), layer, str(item.text)))
+                    place = svg.Point(item.x, item.y) * item.transform
+                    marks.append(Mark((float(place.x), -float(place.y)), layer, str(item.text)))
             elif isinstance(item, svg.Shape):
                 shape = svg.Path(item)
                 for part in shape.as_subpaths():
@@ -62,7 +66,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
                         paths.append(Path(bulged, closed, own.get("data-layer") or layer, own.get("data-name")))
                     if len(paths) > MOST:
                         raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
-            else:
+            elif not isinstance(item, svg.Title):
                 kind = type(item).__name__
                 unread[kind] = unread.get(kind, 0) + 1
 

@@ -14,7 +14,8 @@ from scipy.sparse.csgraph import connected_components
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.errors import InputError
-from jld_core.exchange.drawing import MOST, check_supports
+from jld_core.exchange.drawing import check_supports
+from jld_core.exchange.drawn import MOST
 from jld_core.exchange.options import (
     LOWEST,
     METRES,

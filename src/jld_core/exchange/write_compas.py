@@ -57,7 +57,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     for a, b, points in _faces(layout, cells):
         face = {
             "points": points.tolist(),
-            "size": _area(points),
+            "size": 0.5 * float(np.linalg.norm(_turn(points))),
             "frame": _envelope("compas.geometry/Frame", _frame(points), ""),
             "forces": None,
             "mesh": None,
@@ -91,15 +91,25 @@ def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
-    for a, b, polygon in zip(faces.a.tolist(), faces.b.tolist(), faces.polygon, strict=True):
+    for k, (a, b, polygon) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), faces.polygon, strict=True)):
         if cells:
             one, two = assembly.elements.ids[a], assembly.elements.ids[b]
         else:
             one, two = (layout.blocks[int(layout.block_of[k])].name for k in (a, b))
         if one == two:
             continue
-        found.append((one, two, _in_space(layout, polygon)))
+        points = _in_space(layout, polygon)
+        # corners turn about the normal out of the first, as COMPAS reads them
+        out = faces.normal[k] if assembly.dimension == 3 else np.array([faces.normal[k, 0], 0.0, faces.normal[k, 1]])
+        found.append((one, two, points if _turn(points) @ out > 0.0 else points[::-1]))
     return found
+
+
+def _turn(points: Floats) -> Floats:
+    """Twice the area of a plane polygon, as a vector."""
+    arm = points - points[0]
+    total: Floats = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+    return total
 
 
 def _in_space(layout: Layout, polygon: Floats) -> Floats:
@@ -132,14 +142,8 @@ def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _area(points: Floats) -> float:
-    arm = points - points[0]
-    return float(np.linalg.norm(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)))
-
-
 def _frame(points: Floats) -> dict[str, list[float]]:
-    arm = points - points[0]
-    normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+    normal = _turn(points)
     x = points[1] - points[0]
     x = x / np.linalg.norm(x)
     y = np.cross(normal / np.linalg.norm(normal), x)

@@ -73,18 +73,19 @@ def _draw(layout: Layout, space: Any) -> None:
             for hole in region.holes:
                 space.add_lwpolyline(hole.tolist(), close=True, dxfattribs={"layer": "HOLES"})
         x, y = block.centroid
-        at = {"layer": "BLOCK IDS", "height": height, "insert": (x, y - 1.5 * height)}
-        space.add_text(f"{block.name}: shape {block.shape}", dxfattribs=at)
+        wide, tall = (high - low for low, high in zip(block.lower, block.upper, strict=True))
+        words = f"{block.name}: shape {block.shape}, {wide:.4g} × {tall:.4g}"
+        _text(space, words, (x, y - 1.5 * height), 0.45 * height, "BLOCK IDS")
     for polygon, dry in zip(faces.polygon, layout.labels, strict=True):
         space.add_line(*polygon.tolist(), dxfattribs={"layer": "JOINTS" if dry else "CRACKS"})
     for name, shape in zip(elements.ids, elements.shape, strict=True):
-        space.add_text(name, dxfattribs={"layer": "IDS", "height": height, "insert": _inside(shape)})
+        _text(space, name, _inside(shape), height, "IDS")
     for point, force in layout.assembly.live_points:
         length = float(np.linalg.norm(np.array(force)))
         if length > 0.0:
             tail = np.array(point) - 6.0 * height * np.array(force) / length
             space.add_line(tail.tolist(), point, dxfattribs={"layer": "ARROWS"})
-            space.add_text(f"{length:.6g}", dxfattribs={"layer": "ARROWS", "height": height, "insert": tail.tolist()})
+            _text(space, f"{length:.6g}", (tail[0], tail[1] + 0.8 * height), 0.7 * height, "ARROWS")
     _dimensions(layout, space, height)
 
 
@@ -97,19 +98,25 @@ def _inside(outline: Floats) -> tuple[float, float]:
     return float(point.x), float(point.y)
 
 
+def _text(space: Any, words: str, at: tuple[float, float], height: float, layer: str) -> None:
+    """A text with its middle at a place."""
+    look = {"layer": layer, "height": height, "insert": at, "align_point": at, "halign": 4}
+    space.add_text(words, dxfattribs=look)
+
+
 def _dimensions(layout: Layout, space: Any, height: float) -> None:
-    """Width and height of the whole, and of the first block of each shape."""
-    style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height, "dimdec": 3}
-    look = {"override": style, "dxfattribs": {"layer": "DIMENSIONS"}}
-    first = {block.shape: block for block in reversed(layout.blocks) if block.cells}
+    """Width and height of the whole."""
+    style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height}
+    look = {
+        "override": {**style, "dimgap": 0.4 * height, "dimlfac": 1, "dimdec": 3},
+        "dxfattribs": {"layer": "DIMENSIONS"},
+    }
     free = [block for block in layout.blocks if block.cells]
-    low = np.min([block.lower for block in free], axis=0).tolist()
-    high = np.max([block.upper for block in free], axis=0).tolist()
-    boxes: list[tuple[Any, Any, float]] = [(low, high, 8.0 * height)]
-    boxes += [(block.lower, block.upper, 0.0) for block in first.values()]
-    for (x0, y0), (x1, y1), gap in boxes:
-        space.add_linear_dim(base=(x0, y1 + gap), p1=(x0, y1), p2=(x1, y1), **look).render()
-        space.add_linear_dim(base=(x0 - gap, y0), p1=(x0, y0), p2=(x0, y1), angle=90, **look).render()
+    x0, y0 = np.min([block.lower for block in free], axis=0).tolist()
+    x1, y1 = np.max([block.upper for block in free], axis=0).tolist()
+    away = 9.0 * height
+    space.add_linear_dim(base=(x0, y1 + away), p1=(x0, y1), p2=(x1, y1), **look).render()
+    space.add_linear_dim(base=(x0 - 0.5 * away, y0), p1=(x0, y0), p2=(x0, y1), angle=90, **look).render()
 
 
 def svg_text(layout: Layout) -> str:

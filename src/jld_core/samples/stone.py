@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
@@ -104,6 +105,10 @@ def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict
     within = [k for k in free if shapes[k][:, 0].min() <= x + 1e-9 and shapes[k][:, 0].max() >= x - 1e-9]
     chosen = min(within or free, key=lambda k: (*(worth(k)[::-1] if not spatial else worth(k)), k))
     top = float(shapes[chosen][:, -1].max())
+    if not spatial:
+        # on the outline, straight below the top
+        upright = shapely.LineString([(x, top - 2.0 * np.ptp(shapes[chosen])), (x, top)])
+        top = float(shapely.Polygon(shapes[chosen]).intersection(upright).bounds[3])
     foot = [float(x), top] if not spatial else [*map(float, shapes[chosen].mean(axis=0)[:2]), top]
     return [{"element": elements[chosen]["id"], "force": [0.0, 0.0, -1.0] if spatial else [0.0, -1.0], "at": foot}]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import math
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -236,30 +237,45 @@ def figure_of_result(result: LimitAnalysisResult) -> Figure:
     return figure
 
 
-def _figure(assembly: Assembly, count: int) -> tuple[Figure, list[Axes]]:
+def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[str]) -> Figure:
+    """Layouts of one assembly side by side, labels above mechanisms. titles: a line over each."""
+    count = len(results)
+    figure, axes = _figure(results[0].assembly, 2 * count, columns=count)
+    for k, (result, title) in enumerate(zip(results, titles, strict=True)):
+        draw_assembly(axes[k], result.assembly, result.labels)
+        axes[k].set_title(title, fontsize=10)
+        draw_mechanism(axes[count + k], result)
+    _finish(figure, axes, textwrap.shorten(results[0].assembly.name, 60, placeholder=" …"), columns=count)
+    return figure
+
+
+def _figure(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
     """A figure with axes of about the size that they will have, since line widths depend on it."""
     lower, upper = extent(assembly, projection_of(assembly))
     figure = Figure(dpi=120)
     FigureCanvasAgg(figure)
     axes = [figure.add_axes((0.0, 0.0, 1.0, 1.0), label=str(k)) for k in range(count)]
-    _place(figure, axes, upper - lower + 0.2 * float(np.max(upper - lower)))
+    _place(figure, axes, upper - lower + 0.2 * float(np.max(upper - lower)), columns)
     return figure, axes
 
 
-def _finish(figure: Figure, axes: list[Axes], title: str) -> None:
+def _finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
     """One scale for all axes, final sizes, and the title."""
     limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
     low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
     for ax in axes:
         ax.set_xlim(low[0], high[0])
         ax.set_ylim(low[1], high[1])
-    _place(figure, axes, high - low)
+    _place(figure, axes, high - low, columns)
     figure.suptitle(title, fontsize=11, y=1.0 - 0.1 / figure.get_figheight(), va="top")
 
 
-def _place(figure: Figure, axes: list[Axes], span: Floats) -> None:
-    """Sizes in inches from what has to fit: span (2,) of the data, ticks, titles, and the longest legend."""
-    stacked = len(axes) > 1 and span[1] < 0.4 * span[0]
+def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
+    """Sizes in inches from what has to fit: span (2,) of the data, ticks, titles, and the longest legend.
+
+    columns: of axes, row by row; default all in a row, or one above the other where the scene is very wide.
+    """
+    stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
     width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
     height = width * float(span[1] / span[0])
     if height > 6.0:
@@ -267,11 +283,12 @@ def _place(figure: Figure, axes: list[Axes], span: Floats) -> None:
     depth = max(furniture.legend_inches(ax) for ax in axes)
     slot = max(width + 0.75, 3.7)
     row = 0.45 + height + depth
-    columns, rows = (1, len(axes)) if stacked else (len(axes), 1)
+    columns = columns or (1 if stacked else len(axes))
+    rows = math.ceil(len(axes) / columns)
     total = (columns * slot + 0.1, rows * row + 0.55)
     figure.set_size_inches(*total)
     for k, ax in enumerate(axes):
-        column, line = (0, k) if stacked else (k, 0)
+        line, column = divmod(k, columns)
         left = column * slot + 0.5 * (slot - width) + 0.25
         bottom = total[1] - 0.55 - line * row - 0.45 - height
         ax.set_position((left / total[0], bottom / total[1], width / total[0], height / total[1]))

@@ -29,6 +29,7 @@ from jld_core.tolerances import GAP
 from jld_explore.cli import exchange, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
+from jld_explore.cli.layout import layout_of, plot_ranks
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report import (
@@ -139,7 +140,8 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
 
 @app.command()
 def solve(
-    scene: SceneFile,
+    scene: Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)],
+    rank: Annotated[int | None, typer.Option(min=1, help="Which layout of a folder; default the strongest.")] = None,
     friction: Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")] = "associative",
     range_: Annotated[
         bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
@@ -157,12 +159,17 @@ def solve(
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
     if out is not None:
         check_writable(out)
-    parsed, assembly = _load(scene, strict, quiet=as_json)
+    labels = None
+    if scene.is_dir() or rank is not None:
+        parsed, assembly, labels = layout_of(scene, rank)
+    else:
+        parsed, assembly = _load(scene, strict, quiet=as_json)
     if "search" in parsed.model_fields_set:
         _check_search(scene, parsed, assembly)
     try:
         result = solve_assembly(
             assembly,
+            labels,
             friction=friction,
             range=range_,
             effective_area=effective_area,
@@ -283,8 +290,12 @@ def plot(
     ],
     out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
     kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
+    rank: Annotated[str | None, typer.Option(help="Layouts of a folder, side by side: 1,4.")] = None,
 ) -> None:
     """Draw a scene with its own labels, or draw a study's pictures again."""
+    if rank is not None:
+        _say(str(plot_ranks(source, rank, out, str(kind))))
+        return
     if source.is_dir():
         done = read_folder(source)
         if out is not None:

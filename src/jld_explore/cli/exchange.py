@@ -1,8 +1,9 @@
-"""`jld import`: files of other programs in as scenes, blocks out as files."""
+"""`jld import` and `jld export`: files of other programs in as scenes, blocks out as files."""
 
 from __future__ import annotations
 
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,14 +11,18 @@ import typer
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions, import_file
+from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.models import solve
 from jld_core.scene import load_scene, parse_scene
+from jld_explore.cli.layout import layout_of
 from jld_explore.cli.samples import Out, write_scene
+from jld_explore.report import write_text
 
 
 def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the command line."""
     app.command(name="import")(import_command)
+    app.command(name="export")(export_command)
 
 
 def import_command(
@@ -59,3 +64,41 @@ def import_command(
         raise InputError(f"{file}: {error.where.lstrip(': ')}", error.problem, error.expected) from None
     write_scene(scene, out)
     sys.stdout.write(f"{found.report}\nwritten to   {out}\n")
+
+
+class Format(StrEnum):
+    DXF = "dxf"
+    OBJ = "obj"
+    STL = "stl"
+    PLY = "ply"
+    COMPAS = "compas"
+    THREE_DEC = "3dec"
+    VTK = "vtk"
+    SVG = "svg"
+
+
+def export_command(
+    source: Annotated[
+        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
+    ],
+    kind: Annotated[Format, typer.Option("--format", help="Kind of file.", show_default=False)],
+    out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
+    rank: Annotated[int | None, typer.Option(min=1, help="Which layout of a folder; default the strongest.")] = None,
+    cells: Annotated[
+        bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas).")
+    ] = False,
+) -> None:
+    """Write the blocks of a layout for another program, and a table of them."""
+    if out.is_dir() or not out.absolute().parent.is_dir():
+        raise InputError(str(out), "it cannot be written", "a file in a folder that is there")
+    scene, assembly, labels = layout_of(source, rank)
+    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind is Format.VTK else None)
+    try:
+        export(layout, str(kind), out, cells=cells)
+    except InputError as error:
+        raise (error if error.where.startswith(("--", str(out))) else error.within(str(source))) from None
+    table = out.with_suffix(".blocks.csv")
+    write_text(table, blocks_csv(layout))
+    free = sum(1 for block in layout.blocks if block.cells)
+    kinds = len({block.shape for block in layout.blocks if block.cells})
+    sys.stdout.write(f"{out}\n{table}: {free} blocks of {kinds} shapes\n")

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.limit import Status
 from jld_core.scene import Scene, load_scene
 from jld_explore.report import read_folder
-from jld_explore.space import from_string
+
+_MOST: Final = 6
 
 
 def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
@@ -29,8 +30,33 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
             raise error.within(str(source)) from None
         return scene, assembly, assembly.labels
     done = read_folder(source)
-    ranked = done.results[done.results["status"] == str(Status.COLLAPSE)]
-    found = ranked[ranked["rank"] == (rank or 1)]
-    if not len(found):
-        raise InputError("--rank", f"{source} has no layout of rank {rank or 1}", f"1 to {len(ranked)}")
-    return done.scene, done.assembly, from_string(str(found["labelling"].iloc[0]))
+    return done.scene, done.assembly, done.layout(rank or 1).labels
+
+
+def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
+    """Draw layouts of a folder side by side. text: ranks, as "1,4". out: the file, default in the folder.
+
+    Raises InputError for what is no rank, or no folder with ranks.
+    """
+    if not source.is_dir():
+        raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
+    try:
+        ranks = [int(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError("--rank", f"{text!r} is wrong", "ranks, as 1,4") from None
+    if not 1 <= len(ranks) <= _MOST:
+        raise InputError("--rank", f"{len(ranks)} layouts do not fit side by side", f"at most {_MOST}")
+    done = read_folder(source)
+    results = [done.result(rank) for rank in ranks]
+    target = out or source / f"layouts_{'_'.join(map(str, ranks))}.{ending}"
+    if target.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg or .pdf")
+    from jld_core.views import figures
+
+    counts = [sum(1 for block in done.layout(rank).blocks if block.cells) for rank in ranks]
+    titles = [
+        f"rank {rank}: λ = {result.load_factor:.5g}, {count} {'block' if count == 1 else 'blocks'}"
+        for rank, result, count in zip(ranks, results, counts, strict=True)
+    ]
+    figures.save_figure(figures.figure_of_layouts(results, titles), target)
+    return target

@@ -11,6 +11,7 @@ import pandas as pd
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
+from jld_core.exchange import blocks_csv
 from jld_core.limit import SolveOptions
 from jld_core.models import solve
 from jld_core.solvers import SOLVERS
@@ -87,7 +88,10 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
     write_text(study.folder / "pareto.csv", front.to_csv(index=False))
     write_text(study.folder / tables.CONVERGENCE, tables.convergence_table(study.store).to_csv(index=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
-    return Exploration(study.scene, study.assembly, results, front, found, study.folder, reason, model)
+    done = Exploration(study.scene, study.assembly, results, front, found, study.folder, reason, model)
+    if found["best_labelling"] is not None:
+        write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
+    return done
 
 
 def write_pictures(done: Exploration, ending: str = "png", out: Path | None = None) -> list[Path]:
