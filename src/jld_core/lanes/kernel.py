@@ -36,9 +36,11 @@ _FIRST: Final[dict[str, float]] = {
     "near": 0.1,
     "relax": 1e-3,
     "jumps": 1e-8,
+    "aim": 1.0,
 }
 TRIES: Final = (
     library.Try(**_FIRST, most=28),
+    library.Try(**_FIRST | {"aim": 0.0, "target": 1e-6, "margin": 0.0}, most=28),
     library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )

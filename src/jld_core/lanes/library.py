@@ -82,6 +82,7 @@ class Try(ctypes.Structure):
         ("near", ctypes.c_double),
         ("relax", ctypes.c_double),
         ("jumps", ctypes.c_double),
+        ("aim", ctypes.c_double),
         ("most", ctypes.c_int32),
     )
 

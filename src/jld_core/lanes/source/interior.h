@@ -45,6 +45,19 @@ struct Sides {
             }
     }
 
+    // out += |A| |x|, of one face
+    void weigh(int f, const Lane* x, Lane* out) const {
+        const double* b = p.sides + 14 * f;
+        const int end[2] = {p.low[f], p.high[f]};
+        for (int side = 0; side < 2; ++side, b += 7)
+            if (end[side] >= 0)
+                for (int r = 0; r < 3; ++r) {
+                    Lane& o = out[3 * end[side] + r];
+                    o += std::fabs(b[2 * r]) * absolute(x[0]) + std::fabs(b[2 * r + 1]) * absolute(x[1]);
+                    if (r == 2) o += std::fabs(b[6]) * absolute(x[2]);
+                }
+    }
+
     // A'u of one face
     void jump(int f, const Lane* u, Lane keep, Lane* out) const {
         Lane n = splat(0.0), s = splat(0.0), m = splat(0.0);
@@ -256,7 +269,7 @@ struct Interior {
 
         // predictor
         Lane weight0 = w.z0 / w.s0, lack0 = w.s0 - w.load - p.floor;
-        Lane work = dot(p.live, u) - 1.0 - w.z0;
+        Lane work = dot(p.live, u) - how.aim - w.z0;
         Lane corner = dot(p.live, reach) + weight0;
         Lane side0 = -w.z0 + weight0 * lack0 - work;  // comp = -s0 z0
         Lane dl = (side0 - dot(p.live, rhs)) / corner;
@@ -370,7 +383,8 @@ struct Interior {
         out.dual = (value - dot(p.dead, u)) / dot(p.live, u);
     }
 
-    Lane scale() const { return larger(absolute(w.load), splat(1e-4)); }
+    // what a gap is measured by; without an aim there is no lambda to speak of
+    Lane scale() const { return larger(absolute(w.load) * how.aim, splat(how.aim > 0.0 ? 1e-4 : 1.0)); }
 };
 
 }  // namespace jld

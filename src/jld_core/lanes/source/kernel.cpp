@@ -1,6 +1,7 @@
 // The C interface: labellings in, bounds out.
 #include <cstring>
 
+#include "edge.h"
 #include "proof.h"
 
 namespace jld {
@@ -16,13 +17,16 @@ struct Run {
     Work<PAIRS> work, ready;
     int64_t in_lane[W], in_ready[W];
     int age[W], waiting = 0, turn = 0;
-    std::vector<int64_t> next;
+    std::vector<int64_t> next, place;
+    std::vector<double> kept;
+    int64_t total = 0;
 
     Run(const JldProblem& problem, const JldTry* settings, int tries_, const uint8_t* bits, const JldAnswers& answers)
         : p(problem), tries(settings), count_of_tries(tries_), out(answers), labels(bits), shared(problem),
           work(problem), ready(problem) {}
 
     void settle() {
+        if (tries[turn].aim == 0.0) return at_edges();
         Proof<PAIRS> proof(p, tries[turn], shared, ready);
         proof.run();
         for (int i = 0; i < waiting; ++i) {
@@ -42,11 +46,54 @@ struct Run {
                     for (int k = 0; k < 3; ++k) out.forces[(who * p.faces + f) * 3 + k] = lanes_of(ready.face[f].F[k])[i];
             if (out.velocity && (lower || falls))
                 for (int k = 0; k < 3 * p.elements; ++k) out.velocity[who * 3 * p.elements + k] = lanes_of(proof.best[k])[i];
-            double size = std::fabs(out.low[who]) > std::fabs(out.high[who]) ? std::fabs(out.low[who]) : std::fabs(out.high[who]);
-            if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
+            judge(who);
+            if (out.verdict[who] == 0) {
+                next.push_back(who);
+                keep(who, i);
+            }
+        }
+        waiting = 0;
+    }
+
+    // forces and lambda of what is open, for the try that needs them
+    void keep(int64_t who, int lane) {
+        if (turn + 1 >= count_of_tries) return;
+        if (place.empty()) place.assign(total, -1);
+        const int size = 3 * p.faces + 1;
+        if (place[who] < 0) place[who] = kept.size() / size, kept.resize(kept.size() + size);
+        double* to = &kept[place[who] * size];
+        for (int f = 0; f < p.faces; ++f)
+            for (int k = 0; k < 3; ++k) *to++ = lanes_of(ready.face[f].F[k])[lane];
+        *to = lanes_of(ready.load)[lane];
+    }
+
+    void at_edges() {
+        Edge<PAIRS> edge(p, ready);
+        Lane load = splat(0.0);
+        for (int i = 0; i < waiting; ++i) {
+            const double* from = &kept[place[in_ready[i]] * (3 * p.faces + 1)];
+            for (int f = 0; f < p.faces; ++f)
+                for (int k = 0; k < 3; ++k) lanes_of(ready.face[f].dF[k])[i] = *from++;
+            lanes_of(load)[i] = *from;
+        }
+        edge.run(load);
+        for (int i = 0; i < waiting; ++i) {
+            int64_t who = in_ready[i];
+            double low = lanes_of(edge.low)[i];
+            if (low > out.low[who]) {
+                out.low[who] = low;
+                if (out.forces)
+                    for (int k = 0; k < 3 * p.faces; ++k) out.forces[who * 3 * p.faces + k] = lanes_of(edge.best[k])[i];
+            }
+            judge(who);
             if (out.verdict[who] == 0) next.push_back(who);
         }
         waiting = 0;
+    }
+
+    void judge(int64_t who) {
+        double low = std::fabs(out.low[who]), high = std::fabs(out.high[who]), size = low > high ? low : high;
+        if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
     }
 
     void pass(const std::vector<int64_t>& todo) {
@@ -75,7 +122,7 @@ struct Run {
                 double load = lanes_of(work.load)[i], dual = lanes_of(m.dual)[i], speed = lanes_of(m.speed)[i];
                 double size = std::fabs(load) > 1e-4 ? std::fabs(load) : 1e-4;
                 bool solved = gap <= 2.0 * how.target * size && balance <= 5e-11 && jumps <= how.jumps * (1.0 + speed);
-                bool falls = dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
+                bool falls = how.aim > 0.0 && dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
                 bool lost = !(gap < 1e30) || !(speed < 1e30);
                 if (solved || falls || lost || age[i] >= how.most) {
                     out.iterations[in_lane[i]] += age[i];
@@ -92,6 +139,7 @@ struct Run {
     }
 
     void run(int64_t count) {
+        total = count;
         std::vector<int64_t> todo(count);
         for (int64_t k = 0; k < count; ++k) {
             todo[k] = k;

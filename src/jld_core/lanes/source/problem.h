@@ -36,6 +36,7 @@ struct JldTry {
     double first, last, near; // share of the longest step, far away and at a relative gap of `near` and below
     double relax;    // relative gap below which the proximal term fades
     double jumps;    // error of the jumps, relative to speeds, that a motion may have
+    double aim;      // 1: the largest lambda; 0: the middle of what is admissible
     int32_t most;    // iterations
 };
 

@@ -57,7 +57,8 @@ struct Proof {
             Factor<3, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
         }
         Lane* left = w.left.data();
-        Lane unbalanced = splat(0.0), largest = splat(1.0);
+        // a sum remembers what is no number, a maximum may not
+        Lane unbalanced = splat(0.0), largest = splat(1.0), sum = w.load;
         error = splat(0.0), slack = splat(1e300);
         for (int pass = 0; pass < 3; ++pass) {
             for (int k = 0; k < n; ++k) left[k] = p.dead[k] + p.live[k] * w.load;
@@ -77,11 +78,12 @@ struct Proof {
                 if (pass == 2) {
                     for (int k = 0; k < 3; ++k) largest = larger(largest, absolute(o.F[k]));
                     Lane s = o.slack(o.F);
+                    sum += s;
                     slack = select(s >= slack, slack, s);
                 }
             }
         }
-        Mask good = (slack >= 2.0 * error) & (unbalanced <= p.noise * largest) & (absolute(w.load) < 1e30);
+        Mask good = (slack >= 2.0 * error) & (unbalanced <= p.noise * largest) & (absolute(sum) < 1e30);
         low = select(good, w.load, splat(-std::numeric_limits<double>::infinity()));
     }
 

@@ -27,7 +27,12 @@ typedef double Lane __attribute__((vector_size(8 * W)));
 typedef int64_t Mask __attribute__((vector_size(8 * W)));
 
 inline Lane splat(double x) { return Lane{} + x; }
+#if defined(__SSE2__) && !defined(__AVX2__)
+// there are no comparisons of 64-bit integers, which is what a mask is to the compiler
+inline Lane select(Mask m, Lane a, Lane b) { return (Lane)((m & (Mask)a) | (~m & (Mask)b)); }
+#else
 inline Lane select(Mask m, Lane a, Lane b) { return m ? a : b; }
+#endif
 // where b is no number a is kept: what measures an error asks for !(x <= tolerance) instead
 inline Lane larger(Lane a, Lane b) { return b > a ? b : a; }
 inline Lane smaller(Lane a, Lane b) { return b < a ? b : a; }
