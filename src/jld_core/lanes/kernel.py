@@ -19,7 +19,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.lanes import library
 from jld_core.lanes.pattern import factor_pattern
-from jld_core.lanes.rows import planar_rows
+from jld_core.lanes.rows import rows_of
 from jld_core.program import Template
 
 OPEN: Final = 0
@@ -55,7 +55,7 @@ _PUSH: Final = 1.0  # least multiplier there
 
 @dataclass(frozen=True)
 class _Start:
-    """Forces and jumps (m, 3), velocities (q·free,) in the kernel's order, λ, and the least slack of a row."""
+    """Forces and jumps (m, q), velocities (q·free,) in the kernel's order, λ, and the least slack of a row."""
 
     forces: Floats
     jumps: Floats
@@ -86,9 +86,10 @@ class LaneAnswers:
 class Lanes:
     """The kernel for one template.
 
-    template: planar, its yield sets in pairs of linear rows. opening: (q·free,) velocities that open every face
-    under any labelling, None where there are none. variant: see `library`; default the one in use. tries: settings of
-    the passes over what is still open. settles: share of a few random labellings that the kernel settles.
+    template: its yield sets in pairs of linear rows, in space with one cone of shear a face. opening: (q·free,)
+    velocities that open every face under any labelling, None where there are none. variant: see `library`; default
+    the one in use. tries: settings of the passes over what is still open. settles: share of a few random labellings
+    that the kernel settles.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
     """
 
@@ -103,13 +104,15 @@ class Lanes:
         name = variant or library.chosen()
         if name is None:
             raise ValueError("no kernel is built or in use")
-        rows = planar_rows(template)
+        rows = rows_of(template)
         if rows is None:
             raise ValueError("rows of another shape than the kernel's")
         self.variant, self._library = name, library.library(name)
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
+        self._q = q = template.assembly.freedoms
         self._rows, self._keep = rows
-        self._tries = tuple(tries)
+        # edges of cones are left to others
+        self._tries = tuple(one for one in tries if one.aim or template.assembly.dimension == 2)
         elements, faces = template.assembly.elements, template.assembly.interfaces
         node = np.full(len(elements), -1, dtype=np.int64)
         node[elements.free] = np.arange(len(elements.free))
@@ -117,7 +120,7 @@ class Lanes:
         both = (a >= 0) & (b >= 0)
         self.pattern = factor_pattern(a[both], b[both], elements.centroid[elements.free])
         self._lay_out(template, a, b)
-        ends = np.concatenate([3 * e + np.arange(3) for e in self.pattern.order]).astype(np.int64)
+        ends = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
         self._ends = ends
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
         self._opening = None if opening is None else opening[ends].copy()
@@ -128,11 +131,11 @@ class Lanes:
     def _starting(self, template: Template) -> _Start:
         """Where iterations start: between the least forces in equilibrium and the mean answer of a few labellings."""
         matrix = template.matrix
-        least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, 3)
+        least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
-        self._start = _Start(np.ascontiguousarray(least), np.zeros((self.faces, 3)), nothing, 0.0, _ROOM_BLIND)
+        self._start = _Start(np.ascontiguousarray(least), np.zeros((self.faces, self._q)), nothing, 0.0, _ROOM_BLIND)
         if not np.isfinite(least).all():
-            self._start = replace(self._start, forces=np.zeros((self.faces, 3)))
+            self._start = replace(self._start, forces=np.zeros((self.faces, self._q)))
             return self._start
         dice = np.random.default_rng(0)
         drawn = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
@@ -143,7 +146,7 @@ class Lanes:
             return self._start
         forces = (1.0 - _SHARE) * least + _SHARE * found.forces[good].mean(axis=0)
         speed = found.velocity[good].mean(axis=0)
-        jumps = np.ascontiguousarray((matrix.T @ speed).reshape(self.faces, 3))
+        jumps = np.ascontiguousarray((matrix.T @ speed).reshape(self.faces, self._q))
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
@@ -160,14 +163,15 @@ class Lanes:
             begin, end = starts[low[face]], starts[low[face] + 1]
             block[face] = begin + np.searchsorted(rows[begin:end], high[face])
         self._block = block
-        sides = np.zeros((self.faces, 2, 7))
+        q, d = self._q, template.assembly.dimension
+        sides = np.zeros((self.faces, 2, 7 if d == 2 else 27))
         matrix = template.matrix.tocsr()
         for face in range(self.faces):
             for side, end in enumerate((low[face], high[face])):
                 if end >= 0:
-                    element = 3 * self.pattern.order[end]
-                    dense = matrix[element : element + 3, 3 * face : 3 * face + 3].toarray()
-                    sides[face, side] = [*dense[:, :2].ravel(), dense[2, 2]]
+                    element = q * self.pattern.order[end]
+                    dense = matrix[element : element + q, q * face : q * face + q].toarray()
+                    sides[face, side] = [*dense[:, :d].ravel(), *dense[d:, d:].ravel()]
         self._sides = sides
 
     def solve(self, labellings: Bits, *, vectors: bool = False) -> LaneAnswers:
@@ -179,7 +183,7 @@ class Lanes:
         count = len(labels)
         low, high = np.empty(count), np.empty(count)
         verdict, iterations, tries = (np.zeros(count, dtype=np.int32) for _ in range(3))
-        forces = np.zeros((count, self.faces, 3)) if vectors else None
+        forces = np.zeros((count, self.faces, self._q)) if vectors else None
         velocity = np.zeros((count, self.size)) if vectors else None
         diagnosis = np.zeros((count, 4)) if vectors else None
         problem = self._problem()
@@ -205,12 +209,13 @@ class Lanes:
             self.faces,
             self._rows.shape[2],
             len(self._rows),
+            self._q,
+            int(not self._keep.all()),
             len(p.order),
             *(_pointer(array) for array in (*lists, *arrays)),
             self._floor,
             _pointer(self._opening),
             tolerances.ROUNDING,
-            int(not self._keep.all()),
             _pointer(start.forces),
             _pointer(start.jumps),
             _pointer(start.speed),

@@ -11,16 +11,22 @@ from jld_core.program import Template
 
 def fits(template: Template) -> bool:
     """Whether the kernel knows rows of this shape."""
-    return planar_rows(template) is not None
+    return rows_of(template) is not None
+
+
+def rows_of(template: Template) -> tuple[Floats, Floats] | None:
+    """(labels, m, pairs, 3) numbers a, b, h of rows −a N ± b X ≤ h, inner then dry, and (labels, m) 1 where V counts.
+
+    X is M, V, and M where inner faces crush; in space M1, M2, and MT with t, the bound on shear. None where the
+    pattern has other rows.
+    """
+    return planar_rows(template) if template.assembly.dimension == 2 else spatial_rows(template)
 
 
 def planar_rows(template: Template) -> tuple[Floats, Floats] | None:
-    """(labels, m, pairs, 3) numbers a, b, h of rows −a N ± b X ≤ h, inner then dry, and (labels, m) 1 where V counts.
-
-    X is M, V, M. None where the pattern has other rows.
-    """
+    """`rows_of` of planar faces."""
     pattern = template.yield_set.pattern
-    if template.assembly.dimension != 2 or pattern.cones or pattern.extra:
+    if pattern.cones or pattern.extra:
         return None
     sheets = [_pairs(pattern, values, sides, template) for values, sides in (
         (pattern.inner, pattern.h_inner), (pattern.dry, pattern.h_dry))]  # fmt: skip
@@ -62,3 +68,56 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, template: Templat
     if np.any(found[:, :2, 0] < 0.0) or np.any(found[:, 0, 0] == 0.0) or np.any(found[:, :2, 1] == 0.0):
         return None
     return found if filled[:, 2].any() else found[:, :2].copy()
+
+
+def spatial_rows(template: Template) -> tuple[Floats, Floats] | None:
+    """`rows_of` of spatial faces: rectangles in the uncoupled form, with friction and shear strength."""
+    pattern, faces = template.yield_set.pattern, len(template.assembly.interfaces)
+    every = np.ones(faces, dtype=bool)
+    if pattern.cones != (3,) * faces or pattern.extra != faces or pattern.linear != 6 * faces:
+        return None
+    if not (template.yield_set.active(every).all() and template.yield_set.active(~every).all()):
+        return None
+    bound = np.zeros(faces, dtype=np.int64)
+    extra = pattern.column >= 6 * faces
+    bound[pattern.face[extra]] = pattern.column[extra]
+    # columns by face: its six resultants, then its bound on shear
+    column = np.where(extra, 6, pattern.column % 6)
+    if np.any(extra & (pattern.column != bound[pattern.face])):
+        return None
+    sheets = []
+    for values, sides in ((pattern.inner, pattern.h_inner), (pattern.dry, pattern.h_dry)):
+        table = np.zeros((len(sides), 7))
+        table[pattern.row, column] = values
+        sheet = _spatial_pairs(table, sides, pattern, faces)
+        if sheet is None:
+            return None
+        sheets.append(sheet)
+    return np.ascontiguousarray(np.array(sheets)), np.ones((2, faces))
+
+
+def _spatial_pairs(table: Floats, sides: Floats, pattern: RowPattern, faces: int) -> Floats | None:
+    """(m, 3, 3) of one label, pairs in the order M1, M2, MT."""
+    found = np.zeros((faces, 3, 3))
+    cone = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
+    for face in range(faces):
+        own = np.flatnonzero(pattern.row_face == face)
+        linear, last = own[own < pattern.linear], own[own >= pattern.linear]
+        if not np.array_equal(table[last], cone) or sides[last].any():
+            return None
+        for pair, moment in enumerate((3, 4, 5)):
+            two = linear[table[linear, moment] != 0.0]
+            if len(two) != 2:
+                return None
+            rows, (h, other) = table[two], sides[two]
+            size = abs(rows[0, moment])
+            expected = np.zeros((2, 7))
+            expected[:, 0] = rows[0, 0]
+            expected[:, moment] = rows[0, moment] * np.array([1.0, -1.0])
+            expected[:, 6] = size if moment == 5 else 0.0
+            if not np.array_equal(rows, expected) or h != other or rows[0, 0] > 0.0:
+                return None
+            found[face, pair] = -rows[0, 0], size, h
+        if not found[face, :2, 0].all():
+            return None
+    return found

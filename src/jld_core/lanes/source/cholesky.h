@@ -54,22 +54,30 @@ struct Factor {
             for (int k = 0; k < TRIANGLE<Q>; ++k) d[k] = a[k];
             for (int t = p.column_start[j]; t < p.column_start[j + 1]; ++t) {
                 T* own = off + Q * Q * t;
-                T x[Q * Q];
-                for (int k = 0; k < Q * Q; ++k) x[k] = own[k];
-                for (int n = p.pair_start[t]; n < p.pair_start[t + 1]; ++n) {
-                    const T* l = off + Q * Q * p.pair[2 * n];
-                    const T* m = off + Q * Q * p.pair[2 * n + 1];
-                    for (int k = 0; k < Q; ++k)
-                        for (int r = 0; r < Q; ++r)
-                            for (int c = 0; c < Q; ++c) x[Q * r + c] -= l[Q * r + k] * m[Q * c + k];
-                }
-                for (int r = 0; r < Q; ++r)
-                    for (int c = 0; c < Q; ++c) {
-                        T y = x[Q * r + c];
-                        for (int k = 0; k < c; ++k) y -= x[Q * r + k] * a[at(c, k)];
-                        x[Q * r + c] = y * a[at(c, c)];
+                // three columns at a time, so that what is gathered stays in registers
+                for (int first = 0; first < Q; first += 3) {
+                    T x[Q][3];
+                    for (int r = 0; r < Q; ++r)
+                        for (int c = 0; c < 3; ++c) x[r][c] = own[Q * r + first + c];
+                    for (int n = p.pair_start[t]; n < p.pair_start[t + 1]; ++n) {
+                        const T* l = off + Q * Q * p.pair[2 * n];
+                        const T* m = off + Q * Q * p.pair[2 * n + 1] + Q * first;
+                        for (int k = 0; k < Q; ++k)
+                            for (int r = 0; r < Q; ++r)
+                                for (int c = 0; c < 3; ++c) x[r][c] -= l[Q * r + k] * m[Q * c + k];
                     }
-                for (int k = 0; k < Q * Q; ++k) own[k] = x[k];
+                    for (int r = 0; r < Q; ++r)
+                        for (int c = 0; c < 3; ++c) own[Q * r + first + c] = x[r][c];
+                }
+                for (int r = 0; r < Q; ++r) {
+                    T x[Q];
+                    for (int c = 0; c < Q; ++c) {
+                        T y = own[Q * r + c];
+                        for (int k = 0; k < c; ++k) y -= x[k] * a[at(c, k)];
+                        x[c] = y * a[at(c, c)];
+                    }
+                    for (int c = 0; c < Q; ++c) own[Q * r + c] = x[c];
+                }
             }
         }
     }

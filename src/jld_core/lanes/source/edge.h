@@ -9,12 +9,12 @@ namespace jld {
 
 template <int PAIRS>
 struct Edge {
-    typedef Work<PAIRS> Lanes;
     typedef PlanarFace<PAIRS> Face;
+    typedef Work<Face> Lanes;
     static constexpr int ROWS = 2 * PAIRS;
     static constexpr double TIGHT = 1e-5, STIFF = 1e6;
     const JldProblem& p;
-    Sides sides;
+    Sides<3> sides;
     Lanes& w;
     Store<Lane> middle, best;
     Lane low;
@@ -22,16 +22,9 @@ struct Edge {
     Edge(const JldProblem& problem, Lanes& lanes)
         : p(problem), sides{problem}, w(lanes), middle(3 * problem.faces), best(3 * problem.faces) {}
 
-    Lane dot(const double* a, const Lane* x) const {
-        Lane sum = splat(0.0);
-        for (int k = 0; k < 3 * p.elements; ++k) sum += a[k] * x[k];
-        return sum;
-    }
-
     // Each row's weight stands for its spring: stiff where the row is an equation.
     void stiffen() {
-        for (auto& x : w.diagonal) x = splat(0.0);
-        for (auto& x : w.off) x = splat(0.0);
+        w.clear();
         for (int f = 0; f < p.faces; ++f) {
             Face& o = w.face[f];
             for (int r = 0; r < ROWS; ++r) {
@@ -39,7 +32,7 @@ struct Edge {
                 o.s[r] = splat(1.0);
             }
             o.condense(splat(1.0));
-            sides.condensed(f, o.g, o.v, o.m, o.iv * o.keep, o.im, w.diagonal.data(), w.off.data());
+            sides.condensed(f, o, w.diagonal.data(), w.off.data());
         }
         Factor<3, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
         Lane* reach = w.rhs.data();
@@ -58,7 +51,7 @@ struct Edge {
     void project(Lane& load) {
         const int n = 3 * p.elements;
         Lane *reach = w.rhs.data(), *left = w.left.data();
-        Lane corner = dot(p.live, reach) + 1.0;
+        Lane corner = w.dot(p.live, reach) + 1.0;
         for (int pass = 0; pass < 4; ++pass) {
             for (int k = 0; k < n; ++k) left[k] = p.dead[k] + p.live[k] * load;
             for (int f = 0; f < p.faces; ++f) {
@@ -71,7 +64,7 @@ struct Edge {
                 sides.add(f, x, o.keep, left);
             }
             Factor<3, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), left, 0);
-            Lane dl = -dot(p.live, left) / corner;
+            Lane dl = -w.dot(p.live, left) / corner;
             for (int k = 0; k < n; ++k) left[k] += reach[k] * dl;
             load += dl;
             for (int f = 0; f < p.faces; ++f) {

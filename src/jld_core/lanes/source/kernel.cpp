@@ -6,15 +6,16 @@
 
 namespace jld {
 
-template <int PAIRS>
+template <class Face>
 struct Run {
+    static constexpr int Q = Face::Q;
     const JldProblem& p;
     const JldTry* tries;
     int count_of_tries;
     const JldAnswers& out;
     const uint8_t* labels;
-    const Shared shared;
-    Work<PAIRS> work, ready;
+    const Shared<Q> shared;
+    Work<Face> work, ready;
     int64_t in_lane[W], in_ready[W];
     int age[W], waiting = 0, turn = 0;
     std::vector<int64_t> next, place;
@@ -26,8 +27,9 @@ struct Run {
           work(problem), ready(problem) {}
 
     void settle() {
-        if (tries[turn].aim == 0.0) return at_edges();
-        Proof<PAIRS> proof(p, tries[turn], shared, ready);
+        if constexpr (Q == 3)
+            if (tries[turn].aim == 0.0) return at_edges();
+        Proof<Face> proof(p, tries[turn], shared, ready);
         proof.run();
         for (int i = 0; i < waiting; ++i) {
             int64_t who = in_ready[i];
@@ -43,9 +45,9 @@ struct Run {
             }
             if (out.forces && better)
                 for (int f = 0; f < p.faces; ++f)
-                    for (int k = 0; k < 3; ++k) out.forces[(who * p.faces + f) * 3 + k] = lanes_of(ready.face[f].F[k])[i];
+                    for (int k = 0; k < Q; ++k) out.forces[(who * p.faces + f) * Q + k] = lanes_of(ready.face[f].F[k])[i];
             if (out.velocity && (lower || falls))
-                for (int k = 0; k < 3 * p.elements; ++k) out.velocity[who * 3 * p.elements + k] = lanes_of(proof.best[k])[i];
+                for (int k = 0; k < Q * p.elements; ++k) out.velocity[who * Q * p.elements + k] = lanes_of(proof.best[k])[i];
             judge(who);
             if (out.verdict[who] == 0) {
                 next.push_back(who);
@@ -57,7 +59,7 @@ struct Run {
 
     // forces and lambda of what is open, for the try that needs them
     void keep(int64_t who, int lane) {
-        if (turn + 1 >= count_of_tries) return;
+        if (Q != 3 || turn + 1 >= count_of_tries) return;
         if (place.empty()) place.assign(total, -1);
         const int size = 3 * p.faces + 1;
         if (place[who] < 0) place[who] = kept.size() / size, kept.resize(kept.size() + size);
@@ -68,7 +70,7 @@ struct Run {
     }
 
     void at_edges() {
-        Edge<PAIRS> edge(p, ready);
+        Edge<Face::P> edge(p, ready);
         Lane load = splat(0.0);
         for (int i = 0; i < waiting; ++i) {
             const double* from = &kept[place[in_ready[i]] * (3 * p.faces + 1)];
@@ -98,7 +100,7 @@ struct Run {
 
     void pass(const std::vector<int64_t>& todo) {
         const JldTry& how = tries[turn];
-        Interior<PAIRS> interior(p, how, work);
+        Interior<Face> interior(p, how, work);
         size_t given = 0;
         int busy = 0;
         for (int i = 0; i < W; ++i) in_lane[i] = -1;
@@ -164,8 +166,10 @@ int32_t jld_lanes_width() { return jld::W; }
 int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t count_of_tries, int64_t count,
                         const uint8_t* labels, const JldAnswers* answers) {
     try {
-        if (problem->pairs == 2) jld::Run<2>(*problem, tries, count_of_tries, labels, *answers).run(count);
-        else if (problem->pairs == 3) jld::Run<3>(*problem, tries, count_of_tries, labels, *answers).run(count);
+        if (problem->freedoms == 6)
+            jld::Run<jld::SpatialFace>(*problem, tries, count_of_tries, labels, *answers).run(count);
+        else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, *answers).run(count);
+        else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, *answers).run(count);
         else return 2;
         return 0;
     } catch (const std::bad_alloc&) {

@@ -1,13 +1,13 @@
 // Planar faces in lanes: rows -a N +- b M <= h (rocking) and -a N +- b V <= h (sliding), with a third pair for
 // compressive strength, whatever their label. Source of the reductions: docs/guide/kernel.md.
 #pragma once
-#include "simd.h"
+#include "iteration.h"
 
 namespace jld {
 
 template <int PAIRS>
 struct PlanarFace {
-    static constexpr int ROWS = 2 * PAIRS;
+    static constexpr int Q = 3, P = PAIRS, ROWS = 2 * PAIRS, CONES = 0, SIDES = 7;
     Lane a[PAIRS], b[PAIRS], h[PAIRS], keep;
     Lane F[3], s[ROWS], z[ROWS], lack[ROWS];
     // of one iteration: 1/s, G H^-1 e_N by rows, pivot of N, columns of the elimination, inverse pivots of V and M
@@ -93,6 +93,107 @@ struct PlanarFace {
             if (bends(p)) x += d; else q += d;
         }
         out[0] = n, out[1] = q, out[2] = x;
+    }
+
+    // a labelling into a lane: rows (a, b, h) of its pairs, and where iterations start
+    void put(int lane, const double* row, double kept, const double* forces, const double* jumps, double space,
+             double push) {
+        for (int k = 0; k < PAIRS; ++k, row += 3) {
+            lanes_of(a[k])[lane] = row[0], lanes_of(b[k])[lane] = row[1], lanes_of(h[k])[lane] = row[2];
+            double x = bends(k) ? forces[2] : kept * forces[1], n = forces[0];
+            double turn = row[1] > 0.0 ? -jumps[bends(k) ? 2 : 1] / row[1] : 0.0;
+            for (int r = 0; r < 2; ++r) {
+                double sign = r ? -1.0 : 1.0, own = row[2] + row[0] * n - sign * row[1] * x;
+                double slack = own > space ? own : space;
+                lanes_of(s[2 * k + r])[lane] = slack;
+                lanes_of(lack[2 * k + r])[lane] = slack - own;
+                lanes_of(z[2 * k + r])[lane] = push + (sign * turn > 0.0 ? sign * turn : 0.0);
+            }
+        }
+        lanes_of(keep)[lane] = kept;
+        lanes_of(F[0])[lane] = forces[0], lanes_of(F[1])[lane] = kept * forces[1], lanes_of(F[2])[lane] = forces[2];
+    }
+
+    void copy(const PlanarFace& from, int source, int lane) {
+        auto move = [&](Lane& to, const Lane& x) { lanes_of(to)[lane] = lanes_of(x)[source]; };
+        for (int k = 0; k < PAIRS; ++k) move(a[k], from.a[k]), move(b[k], from.b[k]), move(h[k], from.h[k]);
+        for (int k = 0; k < ROWS; ++k) move(s[k], from.s[k]);
+        for (int k = 0; k < 3; ++k) move(F[k], from.F[k]);
+        move(keep, from.keep);
+    }
+
+    // What is left of h - G F = s at the start shrinks with every step.
+    Lane short_of(const Iteration& it, int row) const { return it.lag * (lack[row] + it.margin); }
+
+    // jump: A'u. Condenses H, gives the predictor's right-hand side through H^-1.
+    void begin(Iteration& it, Lane* jump, Lane* x) {
+        condense(it.delta);
+        Lane pull[3], t[ROWS], late[3];
+        turned(z, pull);
+        for (int r = 0; r < ROWS; ++r) {
+            it.gap += s[r] * z[r];
+            t[r] = z[r] * is[r] * short_of(it, r);
+        }
+        turned(t, late);
+        jump[0] -= it.margin;
+        for (int k = 0; k < 3; ++k) {
+            it.worst = larger(it.worst, absolute(jump[k] + pull[k]));
+            // of s dz + z ds = -s z what depends on z falls out against the residual of the jumps
+            c[k] = -jump[k] - late[k];
+        }
+        apply(c, x);
+    }
+
+    void predict(Iteration& it, const Lane* jump) {
+        Lane y[3], x[3], rows[ROWS];
+        for (int k = 0; k < 3; ++k) y[k] = c[k] - jump[k];
+        apply(y, x, rows);
+        for (int r = 0; r < ROWS; ++r) {
+            Lane step = -short_of(it, r) - rows[r], by = step * is[r];
+            Lane push = -z[r] - z[r] * by;
+            it.hit_s = larger(it.hit_s, -by), it.hit_z = larger(it.hit_z, 1.0 + by);
+            it.zds += z[r] * step, it.dsdz += step * push;
+            second[r] = by * push;
+        }
+    }
+
+    // x: what centring and the second order add to the right-hand side, through H^-1
+    void correct(const Iteration& it, Lane* x) {
+        Lane t[ROWS], back[3];
+        for (int r = 0; r < ROWS; ++r) t[r] = it.centre * is[r] - second[r];
+        turned(t, back);
+        for (int k = 0; k < 3; ++k) c[k] -= back[k], back[k] = -back[k];
+        apply(back, x);
+    }
+
+    void move(const Lane* jump, Lane* x) const {
+        Lane y[3];
+        for (int k = 0; k < 3; ++k) y[k] = c[k] - jump[k];
+        apply(y, x);
+    }
+
+    void direct(Iteration& it, const Lane* jump) {
+        Lane y[3], rows[ROWS];
+        for (int k = 0; k < 3; ++k) y[k] = c[k] - jump[k];
+        apply(y, dF, rows);
+        for (int r = 0; r < ROWS; ++r) {
+            Lane step = -short_of(it, r) - rows[r], by = step * is[r];
+            Lane push = it.centre * is[r] - second[r] - z[r] - z[r] * by;
+            ds[r] = step, dz[r] = push;
+            it.hit_s = larger(it.hit_s, -by);
+            // the largest -dz / z as a fraction, compared by products
+            Mask sooner = -push * it.under > it.over * z[r];
+            it.over = select(sooner, -push, it.over), it.under = select(sooner, z[r], it.under);
+        }
+    }
+
+    void advance(Iteration& it) {
+        for (int k = 0; k < 3; ++k) F[k] += it.alpha_s * dF[k], it.moved = larger(it.moved, absolute(dF[k]));
+        for (int r = 0; r < ROWS; ++r) {
+            s[r] += it.alpha_s * ds[r], z[r] += it.alpha_z * dz[r];
+            it.next += s[r] * z[r];
+            it.value += h[r / 2] * z[r];
+        }
     }
 
     // least slack of forces in the rows

@@ -7,20 +7,23 @@
 extern "C" {
 
 struct JldProblem {
-    int32_t elements, faces, pairs, labels;
+    int32_t elements, faces, pairs, labels, freedoms;
+    int32_t dropping;      // does any label drop V?
     jld::FactorPattern pattern;
     const int32_t* low;    // (faces) element of a face that is eliminated first, -1 for none
     const int32_t* high;   // (faces) the other one, -1 for a support
     const int32_t* block;  // (faces) block below the diagonal that the two share, -1 for none
-    const double* sides;   // (faces, 2, 7) what N, V and M do to either: N V of each force row, then M in the last
-    const double* rows;    // (labels, faces, pairs, 3) a, b, h of -a N +- b X <= h; X is M, V, M
+    // (faces, 2, 7 or 27) what resultants do to either element. Planar: N and V row by row, then M in the last row.
+    // Spatial: N, V1, V2 row by row, then M1, M2, MT in the last three.
+    const double* sides;
+    // (labels, faces, pairs, 3) a, b, h of -a N +- b X <= h; X is M, V, M; spatial M1, M2 and MT + t
+    const double* rows;
     const double* keep;    // (labels, faces) 1 where V takes part in equilibrium
     const double* dead;    // (3 elements)
     const double* live;    // (3 elements)
     double floor;          // lambda >= -floor
     const double* opening; // (3 elements) velocities that open every face, or null
     double noise;          // what rounding may do to a sum, relative
-    int32_t dropping;      // does any label drop V?
     const double* forces;  // (3 faces) where iterations start
     const double* jumps;   // (3 faces) of the velocities that they start from
     const double* speed;   // (3 elements) those velocities

@@ -5,20 +5,19 @@
 
 namespace jld {
 
-template <int PAIRS>
+template <class Face>
 struct Proof {
-    typedef Work<PAIRS> Lanes;
-    typedef PlanarFace<PAIRS> Face;
-    static constexpr int ROWS = 2 * PAIRS;
+    typedef Work<Face> Lanes;
+    static constexpr int Q = Face::Q;
     const JldProblem& p;
     const JldTry& how;
-    const Shared& shared;
-    Sides sides;
+    const Shared<Q>& shared;
+    Sides<Q> sides;
     Lanes& w;
     Lane slack, error, margin, low, high;
     Mask falls;
 
-    Proof(const JldProblem& problem, const JldTry& settings, const Shared& common, Lanes& lanes)
+    Proof(const JldProblem& problem, const JldTry& settings, const Shared<Q>& common, Lanes& lanes)
         : p(problem), how(settings), shared(common), sides{problem}, w(lanes) {}
 
     void run() {
@@ -26,35 +25,21 @@ struct Proof {
         motion();
     }
 
-    Lane dot(const double* a, const Lane* x) const {
-        Lane sum = splat(0.0);
-        for (int k = 0; k < 3 * p.elements; ++k) sum += a[k] * x[k];
-        return sum;
-    }
-
-    void clear() {
-        for (auto& x : w.diagonal) x = splat(0.0);
-        for (auto& x : w.off) x = splat(0.0);
-    }
-
     // (A K A')^-1 r in place: one factor for all lanes, or one each where labels drop V
     void solve(Lane* r) {
         if (p.dropping)
-            Factor<3, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), r, 0);
+            Factor<Q, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), r, 0);
         else
-            Factor<3, double>::template solve<1>(p.pattern, shared.diagonal.data(), shared.off.data(), r, 0);
+            Factor<Q, double>::template solve<1>(p.pattern, shared.diagonal.data(), shared.off.data(), r, 0);
     }
 
     void state() {
-        const int n = 3 * p.elements;
+        const int n = Q * p.elements;
         if (p.dropping) {
-            clear();
-            for (int f = 0; f < p.faces; ++f) {
-                Lane zero = splat(0.0), one = splat(1.0);
-                const Lane P[6] = {one, zero, w.face[f].keep, zero, zero, one};
-                sides.template full<Lane>(f, P, w.diagonal.data(), w.off.data());
-            }
-            Factor<3, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
+            w.clear();
+            for (int f = 0; f < p.faces; ++f)
+                sides.template squared<Lane>(f, w.face[f].keep, w.diagonal.data(), w.off.data());
+            Factor<Q, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
         }
         Lane* left = w.left.data();
         // a sum remembers what is no number, a maximum may not
@@ -69,14 +54,14 @@ struct Proof {
             solve(left);
             for (int f = 0; f < p.faces; ++f) {
                 Face& o = w.face[f];
-                Lane x[3];
+                Lane x[Q];
                 sides.jump(f, left, o.keep, x);
-                for (int k = 0; k < 3; ++k) {
+                for (int k = 0; k < Q; ++k) {
                     if (pass < 2) o.F[k] -= x[k], o.F[k] *= k == 1 ? o.keep : splat(1.0);
                     else error = select(absolute(x[k]) <= error, error, absolute(x[k]));
                 }
                 if (pass == 2) {
-                    for (int k = 0; k < 3; ++k) largest = larger(largest, absolute(o.F[k]));
+                    for (int k = 0; k < Q; ++k) largest = larger(largest, absolute(o.F[k]));
                     Lane s = o.slack(o.F);
                     sum += s;
                     slack = select(s >= slack, slack, s);
@@ -87,17 +72,22 @@ struct Proof {
         low = select(good, w.load, splat(-std::numeric_limits<double>::infinity()));
     }
 
-    // Velocities moved so that each face jumps along the normals of the rows it lies at.
+    // Velocities moved so that each face jumps along the normals of the rows it lies at. In space the direction of
+    // sliding is known to the root of the gap only, and moving there would lose more than it mends.
     void polish(Lane* u) {
-        const int n = 3 * p.elements;
-        clear();
+        if constexpr (Q == 3) polished(u);
+    }
+
+    void polished(Lane* u) {
+        const int n = Q * p.elements;
+        w.clear();
         Lane* left = w.left.data();
         Store<Lane>& spans = span;
         spans.resize(6 * p.faces);
         for (int f = 0; f < p.faces; ++f) {
             Face& o = w.face[f];
             Lane P[6] = {splat(1.0), splat(0.0), splat(1.0), splat(0.0), splat(0.0), splat(1.0)};
-            for (int k = 0; k < PAIRS; ++k)
+            for (int k = 0; k < Face::P; ++k)
                 for (int r = 0; r < 2; ++r) {
                     Lane normal[3] = {-o.a[k], splat(0.0), splat(0.0)};
                     normal[Face::bends(k) ? 2 : 1] = r ? -o.b[k] : o.b[k];
@@ -118,7 +108,7 @@ struct Proof {
         }
         for (int e = 0; e < p.elements; ++e)
             for (int k = 0; k < 3; ++k) w.diagonal[6 * e + at(k, k)] += 1e-9;
-        Factor<3, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
+        Factor<Q, Lane>::factor(p.pattern, w.diagonal.data(), w.off.data());
         for (int pass = 0; pass < 3; ++pass) {
             for (int k = 0; k < n; ++k) left[k] = splat(0.0);
             for (int f = 0; f < p.faces; ++f) {
@@ -130,7 +120,7 @@ struct Proof {
                 x[2] = P[3] * j[0] + P[4] * j[1] + P[5] * j[2];
                 sides.add(f, x, w.face[f].keep, left);
             }
-            Factor<3, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), left, 0);
+            Factor<Q, Lane>::template solve<1>(p.pattern, w.diagonal.data(), w.off.data(), left, 0);
             for (int k = 0; k < n; ++k) u[k] -= left[k];
         }
     }
@@ -140,13 +130,13 @@ struct Proof {
         Lane least = splat(1e300), total = splat(0.0);
         for (int f = 0; f < p.faces; ++f) {
             Face& o = w.face[f];
-            Lane j[3], m, d;
+            Lane j[Q], m, d;
             sides.jump(f, u, o.keep, j);
             o.dissipation(j, m, d);
             least = select(m >= least, least, m);
             total += d;
         }
-        bound = total - dot(p.dead, u);
+        bound = total - w.dot(p.dead, u);
         return least;
     }
 
@@ -154,7 +144,7 @@ struct Proof {
         Lane least = splat(1e300);
         for (int f = 0; f < p.faces; ++f) {
             Face& o = w.face[f];
-            Lane j[3], m, d;
+            Lane j[Q], m, d;
             Lane* u = w.du.data();
             sides.jump(f, u, o.keep, j);
             o.dissipation(j, m, d);
@@ -165,9 +155,9 @@ struct Proof {
 
     // The motion as it is and polished; the better bound counts.
     void motion() {
-        const int n = 3 * p.elements;
+        const int n = Q * p.elements;
         Lane* u = w.u.data();
-        Lane work = dot(p.live, u), fastest = splat(0.0);
+        Lane work = w.dot(p.live, u), fastest = splat(0.0);
         for (int k = 0; k < n; ++k) fastest = larger(fastest, absolute(u[k]));
         // where the live load hardly works the motion is measured by its speed
         Lane by = 1.0 / select(work > 1e-6 * fastest, work, fastest);
@@ -178,7 +168,7 @@ struct Proof {
         falls = high < 0.0;
         bound(best.data(), best.data());
         polish(u);
-        Lane unit = dot(p.live, u);
+        Lane unit = w.dot(p.live, u);
         Mask works = unit > 1e-9;
         Lane again = select(works, 1.0 / select(works, unit, splat(1.0)), splat(1.0));
         for (int k = 0; k < n; ++k) u[k] *= again;
@@ -187,7 +177,7 @@ struct Proof {
 
     // Opens a motion just enough, and keeps it where its bound is the lowest yet.
     void bound(Lane* u, Lane* kept) {
-        const int n = 3 * p.elements;
+        const int n = Q * p.elements;
         Lane total, fastest, missing = measure(u, total);
         margin = missing;
         if (p.opening) {
@@ -204,7 +194,7 @@ struct Proof {
                 missing = measure(u, total);
             }
         }
-        Lane work = dot(p.live, u), sum = splat(0.0), heavy = splat(0.0);
+        Lane work = w.dot(p.live, u), sum = splat(0.0), heavy = splat(0.0);
         double weight = 0.0;
         fastest = splat(0.0);
         for (int k = 0; k < n; ++k) {
