@@ -17,6 +17,7 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"jld {release}"
+html_extra_path = ["scene.schema.json"]
 html_show_sourcelink = False
 html_copy_source = False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from jld_core.scene.form import json_schema, key_tables
 from jld_core.scene.reading import load_scene, parse_scene
 from jld_core.scene.schema import BodyLoad, Contact, Dry, Element, Grid, Inner, Materials, PointLoad, Scene, Search
 
@@ -16,6 +17,8 @@ __all__ = [
     "PointLoad",
     "Scene",
     "Search",
+    "json_schema",
+    "key_tables",
     "load_scene",
     "parse_scene",
 ]

@@ -53,6 +53,7 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
     try:
         _refuse_extremes(document)
+        document = {key: value for key, value in document.items() if key != "$schema"}  # for editors
         return Scene.model_validate(document)
     except InputError as error:
         raise error.within(file) from None

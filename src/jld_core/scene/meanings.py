@@ -1,0 +1,155 @@
+"""What each key of a scene file means, and in which unit: the words of the documentation and of editors.
+
+A key that the schema has and this does not, or the other way round, is an error of the tests.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from pydantic import BaseModel
+
+from jld_core.scene import schema
+
+
+class Meaning(NamedTuple):
+    """unit: "" for what has none; words of the scene's own units: length, force, stress, mass. text: one sentence."""
+
+    unit: str
+    text: str
+
+
+_FREE: Final = Meaning("", "Free: kept, never read by the solver.")
+_FRICTION: Final = Meaning("", "μ of the dry face; instead of `friction_angle`.")
+_ANGLE: Final = Meaning("degrees", "Angle of friction of the dry face; instead of `friction_coefficient`.")
+_TENSILE: Final = Meaning("stress", "σt of the inner face.")
+_SHEAR: Final = Meaning("stress", "τ of the inner face.")
+_CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
+
+MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
+    schema.Scene: {
+        "name": Meaning("", "What tables and pictures are headed by."),
+        "units": Meaning("", "Words for tables and axes; the numbers are whatever the file says, consistently."),
+        "source": _FREE,
+        "notes": _FREE,
+        "expected": _FREE,
+        "grid": Meaning("", "Planar cells; either this or `elements`."),
+        "elements": Meaning("", "General elements, all planar or all spatial; either this or `grid`."),
+        "thickness": Meaning("length", "Depth of planar elements out of the plane; 1 where it is not given."),
+        "tolerance": Meaning(
+            "length",
+            "Gaps and overlaps up to it are closed by moving corners; 1e-4 of the shortest edge where it is not given, "
+            "0 closes none. Grids and stated interfaces are left as they are.",
+        ),
+        "interfaces": Meaning("", "Given, they are used as they are; else they are found where elements touch."),
+        "materials": Meaning("", "Weight and strengths of all elements and faces."),
+        "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
+        "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
+        "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
+    },
+    schema.Units: {
+        "length": Meaning("", "The unit of length, in words."),
+        "force": Meaning("", "The unit of force, in words."),
+    },
+    schema.Grid: {
+        "cell": Meaning("length", "Width and height of a cell."),
+        "thickness": Meaning("length", "Depth of the cells out of the plane."),
+        "rows": Meaning(
+            "",
+            "Cells as they are seen, the top row first: `.` no cell, `#` a support, a letter a cell; equal letters "
+            "that touch are one block. Cells are named `c{column}r{row}`, row 0 at the top; the lower left corner is the "
+            "origin.",
+        ),
+    },
+    schema.Element: {
+        "id": Meaning("", "A name of its own."),
+        "polygon": Meaning("length", "Corners of a planar element."),
+        "vertices": Meaning("length", "Corners of a spatial element."),
+        "faces": Meaning("", "Faces of a spatial element, each a list of places in `vertices`, counted from 0."),
+        "weight": Meaning("force", "Its weight; wins over a density."),
+        "density": Meaning("mass/length³", "Its own density; wins over that of `materials`."),
+        "volume": Meaning("length³", "Used instead of the computed one."),
+        "centroid": Meaning("length", "Used instead of the computed one."),
+        "block": Meaning("", "Elements of one name are one block; else the element is a block of its own."),
+        "support": Meaning("", "A support does not move."),
+    },
+    schema.Contact: {
+        "elements": Meaning("", "Ids of the two elements."),
+        "polygon": Meaning("length", "Corners of the face: two points in the plane, a plane polygon in space."),
+        "label": Meaning("", "Label of this face."),
+        "friction_coefficient": _FRICTION,
+        "friction_angle": _ANGLE,
+        "tensile_strength": _TENSILE,
+        "shear_strength": _SHEAR,
+        "compressive_strength": _CRUSHING,
+    },
+    schema.Materials: {
+        "density": Meaning("mass/length³", "Of all elements without one of their own; times `gravity` it is a weight."),
+        "gravity": Meaning(
+            "length/s²",
+            "A number, along −y in the plane and −z in space, or a vector; its direction is that of given weights too.",
+        ),
+        "dry": Meaning("", "Joints between blocks; needed where a face can be dry."),
+        "inner": Meaning("", "Crack planes inside blocks; needed where a face can be inner."),
+    },
+    schema.Dry: {
+        "friction_angle": Meaning("degrees", "Angle of friction; exactly one of this and `friction_coefficient`."),
+        "friction_coefficient": Meaning("", "μ, the tangent of the angle of friction."),
+        "compressive_strength": _CRUSHING,
+    },
+    schema.Inner: {
+        "tensile_strength": Meaning("stress", "σt, the elastic edge stress at which a crack opens."),
+        "shear_strength": Meaning("stress", "τ, the mean shear stress at which a crack slides."),
+        "compressive_strength": _CRUSHING,
+    },
+    schema.Loads: {
+        "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),
+        "live": Meaning("", "Loads that λ multiplies; entries add up and must not add up to nothing."),
+    },
+    schema.PointLoad: {
+        "element": Meaning("", "Id of the free element that carries it."),
+        "force": Meaning("force", "The force."),
+        "at": Meaning("length", "Where it acts, outside the element too; the centroid where it is not given."),
+        "moment": Meaning("force·length", "A moment: a number in the plane (counter-clockwise), a vector in space."),
+    },
+    schema.BodyLoad: {
+        "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
+    },
+    schema.Labels: {
+        "default": Meaning("", "Label of all faces between free elements that nothing else labels."),
+        "inner": Meaning("", "Pairs of ids whose faces are inner."),
+        "dry": Meaning("", "Pairs of ids whose faces are dry."),
+    },
+    schema.Search: {
+        "candidates": Meaning(
+            "",
+            "Faces that may take either label: all between two free elements, those to supports too, those inside the "
+            "scene's own blocks, or the faces of pairs of ids. Other faces keep their label.",
+        ),
+        "keep": Meaning("", "Pairs whose label is fixed."),
+        "segmentation": Meaning(
+            "", "No slits: every dry face separates two blocks; supports that touch are one block."
+        ),
+        "block_cells": Meaning("", "Least and most free elements in a block."),
+        "block_weight": Meaning("force", "Least and most weight of a block."),
+        "block_extent": Meaning("length", "Least and most extent of a block along any axis."),
+        "blocks": Meaning("", "Least and most blocks that hold a free element."),
+        "dry_faces": Meaning("", "Least and most dry faces between free elements."),
+        "assemble_out_of_plane": Meaning("", "Planar walls may be laid from the side (`jld assembly`)."),
+        "symmetry": Meaning(
+            "",
+            "Layouts that are equal under the scene's own symmetries are one class (`auto`); `mirror-x` is an error on "
+            "a scene that is not symmetric.",
+        ),
+        "front": Meaning("", "The second objective beside λ, which is always maximised."),
+    },
+    schema.Keep: {
+        "dry": Meaning("", "Pairs of ids whose faces stay dry."),
+        "inner": Meaning("", "Pairs of ids whose faces stay inner."),
+    },
+    schema.Front: {
+        "count": Meaning("", "A count: `dry_faces`, `dry_length` (in space an area), `blocks`, or a registered one."),
+        "sense": Meaning("", "Whether more of it or less is better."),
+    },
+}
+"""By part of the scene and by key, in the order of the schema."""
