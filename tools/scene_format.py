@@ -15,9 +15,9 @@ Generated from the schema by `python -m tools.scene_format`. A walk through the 
 [guide](guide/scenes.md), what a program may rely on in the [contract](scene.md). Units are the scene's own, whatever it
 says consistently: length (m), force (N), stress (Pa = N/m²), mass (kg); numbers of other units must agree with them.
 
-Editors complete and check scenes by the JSON schema in `docs/scene.schema.json`: name its path in the key `"$schema"` of
-the file, which the program does not read, or in the settings of the editor. It knows keys, types and bounds; what depends
-on several keys at once (one form of geometry, ids that exist) is checked by `jld check`.
+Editors complete and check scenes by the JSON schema in `docs/scene.schema.json`: name its path in the key `"$schema"`
+of the file, which the program does not read, or in the settings of the editor. It knows keys, types and bounds; what
+depends on several keys at once (one form of geometry, ids that exist) is checked by `jld check`.
 
 """
 

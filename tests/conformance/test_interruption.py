@@ -406,6 +406,6 @@ def test_nothing_but_the_summary_is_printed(undisturbed: Path) -> None:
     for name in ("pareto.png", "best.png"):
         assert (undisturbed / name).read_bytes().startswith(b"\x89PNG")
     parquet = pd.read_parquet(undisturbed / "results.parquet")
-    numbers = pd.read_csv(undisturbed / "results.csv", dtype={"labelling": str})
+    numbers = pd.read_csv(undisturbed / "results.csv")
     assert parquet["labelling"].tolist() == numbers["labelling"].tolist()
     assert parquet["load_factor"].tolist() == pytest.approx(numbers["load_factor"].tolist(), rel=1e-12)

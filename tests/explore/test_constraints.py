@@ -102,7 +102,7 @@ def test_counts_leave_supports_out() -> None:
 
 def test_counts_of_blocks_around_supports() -> None:
     space = space_of(["a#b"], candidates="all+supports")
-    found = counts(space.assembly, np.array([from_string("00"), from_string("01"), from_string("11")]))
+    found = counts(space.assembly, np.array([from_string("ii"), from_string("id"), from_string("dd")]))
     assert found["blocks"].tolist() == [1, 2, 2]
     assert found["largest_block_cells"].tolist() == [2, 1, 1]
     assert found["dry_faces"].tolist() == [0, 0, 0]

@@ -52,7 +52,7 @@ def results(assembly: Assembly) -> pd.DataFrame:
         load = analysis.template.scaling.load
         low, high = proof.low * load, proof.high * load
         dry = labels & assembly.free_faces
-        text = "".join("1" if value else "0" for value in labels)
+        text = "".join("d" if value else "i" for value in labels)
         rows[text] = {
             "labelling": text,
             "multiplicity": 2,
@@ -151,9 +151,9 @@ def test_one_row_is_a_front(assembly: Assembly, results: pd.DataFrame, tmp_path:
 def test_wrong_arguments_are_refused(assembly: Assembly, results: pd.DataFrame) -> None:
     with pytest.raises(ValueError, match="no such front"):
         plot_pareto(results, results, assembly, count="weight")
-    with pytest.raises(ValueError, match="24 characters"):
+    with pytest.raises(ValueError, match="24 letters"):
         labels_of("0101", assembly)
-    with pytest.raises(ValueError, match="24 characters"):
+    with pytest.raises(ValueError, match="24 letters"):
         labels_of(101, assembly)
 
 

@@ -132,7 +132,7 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     assembly = build_assembly(parse_scene(small_scene(rows=["a" * 10] * 10 + ["#" * 10])))
     rows, faces = page_table.MOST + 500, len(assembly.interfaces)
     value = np.sort(rng.random(rows))[::-1] * 10
-    letters = np.where(rng.random((rows, faces)) < 0.4, "1", "0")
+    letters = np.where(rng.random((rows, faces)) < 0.4, "d", "i")
     results = pd.DataFrame(
         {
             "rank": pd.array(np.arange(1, rows + 1), dtype="Int64"),

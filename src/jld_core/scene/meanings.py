@@ -57,8 +57,8 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "rows": Meaning(
             "",
             "Cells as they are seen, the top row first: `.` no cell, `#` a support, a letter a cell; equal letters "
-            "that touch are one block. Cells are named `c{column}r{row}`, row 0 at the top; the lower left corner is the "
-            "origin.",
+            "that touch are one block. Cells are named `c{column}r{row}`, row 0 at the top; the lower left corner is "
+            "the origin.",
         ),
     },
     schema.Element: {

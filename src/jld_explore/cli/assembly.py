@@ -13,7 +13,7 @@ import typer
 
 from jld_core.laying import Laying, laying_order
 from jld_explore.cli.layout import layout_of
-from jld_explore.report import check_writable, write_text
+from jld_explore.report import check_writable, csv_of, write_text
 
 
 class Wish(StrEnum):
@@ -49,7 +49,7 @@ def assembly(
         from jld_core.views.strip import figure_of_laying
 
         out.mkdir(parents=True, exist_ok=True)
-        write_text(out / "assembly.csv", table.to_csv(index=False))
+        write_text(out / "assembly.csv", csv_of(table))
         save_figure(figure_of_laying(laying, f"{scene.name}: order of laying"), out / "assembly.png")
         sys.stdout.write(f"\nwritten to   {out}\n")
 

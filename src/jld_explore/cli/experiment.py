@@ -17,7 +17,7 @@ from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.layout import layout_of
-from jld_explore.report import check_writable, write_text
+from jld_explore.report import check_writable, csv_of, write_text
 
 if TYPE_CHECKING:
     from jld_experiment import Curve
@@ -118,7 +118,7 @@ def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out:
     from jld_experiment.report import figure_of, table
 
     out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "curve.csv", table(curve).to_csv(index=False))
+    write_text(out / "curve.csv", csv_of(table(curve)))
     write_text(out / "summary.json", json.dumps(facts, indent=1))
     low, high = facts.get("zero_dilation_lowest"), facts.get("zero_dilation_highest")
     band = None if low is None or high is None else (low, high)

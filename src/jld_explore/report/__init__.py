@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from jld_explore.report.columns import csv_of
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.folder import (
     check_folder,
@@ -27,6 +28,7 @@ __all__ = [
     "asset_names",
     "check_folder",
     "check_writable",
+    "csv_of",
     "filled",
     "loads_of",
     "on_front",

@@ -19,6 +19,7 @@ from jld_explore.drivers import Exact, front_of_all
 from jld_explore.drivers import front as proven_front
 from jld_explore.evaluation import STORE_FILE
 from jld_explore.report import tables
+from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import from_string
 from jld_explore.study import StopReason, Study, versions
@@ -80,13 +81,14 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
             everything = study.driver.exhaustive
             count = study.space.search.front.count
             found["front"] = front_of_all(results, count, complete) if everything else proven_front(known)
-    write_text(study.folder / "faces.csv", tables.faces_table(study.assembly, study.space).to_csv(index=False))
-    write_text(study.folder / "results.csv", results.to_csv(index=False))
+    write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))
+    write_text(study.folder / "results.csv", csv_of(results))
     fresh = study.folder / "results.parquet.new"
     results.to_parquet(fresh, index=False)
     os.replace(fresh, study.folder / "results.parquet")
-    write_text(study.folder / "pareto.csv", front.to_csv(index=False))
-    write_text(study.folder / tables.CONVERGENCE, tables.convergence_table(study.store).to_csv(index=False))
+    write_text(study.folder / "pareto.csv", csv_of(front))
+    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.store)))
+    write_text(study.folder / "columns.json", json.dumps(columns(study.assembly), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, study.assembly, results, front, found, study.folder, reason, model)
     if found["best_labelling"] is not None:

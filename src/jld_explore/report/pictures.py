@@ -26,7 +26,7 @@ from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.exploration import Exploration
-from jld_explore.space import Count, count_named, registered
+from jld_explore.space import Count, count_named, from_string, registered
 
 FIRST: Final = registered()[0].name
 """The count that pictures weigh λ against where none is named."""
@@ -227,14 +227,11 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
 
 
 def labels_of(text: object, assembly: Assembly) -> Bits:
-    """(m,) labels from a 0/1 string, 1 = dry, in the assembly's order of interfaces.
-
-    Raises ValueError where it does not fit; a table read without dtype={"labelling": str} has lost its zeros.
-    """
-    if not isinstance(text, str) or len(text) != len(assembly.interfaces) or set(text) - {"0", "1"}:
-        count = len(assembly.interfaces)
-        raise ValueError(f"labelling {text!r}: expected a string of {count} characters 0 or 1")
-    return np.array([character == "1" for character in text], dtype=bool)
+    """(m,) labels from letters d and i, in the order of the interfaces. Raises ValueError where it does not fit."""
+    count = len(assembly.interfaces)
+    if not isinstance(text, str) or len(text) != count:
+        raise ValueError(f"labelling {text!r}: expected {count} letters d or i")
+    return from_string(text)
 
 
 def _collapsed(table: pd.DataFrame) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from jld_core.assembly import Assembly
 from jld_core.limit import Status
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Store, settled, statuses
 from jld_explore.report.front import on_front
-from jld_explore.space import SearchSpace, counts, unpack
+from jld_explore.space import SearchSpace, counts, to_strings, unpack
 
 CONVERGENCE: Final = "convergence.csv"
 
@@ -46,10 +46,9 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
     associative, zero = rows["associative"], rows["zero_dilation"]
     how = settled(rows)
     load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
-    text = (labellings + np.uint8(ord("0"))).tobytes().decode("ascii")
     table = pd.DataFrame(
         {
-            "labelling": [text[n : n + store.faces] for n in range(0, len(text), store.faces)],
+            "labelling": to_strings(labellings),
             "multiplicity": rows["multiplicity"].astype(np.int64),
             "load_factor": load_factor,
             "bracket_lo": rows["low"],

@@ -24,6 +24,7 @@ from jld_explore.space.labelling import (
     representatives,
     slits,
     to_string,
+    to_strings,
     unpack,
 )
 from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, Sized, block_sizes
@@ -57,6 +58,7 @@ __all__ = [
     "search_space",
     "slits",
     "to_string",
+    "to_strings",
     "unpack",
     "unregister",
     "values_of",

@@ -21,7 +21,7 @@ from jld_core.assembly import Assembly
 from jld_core.geometry import find_planar_contacts
 
 Packed = NDArray[np.uint8]
-"""Labellings as bits, (k, ceil(m / 8)): rows sort as the 0/1 strings do."""
+"""Labellings as bits, (k, ceil(m / 8)): rows sort by the first face that differs, inner before dry."""
 
 _ENTRIES: Final = 1 << 23
 """Entries of one temporary array in `blocks_of`; larger batches are taken in parts."""
@@ -44,15 +44,22 @@ def keys(labellings: Bits) -> list[bytes]:
 
 
 def to_string(labelling: Bits) -> str:
-    """A labelling (m,) as text, '1' dry and '0' inner."""
-    return (np.asarray(labelling, dtype=np.uint8) + ord("0")).tobytes().decode("ascii")
+    """A labelling (m,) as text, 'd' dry and 'i' inner: letters, as a spreadsheet makes a number of digits."""
+    return to_strings(np.asarray(labelling)[None])[0]
+
+
+def to_strings(labellings: Bits) -> list[str]:
+    """The texts of labellings (k, m)."""
+    width = labellings.shape[1]
+    text = np.where(labellings, np.uint8(ord("d")), np.uint8(ord("i"))).tobytes().decode("ascii")
+    return [text[n * width : (n + 1) * width] for n in range(len(labellings))]
 
 
 def from_string(text: str) -> Bits:
-    """The labelling (m,) of a text of '0' and '1'. Raises ValueError for any other character."""
-    if text.strip("01"):
-        raise ValueError(f"a labelling holds {text.strip('01')[0]!r}; expected '0' and '1' only")
-    return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord("1"))
+    """The labelling (m,) of a text of 'd' and 'i'. Raises ValueError for any other character."""
+    if text.strip("di"):
+        raise ValueError(f"a labelling holds {text.strip('di')[0]!r}; expected 'd' and 'i' only")
+    return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord("d"))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,81 @@
+"""The tables as text: safe to open in a spreadsheet, with units and meanings of all columns in a file beside them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import pandas as pd
+
+from jld_core.assembly import Assembly
+from jld_explore.space import registered
+
+Columns = dict[str, dict[str, str]]
+"""By column: its unit ("" for none) and what it means."""
+
+_RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
+
+_FACES: Final = {
+    "index": ("", "place of the face in a labelling, counted from 0"),
+    "element_a": ("", "id of one element"),
+    "element_b": ("", "id of the other, which the normal points to"),
+    "candidate": ("", "whether the search may change its label"),
+}
+_RESULTS: Final = {
+    "rank": ("", "1 is the strongest; only of layouts with a proven load factor"),
+    "labelling": ("", "a letter for each face in the order of faces.csv: d dry, i inner"),
+    "multiplicity": ("", "labellings that are equal to this one under the scene's symmetries, itself among them"),
+    "load_factor": ("", "load factor of the objective"),
+    "bracket_lo": ("", "proven lower bound on the load factor"),
+    "bracket_hi": ("", "proven upper bound on the load factor"),
+    "status": ("", "collapse, locked, uncertified, unstable or failed"),
+    "load_factor_associative": ("", "load factor where sliding joints dilate"),
+    "load_factor_zero_dilation": ("", "load factor found without dilation"),
+    "settled": ("", "solve, certificate (by what other solves prove) or bound (too weak to be solved)"),
+    "seconds": ("s", "time of the evaluation"),
+    "driver": ("", "what proposed it"),
+    "evidence": ("", "what is known of the point of the front: proven, found or visited"),
+}
+_CONVERGENCE: Final = {
+    "solves": ("", "evaluations up to there"),
+    "seconds": ("s", "time of all evaluations up to there, summed over workers"),
+    "best": ("", "largest load factor up to there"),
+}
+
+
+def columns(assembly: Assembly) -> dict[str, Columns]:
+    """columns.json: by file and column, unit and meaning. Load factors multiply the live load and have no unit."""
+    length = assembly.units[0]
+    ends = {f"{axis}{end}": (length, f"{axis} of end {end} of the face") for end in (0, 1) for axis in "xyz"}
+    if assembly.dimension == 2:
+        ends = {name: value for name, value in ends.items() if name[0] != "z"}
+    else:
+        sides = ("least", "greatest")
+        ends = {name: (length, f"{sides[int(name[1])]} {name[0]} of the face") for name in ends}
+    counts = {count.name: (count.unit(assembly), count.label(assembly).partition(" [")[0]) for count in registered()}
+    results = _RESULTS | counts
+    files = {
+        "faces.csv": _FACES | ends,
+        "results.csv": {name: value for name, value in results.items() if name != "evidence"},
+        "pareto.csv": results,
+        "convergence.csv": _CONVERGENCE,
+    }
+    return {
+        file: {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in found.items()}
+        for file, found in files.items()
+    }
+
+
+def csv_of(table: pd.DataFrame) -> str:
+    """A table as CSV. A text that a spreadsheet would run, as it begins with = + - @, gets an apostrophe before it."""
+    texts = table.select_dtypes(include=["object", "string"]).columns
+    safe = table.copy(deep=False)
+    for name in texts:
+        # few tables have such a text, and looking at first letters is quick
+        if {value[:1] for value in table[name] if isinstance(value, str)}.intersection(_RUN_BY_SPREADSHEETS):
+            safe[name] = pd.Series([_harmless(value) for value in table[name]], index=table.index, dtype=object)
+    safe.columns = pd.Index([_harmless(name) for name in table.columns])
+    return safe.to_csv(index=False)
+
+
+def _harmless(value: object) -> object:
+    return f"'{value}" if isinstance(value, str) and value.startswith(_RUN_BY_SPREADSHEETS) else value

@@ -1,0 +1,95 @@
+"""Tables that survive a spreadsheet, and a folder that holds what the contract lists."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from jld_core import parse_scene
+from jld_explore import ExploreSettings, explore
+from jld_explore.report import csv_of
+from paths import ROOT
+
+TEXT = (ROOT / "docs" / "scene.md").read_text("utf-8").split("## Files of a search")[1]
+LISTED = {
+    file
+    for row in TEXT.splitlines()
+    if row.startswith("| `")
+    for file in re.findall(r"`(\S+\.\w+)`", row.split("|")[1])
+}
+
+
+def scene(first: str = "a") -> dict[str, Any]:
+    """Four blocks in two courses, one of them with an id of the asker's."""
+    box = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    places = {first: (0, 0), "b": (1, 0), "c": (0, 1), "d": (1, 1)}
+    elements: list[dict[str, Any]] = [
+        {"id": name, "polygon": [[x + i, y + j] for x, y in box]} for name, (i, j) in places.items()
+    ]
+    ground = [[-1, -1], [3, -1], [3, 0], [-1, 0]]
+    return {
+        "elements": [*elements, {"id": "ground", "polygon": ground, "support": True}],
+        "materials": {
+            "density": 2000,
+            "dry": {"friction_coefficient": 0.7},
+            "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
+        },
+        "loads": {"live": [{"body": [1, 0]}]},
+    }
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ExploreSettings(driver="enumeration", jobs=1, certificates=True),
+        ExploreSettings(driver="exact", jobs=1),
+        ExploreSettings(driver="optuna", jobs=1, budget=3),
+    ],
+    ids=lambda settings: settings.driver,
+)
+def test_every_file_is_in_the_contract(settings: ExploreSettings, tmp_path: Path) -> None:
+    explore(parse_scene(scene()), tmp_path / "out", settings)
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written <= LISTED, written - LISTED
+    always = {
+        file
+        for file in LISTED
+        if file.endswith((".csv", ".parquet", ".html", ".png"))
+        or file in ("scene.json", "summary.json", "columns.json")
+    }
+    assert always <= written
+
+
+def test_a_spreadsheet_keeps_labellings_and_runs_nothing(tmp_path: Path) -> None:
+    done = explore(parse_scene(scene("=1+1")), tmp_path / "out", ExploreSettings(driver="enumeration", jobs=1))
+    read = pd.read_csv(tmp_path / "out" / "results.csv")
+    assert read["labelling"].tolist() == done.results["labelling"].tolist()
+    assert set("".join(read["labelling"])) == {"d", "i"}
+    assert done.summary["best_labelling"] == read["labelling"][0]
+    faces = pd.read_csv(tmp_path / "out" / "faces.csv")
+    assert "'=1+1" in set(faces["element_a"]) | set(faces["element_b"])
+    assert not re.search(r'(^|,)"?[=+@]', (tmp_path / "out" / "faces.csv").read_text("utf-8"), flags=re.M)
+
+
+def test_every_column_has_its_unit(tmp_path: Path) -> None:
+    explore(parse_scene(scene()), tmp_path / "out", ExploreSettings(driver="enumeration", jobs=1))
+    columns = json.loads((tmp_path / "out" / "columns.json").read_text("utf-8"))
+    for file, known in columns.items():
+        assert set(pd.read_csv(tmp_path / "out" / file).columns) <= set(known), file
+        assert all(set(column) == {"unit", "meaning"} and column["meaning"] for column in known.values())
+    assert columns["results.csv"]["dry_length"]["unit"] == "m"
+    assert columns["results.csv"]["seconds"]["unit"] == "s"
+    assert columns["faces.csv"]["x0"]["unit"] == "m"
+
+
+def test_numbers_are_left_as_they_are() -> None:
+    table = pd.DataFrame({"a": [-1.5, 2.0], "b": ["-x", "y"], "c": ["@", None]})
+    text = csv_of(table)
+    assert text.splitlines() == ["a,b,c", "-1.5,'-x,'@", "2.0,y,"]
+    assert pd.read_csv(io.StringIO(text))["a"].tolist() == [-1.5, 2.0]
