@@ -22,7 +22,7 @@ from jld_core.assembly import Assembly
 from jld_core.limit import SolveOptions, Status
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
-from jld_explore.report import Exploration, write_text
+from jld_explore.report import Exploration, csv_of, write_text
 from jld_explore.space import SearchSpace, from_string, to_string
 
 FILE: Final = "experiments.csv"
@@ -70,7 +70,7 @@ class Experiments:
                 joblib.delayed(one_experiment)(self.assembly, name, value) for name, value in part
             )
             self.rows |= {row["labelling"]: row for row in found}
-            write_text(self.folder / FILE, self.table().to_csv(index=False))
+            write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
         """What was run, the strongest first."""
@@ -182,7 +182,7 @@ def add_experiments(
     else:
         search_by_experiment(experiments, done, space, objective[0], count, objective[1])
     found = with_experiments(done, experiments, objective is not None)
-    write_text(done.folder / "results.csv", found.results.to_csv(index=False))
+    write_text(done.folder / "results.csv", csv_of(found.results))
     fresh = done.folder / "results.parquet.new"
     found.results.to_parquet(fresh, index=False)
     os.replace(fresh, done.folder / "results.parquet")

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from jld_core import parse_scene
-from jld_explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, experiments, explore
 from jld_explore.report import csv_of
 from paths import ROOT
 
@@ -23,6 +23,8 @@ LISTED = {
     if row.startswith("| `")
     for file in re.findall(r"`(\S+\.\w+)`", row.split("|")[1])
 }
+
+ENDINGS = (".csv", ".parquet", ".html", ".png")
 
 
 def scene(first: str = "a") -> dict[str, Any]:
@@ -57,13 +59,8 @@ def test_every_file_is_in_the_contract(settings: ExploreSettings, tmp_path: Path
     explore(parse_scene(scene()), tmp_path / "out", settings)
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written <= LISTED, written - LISTED
-    always = {
-        file
-        for file in LISTED
-        if file.endswith((".csv", ".parquet", ".html", ".png"))
-        or file in ("scene.json", "summary.json", "columns.json")
-    }
-    assert always <= written
+    always = {file for file in LISTED if file.endswith((*ENDINGS, "scene.json", "summary.json", "columns.json"))}
+    assert always - {experiments.FILE} <= written
 
 
 def test_a_spreadsheet_keeps_labellings_and_runs_nothing(tmp_path: Path) -> None:
@@ -81,6 +78,10 @@ def test_every_column_has_its_unit(tmp_path: Path) -> None:
     explore(parse_scene(scene()), tmp_path / "out", ExploreSettings(driver="enumeration", jobs=1))
     columns = json.loads((tmp_path / "out" / "columns.json").read_text("utf-8"))
     for file, known in columns.items():
+        assert file in LISTED
+        if file == "experiments.csv":
+            assert list(known) == list(experiments.COLUMNS)
+            continue
         assert set(pd.read_csv(tmp_path / "out" / file).columns) <= set(known), file
         assert all(set(column) == {"unit", "meaning"} and column["meaning"] for column in known.values())
     assert columns["results.csv"]["dry_length"]["unit"] == "m"

@@ -33,7 +33,18 @@ _RESULTS: Final = {
     "settled": ("", "solve, certificate (by what other solves prove) or bound (too weak to be solved)"),
     "seconds": ("s", "time of the evaluation"),
     "driver": ("", "what proposed it"),
+    "experiment": ("", "load factor carried in the virtual experiment, where one was made"),
     "evidence": ("", "what is known of the point of the front: proven, found or visited"),
+}
+_EXPERIMENTS: Final = {
+    "labelling": _RESULTS["labelling"],
+    "load_factor": ("", "load factor by limit analysis"),
+    "experiment": ("", "load factor carried in the virtual experiment"),
+    "status": ("", "how the experiment ended"),
+    "stands": ("", "whether it stands under the dead load"),
+    "rate_error": ("", "relative difference of what is carried at two rates of loading"),
+    "first_crack": ("", "load factor at the first crack"),
+    "seconds": ("s", "time of the experiment"),
 }
 _CONVERGENCE: Final = {
     "solves": ("", "evaluations up to there"),
@@ -58,6 +69,7 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
         "results.csv": {name: value for name, value in results.items() if name != "evidence"},
         "pareto.csv": results,
         "convergence.csv": _CONVERGENCE,
+        "experiments.csv": _EXPERIMENTS,
     }
     return {
         file: {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in found.items()}
