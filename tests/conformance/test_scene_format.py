@@ -11,6 +11,7 @@ from tools.scene_format import files
 
 from jld_core import InputError, parse_scene
 from jld_core.scene import json_schema
+from jld_core.scene.form import parts
 from jld_core.scene.meanings import MEANINGS
 from paths import ROOT
 
@@ -29,6 +30,8 @@ def test_files_are_current() -> None:
 
 
 def test_every_key_has_a_meaning_and_no_meaning_is_left_over() -> None:
+    models = {model for _, model in parts()}
+    assert models == set(MEANINGS), "see src/jld_core/scene/meanings.py"
     for model, meanings in MEANINGS.items():
         assert list(meanings) == list(model.model_fields), f"{model.__name__}: see src/jld_core/scene/meanings.py"
         assert all(meaning.text.endswith(".") for meaning in meanings.values())
@@ -56,7 +59,7 @@ def test_what_names_its_schema_is_read() -> None:
         {"thickness": -1.0},
         {"materials": {"dry": {"friction_angle": 90}}},
         {"search": {"block_cells": [1.5, None]}},
-        {"loads": {}},
+        {"loads": {"live": 1}},
         {"labels": {"default": "wet"}},
     ],
     ids=lambda change: next(iter(change)),

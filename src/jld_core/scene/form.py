@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene.meanings import MEANINGS
+from jld_core.scene import schema as schema_module
+from jld_core.scene.meanings import MEANINGS, Meaning
 from jld_core.scene.schema import BodyLoad, PointLoad, Scene
 
 Node = dict[str, Any]
@@ -32,7 +33,7 @@ def json_schema() -> Node:
 def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     """Every part of a scene once, in order, with the path of the key that holds it."""
     schema = Scene.model_json_schema()
-    models = {model.__name__: model for model in MEANINGS}
+    models = {name: model for name, model in vars(schema_module).items() if isinstance(model, type)}
     seen = {"Scene"}
     pending = [("", "Scene")]
     while pending:
@@ -56,7 +57,7 @@ def key_tables() -> str:
         node = schema if model is Scene else schema["$defs"][model.__name__]
         lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
         for key, value in node["properties"].items():
-            meaning = MEANINGS[model][key]
+            meaning = MEANINGS.get(model, {}).get(key, Meaning("", "–"))
             default = "required" if key in node.get("required", []) else _default(value)
             kind = _kind(value).replace("|", "\\|")
             lines.append(f"| `{key}` | {kind} | {meaning.unit} | {default} | {meaning.text} |")

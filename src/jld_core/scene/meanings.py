@@ -104,7 +104,14 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     },
     schema.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),
-        "live": Meaning("", "Loads that λ multiplies; entries add up and must not add up to nothing."),
+        "live": Meaning("", "Loads that λ multiplies; together they must not be zero. Not beside `cases`."),
+        "cases": Meaning("", "Several patterns of load; the one with the least λ over `required` governs."),
+    },
+    schema.Case: {
+        "name": Meaning("", "What the case is called in tables, a name of its own."),
+        "live": Meaning("", "Loads that λ of this case multiplies."),
+        "dead": Meaning("", "Loads of this case that λ does not multiply, beside `loads.dead`."),
+        "required": Meaning("", "Load factor that is asked of this case."),
     },
     schema.PointLoad: {
         "element": Meaning("", "Id of the free element that carries it."),
