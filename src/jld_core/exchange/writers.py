@@ -28,6 +28,9 @@ FORMATS: Final = {
 }
 """What can be written, and how such a file ends."""
 
+RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
+"""What a text begins with that a spreadsheet takes for a formula."""
+
 
 def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) -> Path:
     """Write a layout for another program, whole or not at all.
@@ -68,5 +71,10 @@ def blocks_csv(layout: Layout) -> str:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]) if rows else ["block"], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({key: harmless(value) for key, value in row.items()} for row in rows)
     return stream.getvalue()
+
+
+def harmless(value: object) -> object:
+    """A value for a CSV file: a text that a spreadsheet would run, as it begins with = + - @, after an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

@@ -7,12 +7,11 @@ from typing import Final
 import pandas as pd
 
 from jld_core.assembly import Assembly
+from jld_core.exchange import RUN_BY_SPREADSHEETS, harmless
 from jld_explore.space import registered
 
 Columns = dict[str, dict[str, str]]
 """By column: its unit ("" for none) and what it means."""
-
-_RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
 
 _FACES: Final = {
     "index": ("", "place of the face in a labelling, counted from 0"),
@@ -35,6 +34,13 @@ _RESULTS: Final = {
     "driver": ("", "what proposed it"),
     "experiment": ("", "load factor carried in the virtual experiment, where one was made"),
     "evidence": ("", "what is known of the point of the front: proven, found or visited"),
+}
+_BLOCKS: Final = {
+    "block": ("", "name of the block"),
+    "elements": ("", "ids of its elements"),
+    "cells": ("", "how many elements it has"),
+    "mass": ("kg", "its mass, where units are m and N"),
+    "shape": ("", "a number for each shape, turned ones alike"),
 }
 _EXPERIMENTS: Final = {
     "labelling": _RESULTS["labelling"],
@@ -69,11 +75,26 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
         "results.csv": {name: value for name, value in results.items() if name != "evidence"},
         "pareto.csv": results,
         "convergence.csv": _CONVERGENCE,
+        "blocks.csv": _BLOCKS | _sizes(assembly),
         "experiments.csv": _EXPERIMENTS,
     }
     return {
         file: {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in found.items()}
         for file, found in files.items()
+    }
+
+
+def _sizes(assembly: Assembly) -> dict[str, tuple[str, str]]:
+    """Columns of blocks.csv that depend on the dimension."""
+    length, planar = assembly.units[0], assembly.dimension == 2
+    axes = "xy" if planar else "xyz"
+    kind, unit = ("length", length) if planar else ("area", f"{length}²")
+    return {
+        **{f"centroid_{axis}": (length, f"{axis} of its centroid") for axis in axes},
+        **{f"extent_{axis}": (length, f"its extent along {axis}") for axis in axes},
+        "volume": (f"{length}³", "its volume"),
+        f"dry_{kind}": (unit, "of its dry faces"),
+        f"inner_{kind}": (unit, "of the inner faces in it"),
     }
 
 
@@ -83,11 +104,7 @@ def csv_of(table: pd.DataFrame) -> str:
     safe = table.copy(deep=False)
     for name in texts:
         # few tables have such a text, and looking at first letters is quick
-        if {value[:1] for value in table[name] if isinstance(value, str)}.intersection(_RUN_BY_SPREADSHEETS):
-            safe[name] = pd.Series([_harmless(value) for value in table[name]], index=table.index, dtype=object)
-    safe.columns = pd.Index([_harmless(name) for name in table.columns])
+        if {value[:1] for value in table[name] if isinstance(value, str)}.intersection(RUN_BY_SPREADSHEETS):
+            safe[name] = pd.Series([harmless(value) for value in table[name]], index=table.index, dtype=object)
+    safe.columns = pd.Index([harmless(name) for name in table.columns])
     return safe.to_csv(index=False)
-
-
-def _harmless(value: object) -> object:
-    return f"'{value}" if isinstance(value, str) and value.startswith(_RUN_BY_SPREADSHEETS) else value
