@@ -33,6 +33,7 @@ ORDER = [
     ["jld_core.limit"],
     ["jld_core.solvers", "jld_core.lanes"],
     ["jld_core.program"],
+    ["jld_core.refinement"],
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.scene", "jld_core.assembly", "jld_core.linalg"],

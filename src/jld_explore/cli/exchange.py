@@ -13,6 +13,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import solve
+from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.samples import Out, write_scene
@@ -23,6 +24,7 @@ def add_to(app: typer.Typer) -> None:
     """Add the commands of this module to the command line."""
     app.command(name="import")(import_command)
     app.command(name="export")(export_command)
+    app.command(name="refine")(refine_command)
 
 
 def import_command(
@@ -102,3 +104,38 @@ def export_command(
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
     sys.stdout.write(f"{out}\n{table}: {free} blocks of {kinds} shapes\n")
+
+
+def refine_command(
+    scene: Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)],
+    out: Out,
+    cell: Annotated[
+        str, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES.", show_default=False)
+    ],
+    kind: Annotated[str, typer.Option(help="Cells: " + ", ".join(KINDS) + ".")] = "grid",
+    by: Annotated[str | None, typer.Option(help="Old joints the search leaves alone: block or material.")] = None,
+    centre: Annotated[str | None, typer.Option(help="Centre of radial cells: x,y.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of Voronoi cells.")] = 0,
+) -> None:
+    """Split every element of a scene into cells, so that any drawing becomes a grid of candidate faces."""
+    sizes = _numbers("--cell", cell)
+    middle = None if centre is None else _numbers("--centre", centre)
+    if middle is not None and len(middle) != 2:
+        raise InputError("--centre", f"{centre!r} is wrong", "x,y")
+    parsed = load_scene(scene)
+    try:
+        place = None if middle is None else (middle[0], middle[1])
+        found = refine(parsed, sizes, kind=kind, by=by, centre=place, seed=seed)
+    except InputError as error:
+        raise (error if error.where.startswith("--") else error.within(str(scene))) from None
+    write_scene(found.scene, out)
+    before, after = len(set(found.parent.values())), len(found.parent)
+    sys.stdout.write("".join(f"assumed      {note}\n" for note in found.notes))
+    sys.stdout.write(f"found        {after} elements out of {before}\nwritten to   {out}\n")
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(option, f"{text!r} is wrong", "numbers, as 0.1,0.2") from None

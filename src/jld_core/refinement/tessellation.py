@@ -1,0 +1,169 @@
+"""Cells that cover a region: squares, Voronoi cells, sectors of rings; and convex polyhedra cut by planes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.geometry import Faces, facets_of
+
+MOST: Final = 100_000
+"""Cells that a refinement may make."""
+
+_ROUNDS: Final = 3
+"""Rounds of moving seeds to the middles of their cells, which makes Voronoi cells alike."""
+
+_ON: Final = 1e-9
+"""Distance from a plane, relative to a solid, at which a corner lies in it."""
+
+
+def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:
+    """Rectangles of a size from the lower left corner on, row by row."""
+    counts = [
+        max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
+    ]
+    _refuse(counts[0] * counts[1])
+    x = lower[0] + cell[0] * np.arange(counts[0] + 1)
+    y = lower[1] + cell[1] * np.arange(counts[1] + 1)
+    return [shapely.box(x[i], y[j], x[i + 1], y[j + 1]) for j in range(counts[1]) for i in range(counts[0])]
+
+
+def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
+    """Voronoi cells of about a size, of seeds drawn at random in a region and spread out."""
+    count = max(2, round(region.area / (cell[0] * cell[1])))
+    _refuse(count)
+    rng = np.random.default_rng(seed)
+    x0, y0, x1, y1 = region.bounds
+    points = np.zeros((0, 2))
+    while len(points) < count:
+        drawn = rng.uniform((x0, y0), (x1, y1), (4 * count, 2))
+        points = np.concatenate([points, drawn[shapely.contains_xy(region, drawn[:, 0], drawn[:, 1])]])
+    points = points[:count]
+    frame = shapely.box(x0, y0, x1, y1).buffer(max(x1 - x0, y1 - y0))
+    cells: list[shapely.Polygon] = []
+    for _ in range(_ROUNDS + 1):
+        found = shapely.voronoi_polygons(shapely.MultiPoint(points), extend_to=frame, ordered=True)
+        cells = list(found.geoms)
+        middles = [shapely.intersection(one, region).centroid for one in cells]
+        points = np.array([[m.x, m.y] if not m.is_empty else p for m, p in zip(middles, points.tolist(), strict=True)])
+    return cells
+
+
+def sectors(
+    lower: Floats, upper: Floats, cell: tuple[float, float], centre: tuple[float, float]
+) -> list[shapely.Polygon]:
+    """Sectors of rings about a centre: as thick as the first size, as wide as the second, in degrees; chords for arcs.
+
+    Raises InputError for an angle that does not go round.
+    """
+    thick, angle = cell
+    if not angle <= 120.0:
+        raise InputError("--cell", f"sectors of {angle:g} degrees are no sectors", "at most 120 degrees")
+    corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
+    turns = max(3, round(360.0 / angle))
+    # chords lie inside their circle, so the last ring is further out
+    far = float(np.linalg.norm(corners - centre, axis=1).max()) / np.cos(np.pi / turns)
+    rings = max(1, int(np.ceil(far / thick)))
+    _refuse(rings * turns)
+    angles = 2.0 * np.pi * np.arange(turns + 1) / turns
+    unit = np.column_stack([np.cos(angles), np.sin(angles)])
+    unit[-1] = unit[0]
+    found = []
+    for ring in range(rings):
+        for k in range(turns):
+            outer = [centre + thick * (ring + 1) * unit[j] for j in (k, k + 1)]
+            inner = [centre + thick * ring * unit[j] for j in (k + 1, k)] if ring else [np.array(centre)]
+            found.append(shapely.Polygon([*outer, *inner]))
+    return found
+
+
+def _refuse(count: float) -> None:
+    if count > MOST:
+        raise InputError("--cell", f"that makes {count:.3g} cells", f"at most {MOST}")
+
+
+def pieces(outline: shapely.Polygon, cells: Sequence[shapely.Polygon], least: float) -> list[shapely.Polygon]:
+    """Parts of an outline by cells; parts smaller than `least`, an area, join the part they share most with."""
+    tree = shapely.STRtree(list(cells))
+    parts: list[shapely.Polygon] = []
+    for k in sorted(tree.query(outline, predicate="intersects").tolist()):
+        shared = shapely.intersection(outline, cells[k])
+        parts += [p for p in shapely.get_parts(shared) if p.geom_type == "Polygon" and p.area > 1e-9 * outline.area]
+    while len(parts) > 1:
+        smallest = min(range(len(parts)), key=lambda k: (parts[k].area, k))
+        if parts[smallest].area >= least:
+            break
+        small = parts.pop(smallest)
+        contact = [shapely.intersection(small.buffer(1e-9 * small.length), part).area for part in parts]
+        best = int(np.argmax(contact))
+        joined = shapely.union_all([parts[best], small], grid_size=1e-10 * outline.length)
+        if joined.geom_type != "Polygon" or joined.interiors:
+            parts.insert(smallest, small)
+            break
+        parts[best] = joined
+    return parts
+
+
+def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[tuple[Floats, Faces]]:
+    """A convex polyhedron on either side of the plane n·x = offset; itself where the plane does not cross it."""
+    height = vertices @ normal - offset
+    size = float(np.ptp(vertices, axis=0).max())
+    height = np.where(np.abs(height) <= _ON * size, 0.0, height)
+    if not (height.min() < 0.0 < height.max()):
+        return [(vertices, faces)]
+    return [_half(vertices, faces, sign * height, sign * normal) for sign in (-1.0, 1.0)]
+
+
+def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
+    """What lies above a plane, with the cut as a face."""
+    points: list[Floats] = []
+    place: dict[tuple[int, int], int] = {}
+
+    def number(key: tuple[int, int], point: Floats) -> int:
+        if key not in place:
+            place[key] = len(points)
+            points.append(point)
+        return place[key]
+
+    loops = []
+    rim: set[int] = set()
+    for loop in faces:
+        kept = []
+        for a, b in zip(loop, (*loop[1:], loop[0]), strict=True):
+            if height[a] >= 0.0:
+                index = number((a, a), vertices[a])
+                kept.append(index)
+                if height[a] == 0.0:
+                    rim.add(index)
+            if height[a] * height[b] < 0.0:
+                # from the lower number to the higher, so that both sides find the same point
+                i, j = min(a, b), max(a, b)
+                share = height[i] / (height[i] - height[j])
+                index = number((i, j), vertices[i] + share * (vertices[j] - vertices[i]))
+                kept.append(index)
+                rim.add(index)
+        if len(kept) > 2 and any(index not in rim for index in kept):
+            loops.append(tuple(kept))
+    table = np.array(points)
+    around = sorted(rim)
+    middle = table[around].mean(axis=0)
+    e1 = table[around[0]] - middle
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(normal, e1)
+    angle = np.arctan2((table[around] - middle) @ e2, (table[around] - middle) @ e1)
+    # seen from below, against the normal, so that the face looks out
+    loops.append(tuple(around[k] for k in np.argsort(-angle, kind="stable").tolist()))
+    return table, tuple(loops)
+
+
+def convex(vertices: Floats, faces: Faces) -> bool:
+    """Whether a polyhedron lies behind each of its own faces."""
+    facets = facets_of([vertices], [faces])
+    size = float(np.ptp(vertices, axis=0).max())
+    over = np.einsum("fd,fvd->fv", facets.normal, vertices[None] - facets.origin[:, None])
+    return bool(over.max() <= 1e-5 * size)

@@ -1,0 +1,164 @@
+"""Refinement: nothing of the structure changes but what may be cut, and old joints stay where they are asked to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from command import call
+from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core.refinement import refine
+from jld_explore.space import search_space
+
+WALL = samples.wall(courses=4, length=1.6, opening="0.6,0.2,0.4,0.2", load="crown")
+STONE = samples.Stone(tension=1e9, shear=1e9)
+KINDS: list[tuple[Scene, dict[str, Any]]] = [
+    (samples.arch(voussoirs=6, load="quarter", stone=STONE), {"cell": (0.12,)}),
+    (
+        samples.arch(voussoirs=6, load="quarter", stone=STONE),
+        {"cell": (0.1, 7.5), "kind": "radial", "centre": (0.0, 0.0)},
+    ),
+    (samples.buttress(courses=4, stone=STONE), {"cell": (0.4, 0.3), "kind": "voronoi"}),
+    (samples.vault(voussoirs=4, courses=2, length=1.0, stone=STONE), {"cell": (0.6, 0.4, 0.6)}),
+    (parse_scene(grid_document(["aab", "ccb", "###"])), {"cell": (0.05,)}),
+]
+
+
+@pytest.mark.parametrize(
+    ("scene", "how"), KINDS, ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else ""
+)
+def test_a_refined_structure_is_the_same_structure(scene: Scene, how: dict[str, Any]) -> None:
+    """Volumes and loads are those of the parents, and with strong cells λ is that of the blocks, to 1e-6."""
+    found = refine(scene, **how)
+    old, new = build_assembly(scene), build_assembly(found.scene)
+    assert len(new.elements) > 1.5 * len(old.elements)
+    parent = np.array([old.elements.index[found.parent[name]] for name in new.elements.ids])
+    assert np.bincount(parent, new.elements.volume) == pytest.approx(old.elements.volume, rel=1e-9)
+    for field in ("dead", "live"):
+        ours, theirs = getattr(new, field), getattr(old, field)
+        d = old.dimension
+        for axis in range(d):
+            assert np.bincount(parent, ours[:, axis]) == pytest.approx(theirs[:, axis], abs=1e-6 * np.abs(theirs).max())
+    inside = parent[new.interfaces.a] == parent[new.interfaces.b]
+    assert not new.labels[inside].any()
+    length = np.bincount(inside, new.interfaces.area)
+    assert length[0] == pytest.approx(old.interfaces.area.sum(), rel=1e-6)
+    expected, result = solve(old), solve(found.scene and new)
+    assert result.status is expected.status
+    if np.isfinite(expected.load_factor) and scene.materials.inner and scene.materials.inner.tensile_strength > 1e8:
+        assert result.load_factor == pytest.approx(expected.load_factor, rel=1e-6)
+
+
+def test_refining_again_with_the_same_seed_is_the_same() -> None:
+    one, two, other = (refine(WALL, (0.15,), kind="voronoi", seed=seed).scene for seed in (3, 3, 4))
+    assert one.fingerprint == two.fingerprint != other.fingerprint
+
+
+def test_old_joints_stay_as_asked() -> None:
+    """By block: only cells within old blocks are open. By material: faces between densities stay dry."""
+    document = WALL.model_dump(mode="json", exclude_defaults=True)
+    for k, entry in enumerate(document["elements"]):
+        if not entry.get("support"):
+            entry["density"] = 2000.0 if k % 2 else 1500.0
+    scene = parse_scene(document)
+    spaces = {}
+    for by in (None, "block", "material"):
+        found = refine(scene, (0.15, 0.1), by=by)
+        assembly = build_assembly(found.scene)
+        space = search_space(found.scene, assembly)
+        ids, faces = assembly.elements.ids, assembly.interfaces
+        one, two = ([found.parent[ids[k]] for k in side.tolist()] for side in (faces.a, faces.b))
+        old_joint = np.array([a != b for a, b in zip(one, two, strict=True)])
+        density = {e.id: e.density for e in scene.elements or []}
+        mixed = np.array([density[a] != density[b] for a, b in zip(one, two, strict=True)]) & assembly.free_faces
+        spaces[by] = (space.candidates, old_joint, mixed, assembly)
+    candidates, old_joint, mixed, assembly = spaces[None]
+    assert np.array_equal(candidates, assembly.free_faces)
+    candidates, old_joint, _, assembly = spaces["block"]
+    assert np.array_equal(candidates, assembly.free_faces & ~old_joint)
+    candidates, _, mixed, assembly = spaces["material"]
+    assert mixed.any()
+    assert np.array_equal(candidates, assembly.free_faces & ~mixed)
+    assert assembly.labels[mixed].all()
+
+
+def test_pairs_of_the_search_and_labels_follow_their_pieces() -> None:
+    document = grid_document(["aab", "ccb", "###"])
+    document["labels"] = {"inner": [["c0r0", "c0r1"]]}
+    document["search"] = {"keep": {"inner": [["c1r0", "c1r1"]]}, "candidates": [["c0r0", "c1r0"]], "blocks": [1, None]}
+    scene = parse_scene(document)
+    found = refine(scene, (0.05,))
+    assembly = build_assembly(found.scene)
+    ids, faces = assembly.elements.ids, assembly.interfaces
+    couples = [{found.parent[ids[a]], found.parent[ids[b]]} for a, b in zip(faces.a, faces.b, strict=True)]
+    old = build_assembly(scene)
+    for couple, dry in zip(couples, assembly.labels, strict=True):
+        if len(couple) == 2:
+            rows = zip(old.interfaces.a, old.interfaces.b, old.labels, strict=True)
+            (was,) = [d for a, b, d in rows if {old.elements.ids[a], old.elements.ids[b]} == couple]
+            assert dry == was
+    kept = [{found.parent[a], found.parent[b]} for a, b in found.scene.search.keep.inner]
+    assert kept == [{"c1r0", "c1r1"}] * len(kept) != []
+    assert found.scene.search.blocks == [1, None]
+    opened = [{found.parent[a], found.parent[b]} for a, b in found.scene.search.candidates]  # type: ignore[misc]
+    assert {"c0r0", "c1r0"} in opened
+    assert {"c1r0", "c1r1"} not in opened
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, out = tmp_path / "wall.json", tmp_path / "fine.json"
+    scene.write_text(WALL.model_dump_json(exclude_defaults=True))
+    done = call(monkeypatch, capsys, "refine", scene, "--cell", "0.2,0.1", "-o", out)
+    assert (done.code, done.err) == (0, "")
+    assert load_scene(out).fingerprint == refine(WALL, (0.2, 0.1)).scene.fingerprint
+    spatial = tmp_path / "vault.json"
+    spatial.write_text(samples.vault().model_dump_json(exclude_defaults=True))
+    bare = tmp_path / "bare.json"
+    bare.write_text(
+        WALL.model_copy(update={"materials": WALL.materials.model_copy(update={"inner": None})}).model_dump_json(
+            exclude_defaults=True
+        )
+    )
+    bad = tmp_path / "bad.json"
+    for arguments, words in (
+        ([scene, "--cell", "0"], ["--cell", "above 0"]),
+        ([scene, "--cell", "a"], ["--cell", "numbers"]),
+        ([scene, "--cell", "1e-9"], ["--cell", "at most"]),
+        ([scene, "--cell", "0.1,0.1,0.1"], ["--cell"]),
+        ([scene, "--cell", "0.1", "--kind", "hexagon"], ["--kind", "voronoi"]),
+        ([scene, "--cell", "0.1,10", "--kind", "radial"], ["centre"]),
+        ([scene, "--cell", "0.1", "--by", "colour"], ["--by", "block, material"]),
+        ([spatial, "--cell", "0.1", "--kind", "voronoi"], ["--kind", "planar"]),
+        ([bare, "--cell", "0.1"], ["materials.inner"]),
+        ([tmp_path / "none.json", "--cell", "0.1"], ["none.json"]),
+    ):
+        wrong = call(monkeypatch, capsys, "refine", *arguments, "-o", bad)
+        assert (wrong.code, wrong.out, wrong.err.count("\n")) == (2, "", 1), arguments
+        assert all(word in wrong.err for word in words), wrong.err
+    assert not bad.exists()
+
+
+def test_what_cannot_be_refined_is_said() -> None:
+    ell = [[0, 0, 0], [2, 0, 0], [2, 0, 1], [1, 0, 1], [1, 0, 2], [0, 0, 2]]
+    ell += [[x, 1, z] for x, _, z in ell]
+    faces = [[0, 1, 2, 3, 4, 5], [11, 10, 9, 8, 7, 6], *[[(k + 1) % 6, k, 6 + k, 6 + (k + 1) % 6] for k in range(6)]]
+    ground = [[x, y, z] for z in (-1, 0) for y in (0, 1) for x in (0, 2)]
+    boxes = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
+    document = {
+        "elements": [
+            {"id": "L", "vertices": ell, "faces": faces},
+            {"id": "ground", "vertices": ground, "faces": boxes, "support": True},
+        ],
+        "materials": {
+            "density": 1,
+            "dry": {"friction_coefficient": 1},
+            "inner": {"tensile_strength": 1, "shear_strength": 1},
+        },
+        "loads": {"live": [{"body": [1, 0, 0]}]},
+    }
+    with pytest.raises(InputError, match="'L': it is not convex"):
+        refine(parse_scene(document), (0.5,))
