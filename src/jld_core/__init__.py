@@ -1,8 +1,20 @@
 """One assembly, one labelling → λ, with proof.
 
-`load_scene` and `parse_scene` give a `Scene`, `build_assembly` an `Assembly`, `solve` (with `SolveOptions`) or, for
-many labellings of one assembly, `LimitAnalysis` a `LimitAnalysisResult` with its `Status`. What goes wrong is an
-`InputError` or a `SolverError`. `samples` are parametric scenes, `views` draw, `solvers` are the ways to a raw answer.
+- `Assembly`: one structure with loads and materials, before any labelling is chosen
+- `InputError`: a scene, option or folder that cannot be used, in one line
+- `LimitAnalysis`: one assembly, to be solved under many labellings
+- `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
+- `Scene`: a scene file, validated
+- `SolveOptions`: what is modelled, as on the command line
+- `SolverError`: a solver that was asked for a program it does not take
+- `Status`: collapse, locked, unstable or uncertified
+- `build_assembly`: Scene → Assembly
+- `load_scene`: file → Scene
+- `parse_scene`: dictionary → Scene
+- `samples`: parametric scenes by name
+- `solve`: λ of one labelling, with a two-sided bracket
+- `solvers`: ways to a raw answer
+- `views`: drawings and notebooks
 """
 
 from __future__ import annotations

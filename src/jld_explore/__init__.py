@@ -1,7 +1,15 @@
 """Many labellings of one assembly → ranking, front, proof.
 
-`explore` (with `ExploreSettings`) gives an `Exploration`, read back by `read_folder`; `search_space` the `SearchSpace`,
-what may be labelled; `Driver`, what asks, and `Evaluation`, what it is told; `Progress` and `StopReason` of a run.
+- `Driver`: what proposes labellings
+- `Evaluation`: what is known of one labelling
+- `Exploration`: a finished search
+- `ExploreSettings`: how to search
+- `Progress`: where a running search stands
+- `SearchSpace`: what may be labelled
+- `StopReason`: why a search ended
+- `explore`: search the labellings of a scene into a folder
+- `read_folder`: a folder → Exploration
+- `search_space`: what a scene's "search" asks for
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -143,6 +144,8 @@ def test_a_face_lists_what_it_hands_on(wing: str) -> None:
     assert len(set(module.__all__)) == len(module.__all__)
     for name in module.__all__:
         assert getattr(module, name) is not None
+    described = re.findall(r"^- `(\w+)`: \S", str(module.__doc__), flags=re.M)
+    assert described == module.__all__, f"{wing}: one line per name in the docstring of its face, in the same order"
 
 
 def test_public_names() -> None:

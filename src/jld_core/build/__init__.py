@@ -1,4 +1,10 @@
-"""Scene → Assembly: elements, interfaces, materials, loads."""
+"""Scene → Assembly: elements, interfaces, materials, loads.
+
+- `Resultant`: what a set of generalised forces adds up to
+- `build_assembly`: Scene → Assembly
+- `faces_of_pairs`: the interfaces between the elements of each pair
+- `resultant`: its force, line of action and moment
+"""
 
 from __future__ import annotations
 

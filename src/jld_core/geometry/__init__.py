@@ -1,4 +1,44 @@
-"""Polygons, polyhedra, and where they touch. Knows no Assembly."""
+"""Polygons, polyhedra, and where they touch. Knows no Assembly.
+
+- `Faces`: faces of polyhedra
+- `Facets`: plane facets of all elements, as arrays
+- `NearMiss`: two faces that nearly touch and are not joined
+- `Overlap`: two elements that share an area or a volume
+- `PlanarContact`: a straight contact of two polygons
+- `Region`: a plane area
+- `Shape`: what is compared of a shape
+- `Snapped`: paths after snapping
+- `SnappedSolids`: solids after snapping
+- `SpatialContact`: a plane contact of two polyhedra
+- `Surface`: a closed surface
+- `check_overlaps`: refuse polyhedra that share a volume
+- `check_polygons`: refuse polygons that are not simple or cover one another
+- `congruent`: whether two sets of corners are one, moved
+- `extrude`: an area in the plane → a solid
+- `facets_of`: polyhedra → plane facets
+- `find_planar_contacts`: where polygons touch
+- `find_spatial_contacts`: where polyhedra touch
+- `given_normals`: normals of contacts that are given
+- `merge_points`: points within a tolerance, as one
+- `near_misses`: edges that nearly touch
+- `near_pairs`: boxes that touch or overlap
+- `near_solids`: facets that nearly touch
+- `planar_interfaces`: frames and sizes of straight contacts
+- `rectangle_torsion_length`: c_T of rectangles
+- `refuse_overlaps`: the complaint about all overlaps, with depth and place
+- `region_of`: a polygon of shapely → Region
+- `shape_numbers`: number of the shape of each entry, from 1 by first appearance
+- `snap_paths`: close gaps between open and closed paths
+- `snap_polygons`: close gaps and overlaps between polygons
+- `snap_solids`: close gaps between polyhedra
+- `solids`: polyhedra with faces outward, volumes and centroids
+- `spatial_interfaces`: frames and sections of plane contacts
+- `straight`: an outline without the corners in straight edges
+- `union_outlines`: what polygons cover together, in parts from left to right
+- `union_solids`: the outer surface of polyhedra that touch along parts of their faces
+- `without_repeats`: outlines without corners given twice
+- `words_of`: a sentence on faces that nearly touch
+"""
 
 from __future__ import annotations
 

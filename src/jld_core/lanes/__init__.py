@@ -1,4 +1,14 @@
-"""Labellings in the lanes of a register: a compiled interior point over many labellings of one assembly."""
+"""Labellings in the lanes of a register: a compiled interior point over many labellings of one assembly.
+
+- `FALLS`: answer of a labelling that stands for no λ ≥ 0
+- `OPEN`: answer of a labelling that is left to the usual way
+- `PROVEN`: answer of a labelling with both bounds
+- `LaneAnswers`: what is proven of many labellings
+- `Lanes`: the kernel for one template
+- `chosen`: the kernel in use
+- `described`: the kernel in use, in words
+- `fits`: whether the kernel knows rows of a shape
+"""
 
 from jld_core.lanes.kernel import FALLS, OPEN, PROVEN, LaneAnswers, Lanes
 from jld_core.lanes.library import chosen, described

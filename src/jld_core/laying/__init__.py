@@ -1,8 +1,12 @@
 """How blocks are laid: which way they come, in which order, and what stands while they do.
 
+- `GROUP`: blocks moved together at the most, where single ones fail
+- `Blocks`: k blocks of a labelling, numbered by their first element
+- `Laying`: how a labelling is laid, block by block
+- `Step`: one step of laying
+- `blocks_of_labelling`: the blocks of a labelling as bodies → `Blocks`
 - `laying_order`: an order of laying by translations, with the props that its stages need → `Laying` of `Step`s
 - `locked_blocks`: elements of blocks that lock one another
-- `blocks_of_labelling`: the blocks of a labelling as bodies → `Blocks`
 """
 
 from __future__ import annotations

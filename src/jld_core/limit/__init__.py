@@ -1,4 +1,47 @@
-"""A raw answer → a proof: bounds, repairs, status, result."""
+"""A raw answer → a proof: bounds, repairs, status, result.
+
+- `LADDER`: what `LimitAnalysis.prove` tries by default, from the top down
+- `Batch`: the kernel for one limit analysis
+- `BatchAnswers`: what is settled of k labellings
+- `BlockRelaxation`: bounds on λ over all choices of blocks
+- `CaseRelaxation`: bounds on the governing factor where faces are undecided
+- `Choice`: what that relaxation says of some blocks
+- `Climb`: one labelling on its way up
+- `Condense`: when blocks are taken as rigid: auto, on or off
+- `Contacts`: how dry faces touch: convex or concave
+- `DualBound`: why no labelling that agrees on some faces reaches a λ
+- `Friction`: associative or zero-dilation
+- `Governing`: what is known of the governing factor
+- `Known`: what is known of one load case
+- `LimitAnalysis`: one assembly, to be solved under many labellings
+- `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
+- `Motion`: velocities with their jumps, margin and bound
+- `Movement`: what a face does in a mechanism
+- `Proof`: what has been proven of one labelling, and by what
+- `Prover`: raw points and multipliers → checked bounds
+- `Relaxation`: bounds on λ where some faces are undecided
+- `Repair`: auxiliary programs that make an answer admissible
+- `Rung`: one way to a proof
+- `SolveOptions`: what is modelled, as on the command line
+- `State`: forces and λ with their slack and error
+- `Status`: collapse, locked, unstable or uncertified
+- `apart`: whether two brackets of one λ have nothing in common
+- `applies_to`: whether there is a relaxation by blocks
+- `crossed`: whether two bounds contradict each other
+- `displacement`: velocities of points that move with an element
+- `element_velocities`: scaled velocities → scene units
+- `face_jumps`: velocities → jumps of the faces
+- `face_motions`: what each face does in a mechanism
+- `flow_rule`: how well every face obeys its flow rule
+- `governing`: the governing factor of a labelling from what is known of its load cases
+- `governing_result`: results of load cases → the result of the structure
+- `has_hull`: whether undecided faces have rows
+- `load_floor`: λ below which differences are no matter
+- `number`: a JSON number, or null
+- `relative_width`: width of a bracket, relative
+- `result_of`: a proof → a result in scene units
+- `work_balance`: power of the loads against what is dissipated
+"""
 
 from __future__ import annotations
 

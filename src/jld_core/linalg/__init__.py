@@ -1,4 +1,9 @@
-"""Sparse factors and projections. Knows no Assembly."""
+"""Sparse factors and projections. Knows no Assembly.
+
+- `Factor`: a factorisation, ready to solve with
+- `Fronts`: elimination order and fronts of a pattern
+- `nested_dissection`: an order of elimination by bisection
+"""
 
 from __future__ import annotations
 

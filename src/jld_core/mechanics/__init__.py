@@ -1,4 +1,22 @@
-"""Equilibrium, scaling, and what a yield set is."""
+"""Equilibrium, scaling, and what a yield set is.
+
+- `Contact`: effective rectangles, as they enter torsion
+- `InnerBending`: "paper" or "kern"
+- `PlanarYield`: yield sets of planar faces
+- `PrescribedFriction`: a yield set whose friction does not follow the present N
+- `RowPattern`: sparsity of the yield rows under both labels
+- `Rows`: what a program asks of yield sets
+- `Scaling`: scene values ↔ scaled values
+- `SpatialYield`: yield sets of spatial faces
+- `YieldSet`: what a proof asks of yield sets
+- `equilibrium_matrix`: A_eq
+- `load_vectors`: b and b_λ
+- `local_hulls`: convex hulls of faces in their own frames
+- `planar_yield`: the yield sets of a planar assembly
+- `require_materials`: refuse labellings whose material is missing
+- `scaling_of`: the scales of an assembly
+- `spatial_yield`: the yield sets of a spatial assembly
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,23 @@
-"""What is modelled, and the one policy how."""
+"""What is modelled, and the one policy how.
+
+- `LADDERS`: what is tried, in order, by `SolveOptions.condense`
+- `Scheme`: how a solution without dilation is sought
+- `SolveOptions`: what is modelled, as on the command line
+- `change`: how far effective areas moved between two iterates
+- `contact_of`: effective areas under given forces
+- `frozen_contact`: a template with effective areas frozen
+- `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
+- `point_contact_assembly`: the assembly of concave contact
+- `prove_condensed`: proof by rigid blocks, cracked on demand
+- `prove_effective_area`: proof at a fixed point of effective areas
+- `prove_zero_dilation`: collapse without dilation, by an analysis that exists
+- `rigid_blocks`: elements joined through inner faces
+- `solve`: λ of one labelling, with a two-sided bracket
+- `solve_labelling`: proof of one labelling under the options asked for
+- `solve_zero_dilation`: collapse without dilation in one call
+- `worth_condensing`: whether blocks are better taken as rigid
+- `zero_dilation`: collapse without dilation, by an analysis that exists
+"""
 
 from __future__ import annotations
 

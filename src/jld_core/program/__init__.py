@@ -1,4 +1,10 @@
-"""The conic program of one labelling, and what a relabelling changes in it."""
+"""The conic program of one labelling, and what a relabelling changes in it.
+
+- `ConicProgram`: the numbers of one program
+- `Structure`: what all programs of one template share
+- `Template`: what does not depend on the labelling, scaled
+- `pack`: labellings → bits
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,21 @@
-"""Parametric structures of use to anyone, by name: `jld new NAME` and the same in Python."""
+"""Parametric structures of use to anyone, by name: `jld new NAME` and the same in Python.
+
+- `KINDS`: what `jld new` makes, by name
+- `Stone`: material of a sample
+- `arch`: an arch of voussoirs in rings
+- `box`: a spatial element between two corners
+- `buttress`: a buttress under a thrust
+- `dome`: a faceted dome
+- `flat_arch`: a flat arch of wedges
+- `grid`: a rectangle of equal cells
+- `halved_bond`: a small planar wall whose lowest course begins and ends in half bricks
+- `planar_running_bond`: a planar wall in running bond, of any size
+- `random_wall`: a dry wall drawn from a seed
+- `running_bond`: a spatial wall in running bond, of any size
+- `semicircular_arch`: an arch of radial joints, weight along its centreline
+- `vault`: a vault over a semicircle
+- `wall`: a wall of courses in a bond
+"""
 
 from __future__ import annotations
 

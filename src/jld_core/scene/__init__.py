@@ -1,4 +1,20 @@
-"""The scene file: its keys, how it is read, and what is said of a wrong one."""
+"""The scene file: its keys, how it is read, and what is said of a wrong one.
+
+- `BodyLoad`: weight times a vector on all elements
+- `Contact`: an interface given by hand
+- `Dry`: material of joints
+- `Element`: one rigid element
+- `Grid`: planar cells
+- `Inner`: material of crack planes
+- `Materials`: weights and strengths
+- `PointLoad`: a force on one element
+- `Scene`: a scene file, validated
+- `Search`: what may be relabelled
+- `json_schema`: the format for editors
+- `key_tables`: the format for readers
+- `load_scene`: file → Scene
+- `parse_scene`: dictionary → Scene
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,21 @@
-"""Routes to a raw solution, behind one interface and chosen by name. Nothing here is believed."""
+"""Routes to a raw solution, behind one interface and chosen by name. Nothing here is believed.
+
+- `LARGE`: equations from which `schur` is the faster one
+- `SOLVERS`: names of solvers
+- `ClarabelSolver`: interior point, updated in place
+- `HighsSolver`: simplex and interior point, linear programs
+- `LinearAnswer`: what a linear program gave
+- `LinearRows`: a linear program that is minimised again and again
+- `ProximalSolver`: Clarabel with a proximal term
+- `RawSolution`: a solver's answer, not believed
+- `RawStatus`: what a solver says of it
+- `SchurSolver`: our interior point for large assemblies
+- `Solver`: one way to a raw solution
+- `auxiliary`: solve a program that is not a labelling's own
+- `interior_point`: a linear program by HiGHS' interior point
+- `is_large`: whether a program goes to `schur` by default
+- `make_solver`: a solver by its name
+"""
 
 from __future__ import annotations
 

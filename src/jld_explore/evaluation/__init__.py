@@ -1,4 +1,40 @@
-"""Labelling → Evaluation, in workers, with records on disk."""
+"""Labelling → Evaluation, in workers, with records on disk.
+
+- `BOUND`: settled by an upper bound alone
+- `CERTIFICATE`: settled by what other solves prove
+- `CERTIFICATES_FILE`: name of the file of certificates
+- `FAILED`: an evaluation that broke down
+- `ORDER`: statuses, the best first
+- `STORE_FILE`: name of the file of evaluations
+- `Archive`: proofs on disk
+- `Bounds`: what the pool knows of labellings
+- `CertificateEvaluator`: evaluates with a pool of certificates
+- `Evaluation`: what is known of one labelling
+- `Evaluator`: evaluates labellings of one assembly
+- `EvaluatorSettings`: what an evaluator is asked for
+- `ForceMethod`: both sides of λ at a vertex
+- `Forces`: a certificate from below
+- `IncumbentFront`: the largest λ known for each count
+- `Mechanism`: a certificate from above
+- `Pool`: certificates that are worth their place
+- `Proofs`: what one solve leaves behind
+- `Run`: labellings under evaluation
+- `Store`: evaluations on disk
+- `Vertex`: what was found at a vertex
+- `WorkerSpec`: what a worker needs
+- `Workers`: a pool of processes
+- `batch_size`: labellings per task
+- `front_counts`: counts of the scene's front
+- `kernel_settles`: whether nearly all labellings are the kernel's to settle
+- `objectives`: what is minimised
+- `places`: place of each status
+- `proofs_of`: what a finished solve proves of others
+- `record_type`: layout of one record
+- `settled`: how each record was settled
+- `standing`: what sorts evaluations
+- `statuses`: status of each record
+- `worth`: what a driver goes by
+"""
 
 from __future__ import annotations
 

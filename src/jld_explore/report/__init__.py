@@ -1,4 +1,29 @@
-"""A finished study: tables, front, pictures, words."""
+"""A finished study: tables, front, pictures, words.
+
+- `Exploration`: a finished search
+- `ExplorationView`: how it shows itself in a notebook
+- `assembly`: what `jld check` prints
+- `asset`: text of a file of the front end
+- `asset_names`: files of the front end that a browser loads
+- `check_folder`: refuse a folder that may not be written into
+- `check_writable`: refuse a folder that cannot be made
+- `csv_of`: a table as CSV, safe for spreadsheets
+- `filled`: a template with its parts put in
+- `loads_of`: live loads as they are drawn
+- `on_front`: which rows are on a front
+- `page_data`: the object that a page is made of
+- `read_folder`: a folder → Exploration
+- `results_table`: the table of results
+- `scene_page`: HTML of a scene, solved
+- `solution_of`: what is proven of one layout, by load case, ready to be drawn
+- `solve_cases`: one labelling (m,) solved under every load case of the assembly, as pages show it
+- `study_data`: the data of the page of a search, as `page_data` has it
+- `study_page`: HTML of a search
+- `write_pictures`: draw all pictures of a search
+- `write_report`: write the page of a search
+- `write_tables`: write all tables of a search
+- `write_text`: write a file whole or not at all
+"""
 
 from __future__ import annotations
 

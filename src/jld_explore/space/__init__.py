@@ -1,4 +1,37 @@
-"""What may be labelled, under which limits, and what is counted."""
+"""What may be labelled, under which limits, and what is counted.
+
+- `CELLS`: the measure of a block that counts its elements
+- `MEASURES`: measures of blocks that limits may speak of
+- `Count`: one count of labellings
+- `Layouts`: labellings (k, m) of an assembly, as counts look at them
+- `Limits`: all limits of a search over an assembly
+- `Measure`: how large a block is, over its free elements, scene units
+- `Range`: inclusive bounds, rounding allowed for
+- `SearchSpace`: what may be labelled
+- `Sized`: things with a size by every measure
+- `Terms`: a count as a sum of ones, for proofs
+- `block_sizes`: sizes of all blocks
+- `blocks_of`: the block of each element
+- `canonical`: the smallest image under the symmetries
+- `connectivity`: the element graph
+- `count_named`: a count by its name
+- `counts`: values of all counts
+- `feasible`: which labellings are in the space
+- `from_string`: text → labelling
+- `keys`: hashable keys of labellings
+- `orbit_sizes`: how many images a labelling has
+- `pack`: labellings → bits
+- `register`: take a count of one's own
+- `registered`: all counts
+- `representatives`: labellings that are canonical
+- `search_space`: what a scene's "search" asks for
+- `slits`: dry faces inside a block
+- `to_string`: labelling → text
+- `to_strings`: labellings → texts
+- `unpack`: bits → labellings
+- `unregister`: take it back
+- `values_of`: values of one count
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""An interior point on the Schur complement, for large assemblies."""
+"""An interior point on the Schur complement, for large assemblies.
+
+- `SchurSolver`: our interior point for large assemblies
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""How a labelling is changed."""
+"""How a labelling is changed.
+
+- `BufferedRandom`: random choices, drawn in blocks
+- `Operators`: what drivers ask of operators
+- `Segmentations`: how a segmentation is changed
+- `operators`: how labellings of a space are changed
+"""
 
 from __future__ import annotations
 
