@@ -3,7 +3,7 @@
 - `ConicProgram`: the numbers of one program
 - `Structure`: what all programs of one template share
 - `Template`: what does not depend on the labelling, scaled
-- `pack`: labellings → bits
+- `pack`: a program from sparse rows
 """
 
 from __future__ import annotations
