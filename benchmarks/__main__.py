@@ -27,6 +27,7 @@ BENCHMARKS: Final = (
     "scale",
     "batched",
     "experiment",
+    "studio",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 

@@ -41,11 +41,12 @@ from jld_explore.report.front import on_front
 from jld_explore.report.notebook import ExplorationView
 from jld_explore.report.page import asset, asset_names, filled
 from jld_explore.report.page_data import loads_of, page_data, solution_of
-from jld_explore.report.page_of_study import scene_page, solve_cases, study_data, study_page, write_report
+from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
 from jld_explore.report.tables import results_table
 from jld_explore.report.words import assembly
 
 __all__ = [
+    "CaseSolver",
     "Exploration",
     "ExplorationView",
     "assembly",
@@ -62,7 +63,6 @@ __all__ = [
     "results_table",
     "scene_page",
     "solution_of",
-    "solve_cases",
     "study_data",
     "study_page",
     "write_pictures",

@@ -12,14 +12,15 @@ import pandas as pd
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysisResult, SolveOptions
-from jld_core.models import solve
+from jld_core.limit import LimitAnalysisResult, governing_result, result_of
+from jld_core.mechanics import require_materials
+from jld_core.models import SolveOptions, limit_analysis, solve_labelling
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
-from jld_explore.report.page_data import page_data, solution_of
+from jld_explore.report.page_data import cases_of, page_data, solution_of
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.tables import CONVERGENCE
 from jld_explore.space import from_string, search_space
@@ -46,7 +47,7 @@ def study_page(done: Exploration, patience: float = PATIENCE) -> str:
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
     """HTML of a scene with its own labels, solved."""
-    found, governing = solve_cases(assembly, assembly.labels)
+    found, governing = CaseSolver(assembly).solve(assembly.labels, stands=True)
     facts = {**facts_of_assembly(assembly), **facts_of_result(found[governing])}
     candidates = assembly.free_faces
     return page(
@@ -95,20 +96,39 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any]) -> pd.DataFra
     return front.assign(evidence="proven" if everything else "found")
 
 
-def solve_cases(assembly: Assembly, labels: Bits, model: SolveOptions | None = None) -> Cases:
-    """One labelling (m,) solved under every load case of the assembly, as pages show it. model: default associative."""
-    found = solve(assembly, labels, **vars(model or SolveOptions()))
-    return (found.cases, found.governing or "") if found.cases else ({"": found}, "")
+class CaseSolver:
+    """Solves labellings of one assembly under each of its load cases, on templates that are built once."""
+
+    def __init__(self, assembly: Assembly, model: SolveOptions | None = None) -> None:
+        """model: default associative friction, as `solve` has it."""
+        self.assembly, self.model = assembly, model or SolveOptions()
+        self._analyses = [limit_analysis(case, self.model, reference=assembly.labels) for case in assembly.by_case]
+
+    def solve(self, labels: Bits, stands: bool = False) -> Cases:
+        """One labelling (m,). stands: also decide whether it stands without live load.
+
+        Raises InputError where a material that it needs is missing.
+        """
+        require_materials(self.assembly, labels, ~labels)
+        found: dict[str, LimitAnalysisResult] = {}
+        for name, analysis in zip(cases_of(self.assembly), self._analyses, strict=True):
+            start = time.perf_counter()
+            proof = solve_labelling(analysis, labels, self.model, stands=stands)
+            elapsed = time.perf_counter() - start
+            found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
+        governing = governing_result(self.assembly, found).governing if self.assembly.cases else None
+        return found, governing or next(iter(found))
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[int, dict[str, Any]]:
     start = time.perf_counter()
     found: dict[int, dict[str, Any]] = {}
+    solver = CaseSolver(done.assembly, done.model)
     for place in _worth(rows, done.front):
         if found and time.perf_counter() - start > patience:
             break
         labels = from_string(str(rows["labelling"].iloc[place]))
-        found[place] = solution_of(*solve_cases(done.assembly, labels, done.model))
+        found[place] = solution_of(*solver.solve(labels))
     return dict(sorted(found.items()))
 
 

@@ -16,7 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
-from jld_explore.report import loads_of, solution_of, solve_cases
+from jld_explore.report import CaseSolver, loads_of, solution_of
 from jld_explore.space import SearchSpace, feasible, search_space
 
 KEPT: Final = 16
@@ -33,6 +33,7 @@ class Setup:
     scene: Scene
     assembly: Assembly
     space: SearchSpace | None
+    solver: CaseSolver
 
 
 class Desk:
@@ -59,7 +60,7 @@ class Desk:
             space = search_space(scene, assembly)
         except InputError:
             space = None  # nothing can be searched, for want of a material or of room; it can be solved all the same
-        made = self._kept[name] = Setup(scene, assembly, space)
+        made = self._kept[name] = Setup(scene, assembly, space, CaseSolver(assembly))
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         return made
@@ -76,7 +77,7 @@ class Desk:
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
-        results, governing = solve_cases(setup.assembly, labels)
+        results, governing = setup.solver.solve(labels)
         solved = time.perf_counter()
         admitted = None if setup.space is None else bool(feasible(setup.space, labels[None])[0])
         return {

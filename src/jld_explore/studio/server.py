@@ -10,7 +10,7 @@ from typing import Any
 
 from jld_core.errors import InputError
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_explore.report import page_data, read_folder, solution_of, solve_cases, study_data
+from jld_explore.report import page_data, read_folder, solution_of, study_data
 from jld_explore.studio.desk import Desk
 
 START: dict[str, Any] = {
@@ -79,7 +79,7 @@ def first_data(desk: Desk, root: Path, study: Path | None) -> dict[str, Any]:
         return study_data(read_folder(study), patience=0.5, kind="studio", studio=extra)
     setup = desk.setup({})
     assembly = setup.assembly
-    results, governing = solve_cases(assembly, assembly.labels)
+    results, governing = setup.solver.solve(assembly.labels)
     return page_data(
         kind="studio",
         scene=desk.scene,
@@ -96,6 +96,7 @@ def _listener(port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
+        listener.listen()  # whoever is told the address may come before the server is up
     except (OSError, OverflowError) as error:
         listener.close()
         raise InputError("--port", f"{port} cannot be had ({error})", "a free port, or none for any") from None

@@ -52,10 +52,14 @@ export class SpatialFigure {
     this.home();
     /** @type {any[]} */
     this.loose = [];
+    /** what is made once and drawn in every layout @type {Map<string, any>} */
+    this.kept = new Map();
     this.explode = 0;
     this.opacity = 1;
     this.cut = { axis: -1, share: 1 };
     this.share = 1;
+    /** @type {number | undefined} */
+    this.frame = undefined;
     this.#controlPanel();
     this.watch = new ResizeObserver(() => this.#resize());
     this.watch.observe(this.canvas);
@@ -141,26 +145,30 @@ export class SpatialFigure {
     });
     this.solids = structure.elements.map((element, k) => {
       const fill = element.support ? look.support : view === "forces" ? look.plain : look.tints[colours[k]];
-      const mesh = new THREE.Mesh(solid(element), new THREE.MeshLambertMaterial({ color: fill, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }));
+      const paint = this.#keep(`solid ${fill}`, () => new THREE.MeshLambertMaterial({ color: fill, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }));
+      const mesh = new THREE.Mesh(this.#keep(`element ${k}`, () => solid(element)), paint);
       mesh.userData = { element: k };
       this.groups?.[k].add(mesh);
-      this.groups?.[k].add(this.#lines(ringSegments(element.faces.map((ring) => ring.map((v) => element.shape[v]))), look.soft, 0.9));
+      const edges = this.#keep(`edges ${k}`, () => segments(ringSegments(element.faces.map((ring) => ring.map((v) => element.shape[v])))));
+      this.groups?.[k].add(this.#lines(edges, look.soft, 0.9));
       return mesh;
     });
     this.faces = structure.faces.map((face, k) => {
       const dry = labelling[k] === "d";
       const used = view === "forces" && solved?.utilisation ? solved.utilisation[k] : null;
       const colour = used !== null ? ramp(look.used, used) : dry ? look.ink : look.soft;
-      const patch = new THREE.Mesh(sheet(face.polygon), new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity: used !== null ? 0.45 : dry ? 0.16 : 0.05, side: THREE.DoubleSide, depthWrite: false }));
+      const opacity = used !== null ? 0.45 : dry ? 0.16 : 0.05;
+      const glaze = this.#keep(`sheet ${colour} ${opacity}`, () => new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity, side: THREE.DoubleSide, depthWrite: false }));
+      const patch = new THREE.Mesh(this.#keep(`face ${k}`, () => sheet(face.polygon)), glaze);
       patch.userData = { face: k };
       const width = used !== null ? 1.5 + 2.5 * used : dry ? 2.6 : 1.4;
-      const rim = this.#lines(ringSegments([face.polygon]), colour, width, dry ? 0 : 0.06 * structure.typical);
+      const ring = this.#keep(`rim ${k}`, () => segments(ringSegments([face.polygon])));
       const sides = view === "mechanism" && solved?.mechanism ? face.elements : [face.elements[1]];
       for (const side of sides) {
-        this.groups?.[side].add(side === sides[0] ? rim : this.#lines(ringSegments([face.polygon]), colour, width, dry ? 0 : 0.06 * structure.typical));
+        this.groups?.[side].add(this.#lines(ring, colour, width, dry ? 0 : 0.06 * structure.typical));
       }
-      if (what.marked.has(k)) this.groups?.[face.elements[1]].add(this.#lines(ringSegments([face.polygon]), "#c2185b", 6));
-      if (what.current === k) this.groups?.[face.elements[1]].add(this.#lines(ringSegments([face.polygon]), "#0b66c3", 5));
+      if (what.marked.has(k)) this.groups?.[face.elements[1]].add(this.#lines(ring, "#c2185b", 6));
+      if (what.current === k) this.groups?.[face.elements[1]].add(this.#lines(ring, "#0b66c3", 5));
       this.groups?.[face.elements[1]].add(patch);
       return patch;
     });
@@ -169,13 +177,12 @@ export class SpatialFigure {
     if (view === "mechanism" && solved?.mechanism) {
       this.#places(solved);
       const rings = structure.elements.filter((e) => !e.support).flatMap((e) => e.faces.map((ring) => ring.map((v) => e.shape[v])));
-      this.#free(this.#lines(ringSegments(rings), look.rest, 0.8));
+      this.#free(this.#lines(this.#keep("rest", () => segments(ringSegments(rings))), look.rest, 0.8));
     }
     this.#clip(false);
     this.#fade(false);
     this.canvas.setAttribute("aria-label", `${this.data.title}: ${view}, spatial view; arrow keys turn it, plus and minus zoom, 0 resets`);
     this.move(this.share);
-    this.#resize();
   }
 
   /** @param {import("./contract.js").CaseSolution} solved */
@@ -254,6 +261,16 @@ export class SpatialFigure {
     return group;
   }
 
+  /** The same thing for the same name, made when it is first asked for. @param {string} name @param {() => any} make */
+  #keep(name, make) {
+    if (!this.kept.has(name)) {
+      const made = make();
+      made.isKept = true;
+      this.kept.set(name, made);
+    }
+    return this.kept.get(name);
+  }
+
   /** @param {any} node */
   #free(node) {
     const group = new THREE.Group();
@@ -263,12 +280,10 @@ export class SpatialFigure {
   }
 
   /**
-   * @param {number[]} positions @param {string} colour @param {number} width px @param {number} [dash] scene units
+   * @param {any} geometry @param {string} colour @param {number} width px @param {number} [dash] scene units
    */
-  #lines(positions, colour, width, dash = 0) {
-    const geometry = new THREE.LineSegmentsGeometry();
-    geometry.setPositions(positions);
-    const material = new THREE.LineMaterial({ color: colour, linewidth: width, dashed: dash > 0, dashSize: dash || 1, gapSize: dash || 1, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2 });
+  #lines(geometry, colour, width, dash = 0) {
+    const material = this.#keep(`line ${colour} ${width} ${dash}`, () => new THREE.LineMaterial({ color: colour, linewidth: width, dashed: dash > 0, dashSize: dash || 1, gapSize: dash || 1, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2 }));
     const lines = new THREE.LineSegments2(geometry, material);
     if (dash > 0) lines.computeLineDistances();
     lines.raycast = () => {};
@@ -304,10 +319,10 @@ export class SpatialFigure {
   #fade(now = true) {
     for (const mesh of this.solids ?? []) {
       const glass = this.opacity < 1 || this.what?.view === "forces";
+      if (mesh.material.transparent !== glass) mesh.material.needsUpdate = true;
       mesh.material.transparent = glass;
       mesh.material.opacity = this.what?.view === "forces" ? Math.min(this.opacity, 0.45) : this.opacity;
       mesh.material.depthWrite = !glass;
-      mesh.material.needsUpdate = true;
     }
     if (now) this.render();
   }
@@ -324,7 +339,10 @@ export class SpatialFigure {
   #clear() {
     for (const group of [...(this.groups ?? []), ...(this.loose ?? [])]) {
       this.scene.remove(group);
-      group.traverse((/** @type {any} */ part) => { part.geometry?.dispose(); part.material?.dispose(); });
+      group.traverse((/** @type {any} */ part) => {
+        if (!part.geometry?.isKept) part.geometry?.dispose();
+        if (!part.material?.isKept) part.material?.dispose();
+      });
     }
     /** @type {any[]} */
     this.loose = [];
@@ -357,16 +375,23 @@ export class SpatialFigure {
     const [x, y] = aspect > 1 ? [half * aspect, half] : [half, half / aspect];
     Object.assign(this.camera, { left: -x, right: x, top: y, bottom: -y });
     this.camera.updateProjectionMatrix();
-    this.render();
+    this.renderNow();
   }
 
+  /** Draw with the next frame, however often it is asked for until then. */
   render() {
+    this.frame ??= requestAnimationFrame(() => this.renderNow());
+  }
+
+  renderNow() {
+    if (this.frame) cancelAnimationFrame(this.frame);
+    this.frame = undefined;
     this.renderer.render(this.scene, this.camera);
   }
 
   /** A picture of what is shown, as the address of a PNG. */
   picture() {
-    this.render();
+    this.renderNow();
     return this.canvas.toDataURL("image/png");
   }
 
@@ -378,7 +403,9 @@ export class SpatialFigure {
 
   dispose() {
     this.watch.disconnect();
+    if (this.frame) cancelAnimationFrame(this.frame);
     this.#clear();
+    for (const thing of this.kept.values()) thing.dispose();
     this.controls.dispose();
     this.renderer.dispose();
     this.renderer.forceContextLoss();
@@ -407,6 +434,13 @@ function solid(element) {
 /** @param {number[][]} ring */
 function sheet(ring) {
   return geometry(fan(ring));
+}
+
+/** Line segments of any width. @param {number[]} positions */
+function segments(positions) {
+  const made = new THREE.LineSegmentsGeometry();
+  made.setPositions(positions);
+  return made;
 }
 
 /** @param {number[][][]} triangles */

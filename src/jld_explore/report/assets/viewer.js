@@ -148,7 +148,9 @@ export class Viewer {
       const drawing = { labelling: layout.labelling, view: this.view, solved, loads, show: this.show, marked: differs, current: this.current };
       pane.querySelector("h3").textContent = layout.name;
       pane.querySelector(".verdict").textContent = solved ? verdict(solved) : layout.line ?? "";
-      figure?.draw(drawing);
+      const key = JSON.stringify({ ...drawing, solved: this.view === "labels" ? null : solved, marked: [...differs] });
+      if (figure && key !== this.drawn[k].key) figure.draw(drawing);
+      this.drawn[k].key = key;
       const none = this.view !== "labels" && !solved ? layout.lacking ?? "" : this.view === "mechanism" && solved && !solved.mechanism ? "There is no mechanism." : this.view === "forces" && solved && !solved.forces ? "No admissible forces are known." : "";
       pane.querySelector(".lacking").textContent = none;
       const largest = solved?.vectors ? Math.max(0, ...solved.vectors.map((v) => Math.hypot(...v))) : null;
@@ -172,7 +174,7 @@ export class Viewer {
     this.panes.append(pane);
     const figure = figureOf(host, this.data);
     if (!figure) host.replaceChildren(el("p", {}, "This browser has no WebGL, which spatial drawings need; see the pictures in the folder."));
-    const made = { pane, figure };
+    const made = { pane, figure, key: "" };
     const node = figure?.node;
     node?.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => this.#hover(made, event));
     node?.addEventListener("pointerleave", () => { this.tip.hidden = true; });
