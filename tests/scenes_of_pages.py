@@ -47,3 +47,13 @@ def spatial_scene(name: str = "four cubes") -> dict[str, Any]:
         },
         "loads": {"live": [{"body": [1, 0, 0]}]},
     }
+
+
+def scene_of_cases(name: str = "two courses, two winds") -> dict[str, Any]:
+    """The small scene pushed to the right, of which twice as much is required, and to the left."""
+    scene = small_scene(name)
+    right, left = [{"body": [1, 0]}], [{"body": [-1, 0]}]
+    scene["loads"] = {
+        "cases": [{"name": "right", "live": right, "required": 2.0}, {"name": "<b>left</b>", "live": left}]
+    }
+    return scene

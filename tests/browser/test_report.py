@@ -16,7 +16,7 @@ from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
 from jld_explore.report import page_of_study, scene_page
 from paths import SCENES
-from scenes_of_pages import HOSTILE, small_scene, spatial_scene
+from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 
 @pytest.fixture(scope="module")
@@ -188,6 +188,25 @@ def test_a_hostile_name_is_shown_as_it_is(visit: Open, tmp_path: Path) -> None:
     found = visit(tmp_path / "scene.html")
     assert found.text("h1") == " ".join(HOSTILE.split())
     assert found.page.title() == f"{HOSTILE} – jld"
+
+
+def test_each_load_case_has_its_own_drawing(visit: Open, tmp_path: Path) -> None:
+    scene = parse_scene(scene_of_cases())
+    (tmp_path / "scene.html").write_text(scene_page(scene, build_assembly(scene)), encoding="utf-8")
+    found = visit(tmp_path / "scene.html")
+    assert "governed by right" in found.text(".pane .verdict")
+    arrow = "() => document.querySelector('path.load').getAttribute('d')"
+    first = found.run(arrow)
+    found.page.get_by_label("load case").select_option("1")
+    assert "Case <b>left</b>" in found.text(".pane .verdict")
+    assert found.run(arrow) != first
+    found.page.locator("[data-view=mechanism]").click()
+    top = "document.querySelector('polygon[data-element=\\'0\\']').closest('g[transform]')"
+    moved = f"() => {top}.getAttribute('transform')"
+    to_the_left = float(found.run(moved).removeprefix("matrix(").split()[4])
+    found.page.get_by_label("load case").select_option("0")
+    to_the_right = float(found.run(moved).removeprefix("matrix(").split()[4])
+    assert to_the_left < 0 < to_the_right
 
 
 def test_data_that_is_not_understood_is_said(visit: Open, tmp_path: Path, study: Path) -> None:

@@ -22,7 +22,7 @@ from jld_explore.report import page_of_study, page_table, scene_page, study_page
 from jld_explore.report.page_data import page_data, rounded, solution_of, structure_of
 from jld_explore.space import from_string
 from paths import SCENES
-from scenes_of_pages import HOSTILE, small_scene, spatial_scene
+from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
 SCHEMA = json.loads(joined.asset("page.schema.json"))
 
@@ -54,7 +54,7 @@ def test_the_schema_is_one_and_strict() -> None:
             assert set(part["required"]) == set(part["properties"]), name
 
 
-@pytest.mark.parametrize("make", [small_scene, spatial_scene])
+@pytest.mark.parametrize("make", [small_scene, spatial_scene, scene_of_cases])
 def test_data_of_a_study_fits_the_schema(make: Any, tmp_path: Path) -> None:
     explore(parse_scene(make()), tmp_path / "s", ExploreSettings(jobs=1, budget=12, pictures=False))
     data = page_of_study.study_data(read_folder(tmp_path / "s"))
@@ -91,6 +91,24 @@ def test_solutions_of_a_page_are_those_of_solve(folder: Path) -> None:
     np.testing.assert_allclose(best["forces"], own.forces, rtol=1e-5, atol=1e-9 * abs(own.forces).max())
     np.testing.assert_allclose(best["mechanism"], own.mechanism, rtol=1e-5, atol=1e-9)
     assert best["scale"] == pytest.approx(quantities.mechanism_scale(done.assembly, own.mechanism), rel=1e-5)
+
+
+def test_every_load_case_is_there_with_what_governs() -> None:
+    scene = parse_scene(scene_of_cases())
+    assembly = build_assembly(scene)
+    data = embedded(scene_page(scene, assembly))
+    check(data)
+    found, own = data["solutions"]["0"], solve(assembly)
+    assert data["cases"] == ["right", "<b>left</b>"]
+    assert {load["case"] for load in data["loads"]} == set(data["cases"])
+    assert data["cases"][found["governing"]] == own.governing == "right"
+    assert found["load_factor"] == pytest.approx(own.load_factor, rel=1e-8)
+    for case, required in zip(found["cases"], (2.0, 1.0), strict=True):
+        assert case["required"] == required
+        assert case["load_factor"] == pytest.approx(own.cases[case["name"]].load_factor, rel=1e-8)
+    assert found["load_factor"] == pytest.approx(
+        min(c["load_factor"] / c["required"] for c in found["cases"]), rel=1e-6
+    )
 
 
 def test_edges_and_faces_together_are_the_outlines() -> None:
@@ -157,7 +175,7 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     assert len(kept) == page_table.MOST + 1
     table = page_table.table_of(kept, front, assembly, count="dry_faces", sense="max", left_out=rows - len(kept))
     assert table["evidence"][-1] == "found"
-    solution = solution_of({"": solve(assembly)})
+    solution = solution_of(solve(assembly))
     data = page_data(
         kind="report",
         scene=parse_scene(small_scene()),

@@ -169,16 +169,23 @@ def _load(case: str, kind: str, element: str, at: Any, vector: Any) -> dict[str,
     return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
 
 
-def solution_of(results: Mapping[str, LimitAnalysisResult], governing: str | None = None) -> dict[str, Any]:
-    """What is proven of one layout, by load case, ready to be drawn.
+def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
+    """What is proven of one layout, in all and by load case, ready to be drawn.
 
-    results: by name of the case, all of one labelling. governing: name of the case that governs, default the first.
+    In all: λ, or with several load cases the least of each case's λ over what is required of it.
     """
-    first = next(iter(results.values()))
+    cases = result.cases or {"": result}
+    names = list(cases)
     return {
-        "labelling": "".join("d" if dry else "i" for dry in first.labels),
-        "governing": 0 if governing is None else list(results).index(governing),
-        "cases": [_case(name, result) for name, result in results.items()],
+        "labelling": "".join("d" if dry else "i" for dry in result.labels),
+        "load_factor": rounded(result.load_factor),
+        "bracket": [rounded(end, 15) for end in result.bracket],
+        "status": str(result.status),
+        "governing": names.index(result.governing) if result.governing in names else 0,
+        "cases": [
+            {**_case(name, one), "required": float(required)}
+            for (name, one), required in zip(cases.items(), result.assembly.required, strict=True)
+        ],
     }
 
 

@@ -36,9 +36,6 @@ PATIENCE: Final = 1.5
 
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
 
-Cases = tuple[Mapping[str, LimitAnalysisResult], str]
-"""Results of one labelling by load case, and the name of the case that governs."""
-
 
 def study_page(done: Exploration, patience: float = PATIENCE) -> str:
     """HTML of a finished search, self-contained. patience: seconds for solving what is drawn; the best come first."""
@@ -47,8 +44,8 @@ def study_page(done: Exploration, patience: float = PATIENCE) -> str:
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
     """HTML of a scene with its own labels, solved."""
-    found, governing = CaseSolver(assembly).solve(assembly.labels, stands=True)
-    facts = {**facts_of_assembly(assembly), **facts_of_result(found[governing])}
+    found = CaseSolver(assembly).solve(assembly.labels, stands=True)
+    facts = {**facts_of_assembly(assembly), **facts_of_result(found)}
     candidates = assembly.free_faces
     return page(
         page_data(
@@ -57,7 +54,7 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
             assembly=assembly,
             candidates=candidates,
             facts=facts,
-            solutions={0: solution_of(found, governing)},
+            solutions={0: solution_of(found)},
         )
     )
 
@@ -104,7 +101,7 @@ class CaseSolver:
         self.assembly, self.model = assembly, model or SolveOptions()
         self._analyses = [limit_analysis(case, self.model, reference=assembly.labels) for case in assembly.by_case]
 
-    def solve(self, labels: Bits, stands: bool = False) -> Cases:
+    def solve(self, labels: Bits, stands: bool = False) -> LimitAnalysisResult:
         """One labelling (m,). stands: also decide whether it stands without live load.
 
         Raises InputError where a material that it needs is missing.
@@ -116,8 +113,7 @@ class CaseSolver:
             proof = solve_labelling(analysis, labels, self.model, stands=stands)
             elapsed = time.perf_counter() - start
             found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
-        governing = governing_result(self.assembly, found).governing if self.assembly.cases else None
-        return found, governing or next(iter(found))
+        return governing_result(self.assembly, found) if self.assembly.cases else next(iter(found.values()))
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[int, dict[str, Any]]:
@@ -128,7 +124,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[i
         if found and time.perf_counter() - start > patience:
             break
         labels = from_string(str(rows["labelling"].iloc[place]))
-        found[place] = solution_of(*solver.solve(labels))
+        found[place] = solution_of(solver.solve(labels))
     return dict(sorted(found.items()))
 
 

@@ -77,11 +77,11 @@ class Desk:
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
-        results, governing = setup.solver.solve(labels)
+        found = setup.solver.solve(labels)
         solved = time.perf_counter()
         admitted = None if setup.space is None else bool(feasible(setup.space, labels[None])[0])
         return {
-            "solution": solution_of(results, governing),
+            "solution": solution_of(found),
             "loads": loads_of(setup.assembly),
             "admitted": admitted,
             "seconds": {"solve": solved - start, "total": time.perf_counter() - start},

@@ -79,14 +79,13 @@ def first_data(desk: Desk, root: Path, study: Path | None) -> dict[str, Any]:
         return study_data(read_folder(study), patience=0.5, kind="studio", studio=extra)
     setup = desk.setup({})
     assembly = setup.assembly
-    results, governing = setup.solver.solve(assembly.labels)
     return page_data(
         kind="studio",
         scene=desk.scene,
         assembly=assembly,
         candidates=assembly.free_faces if setup.space is None else setup.space.candidates,
         facts={},
-        solutions={0: solution_of(results, governing)},
+        solutions={0: solution_of(setup.solver.solve(assembly.labels))},
         studio=extra,
     )
 

@@ -50,6 +50,7 @@
 /**
  * @typedef {object} CaseSolution what is proven of one layout under one load case
  * @property {string} name the empty string where a scene has one case only
+ * @property {number} required what its λ is divided by
  * @property {number | null} load_factor
  * @property {[number | null, number | null]} bracket
  * @property {number | null} gap
@@ -70,6 +71,9 @@
 /**
  * @typedef {object} Solution
  * @property {string} labelling letters d and i, one for each face
+ * @property {number | null} load_factor λ; with several load cases the least λ over what is required
+ * @property {[number | null, number | null]} bracket
+ * @property {string} status
  * @property {number} governing number of the case that governs
  * @property {CaseSolution[]} cases
  */
@@ -174,9 +178,9 @@ export const REQUIRED = Object.freeze({
   Load: ["case", "kind", "element", "at", "vector"],
   Table: ["rows", "columns", "labellings", "evidence", "count", "sense", "counts", "left_out"],
   Column: ["name", "title", "unit", "kind", "values"],
-  Solution: ["labelling", "governing", "cases"],
+  Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
   CaseSolution: [
-    "name", "load_factor", "bracket", "gap", "status", "friction", "forces", "utilisation", "pressure", "on_face",
+    "name", "required", "load_factor", "bracket", "gap", "status", "friction", "forces", "utilisation", "pressure", "on_face",
     "vectors", "thrust", "mechanism", "scale", "movements", "places",
   ],
   Look: [

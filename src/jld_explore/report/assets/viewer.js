@@ -4,7 +4,7 @@ import { blocksOf, differing } from "./blocks.js";
 import { el, save, say } from "./dom.js";
 import { legend } from "./marks.js";
 import { figureOf } from "./figures.js";
-import { about, verdict } from "./words.js";
+import { about, verdicts } from "./words.js";
 
 /** @typedef {import("./contract.js").PageData} PageData */
 /** @typedef {import("./contract.js").Solution} Solution */
@@ -147,7 +147,7 @@ export class Viewer {
       const loads = this.data.loads.filter((load) => load.case === name);
       const drawing = { labelling: layout.labelling, view: this.view, solved, loads, show: this.show, marked: differs, current: this.current };
       pane.querySelector("h3").textContent = layout.name;
-      pane.querySelector(".verdict").textContent = solved ? verdict(solved) : layout.line ?? "";
+      pane.querySelector(".verdict").textContent = solved && layout.solution ? verdicts(layout.solution, solved) : layout.line ?? "";
       const key = JSON.stringify({ ...drawing, solved: this.view === "labels" ? null : solved, marked: [...differs] });
       if (figure && key !== this.drawn[k].key) figure.draw(drawing);
       this.drawn[k].key = key;

@@ -50,6 +50,18 @@ export function about(data, what, labelling, solved, blocks) {
 }
 
 /**
+ * What is known of a layout with several load cases: what governs, and the case shown.
+ * @param {import("./contract.js").Solution} solution
+ * @param {CaseSolution} shownCase
+ */
+export function verdicts(solution, shownCase) {
+  if (solution.cases.length < 2) return verdict(shownCase);
+  const { load_factor: value, bracket, status, cases, governing } = solution;
+  const all = value === null ? status : `least λ / required = ${shown(value, 6)} in ${shownBracket(bracket)}, governed by ${cases[governing].name}`;
+  return `${all}. Case ${shownCase.name}: ${verdict(shownCase)}, required ${shown(shownCase.required)}`;
+}
+
+/**
  * One line about λ.
  * @param {{load_factor: number | null, bracket: [number | null, number | null], status: string}} found
  */

@@ -84,14 +84,16 @@ class Studio {
     this.solution = answer.solution;
     this.admitted = answer.admitted;
     this.data.loads = answer.loads;
-    const found = answer.solution.cases[answer.solution.governing];
+    const found = answer.solution;
+    const governing = found.cases[found.governing];
+    const sign = found.cases.length > 1 ? "λ / required" : "λ";
     const box = byId("answer");
     box.classList.remove("waiting");
     box.dataset.revision = String(answer.revision);
     const slits = slitsOf(this.data.structure, this.steps.now.labelling).length;
     box.replaceChildren(...[
-      el("span", { class: "value" }, found.load_factor === null ? found.status : `λ = ${shown(found.load_factor, 6)}`),
-      el("span", { class: "bracket" }, `${shownBracket(found.bracket)}, ${found.status}${found.name ? `, governed by ${found.name}` : ""}`),
+      el("span", { class: "value" }, found.load_factor === null ? found.status : `${sign} = ${shown(found.load_factor, 6)}`),
+      el("span", { class: "bracket" }, `${shownBracket(found.bracket)}, ${found.status}${governing.name ? `, governed by ${governing.name}` : ""}`),
       el("span", { class: "how" }, `${shown(ms, 3)} ms (solve ${shown(1000 * answer.seconds.solve, 2)})`),
       slits ? el("span", { class: "note", id: "slits" }, `no segmentation: ${slits} dry ${slits === 1 ? "face has" : "faces have"} one block on both sides`) : null,
       !slits && answer.admitted === false ? el("span", { class: "note" }, "outside what a search admits") : null,
