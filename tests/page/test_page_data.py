@@ -84,7 +84,10 @@ def test_solutions_of_a_page_are_those_of_solve(folder: Path) -> None:
     done = read_folder(folder)
     data = embedded(study_page(done, patience=60.0))
     best = data["solutions"]["0"]["cases"][0]
-    own = solve(done.assembly, from_string(str(done.results["labelling"].iloc[0])))
+    labels = from_string(str(done.results["labelling"].iloc[0]))
+    proven = solve(done.assembly, labels)
+    own = page_of_study.CaseSolver(done.assembly).solve(labels)  # forces are not unique: those of the same templates
+    assert own.load_factor == pytest.approx(proven.load_factor, rel=1e-8)
     assert own.forces is not None
     assert own.mechanism is not None
     assert best["load_factor"] == pytest.approx(own.load_factor, rel=1e-8)
