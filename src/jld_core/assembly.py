@@ -27,7 +27,8 @@ class Elements:
     ids: names. blocks: the scene's block names, None where none is given. support: (n,) True where
     equilibrium is not written. centroid: (n, d). volume: (n,) (planar: area × thickness). weight: (n, d)
     self-weight as a force. shape: per element its boundary, planar (k, 2) counter-clockwise, spatial the
-    (k, 3) vertices. faces: per element the vertex indices of each face, outward (planar: empty).
+    (k, 3) vertices. faces: per element the vertex indices of each face, outward (planar: empty). gravity: magnitude of
+    the acceleration that weights were made with.
     """
 
     ids: tuple[str, ...]
@@ -38,6 +39,7 @@ class Elements:
     weight: Floats
     shape: tuple[Floats, ...]
     faces: tuple[tuple[tuple[int, ...], ...], ...] = ()
+    gravity: float = 9.81
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -51,6 +53,12 @@ class Elements:
     def free(self) -> Ints:
         """Indices of the elements whose equilibrium is written."""
         return np.flatnonzero(~self.support)
+
+    @cached_property
+    def mass(self) -> Floats:
+        """(n,) weight over gravity: kilograms in metres and newtons; zeros without gravity."""
+        weight = np.linalg.norm(self.weight, axis=1)
+        return weight / self.gravity if self.gravity else np.zeros(len(self))
 
     @cached_property
     def lower(self) -> Floats:

@@ -49,6 +49,7 @@ def collect_elements(
         weight=np.array(weight),
         shape=tuple(shape),
         faces=faces,
+        gravity=gravity,
     )
 
 

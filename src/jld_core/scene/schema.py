@@ -264,6 +264,13 @@ class Front(_Part):
     sense: Literal["max", "min"] = "max"
 
 
+class Moulds(_Part):
+    """What counts as one shape of block, beside being moved: being turned, being turned over."""
+
+    rotate: bool = False
+    flip: bool = False
+
+
 class Search(_Part):
     """What may be relabelled, and which labellings count."""
 
@@ -276,13 +283,27 @@ class Search(_Part):
     block_cells: Counts = [None, None]
     block_weight: Sizes = [None, None]
     block_extent: Sizes = [None, None]
+    block_mass: Sizes = [None, None]
+    block_aspect: Sizes = [None, None]
+    convex_blocks: Annotated[bool | Annotated[int, Field(ge=0)], Field(description="true, false or a number")] = False
     blocks: Counts = [None, None]
     dry_faces: Counts = [None, None]
+    shapes: Counts = [None, None]
+    moulds: Moulds = Moulds()
     assemble_out_of_plane: bool = False
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"
     front: Front = Front()
 
-    _in_order = field_validator("block_cells", "block_weight", "block_extent", "blocks", "dry_faces")(_ordered)
+    _in_order = field_validator(
+        "block_cells",
+        "block_weight",
+        "block_extent",
+        "block_mass",
+        "block_aspect",
+        "blocks",
+        "dry_faces",
+        "shapes",
+    )(_ordered)
 
 
 class Scene(_Part):

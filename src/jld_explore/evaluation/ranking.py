@@ -47,7 +47,9 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
     """(k,) the count of the scene's front of labellings (k, m), with the sign that makes less better."""
     front = space.search.front
     sign = -1.0 if front.sense == "max" else 1.0
-    return np.asarray(sign * values_of(count_named(front.count), space.assembly, labellings, space.graph))
+    return np.asarray(
+        sign * values_of(count_named(front.count), space.assembly, labellings, space.graph, space.limits.shapes)
+    )
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:

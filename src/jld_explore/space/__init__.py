@@ -62,10 +62,12 @@ from jld_explore.space.labelling import (
 )
 from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, Sized, block_sizes
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
+from jld_explore.space.shapes import BlockShapes
 
 __all__ = [
     "CELLS",
     "MEASURES",
+    "BlockShapes",
     "Count",
     "Layouts",
     "Limits",

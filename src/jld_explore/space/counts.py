@@ -16,7 +16,8 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_explore.space.labelling import Connectivity, connectivity
+from jld_explore.space.labelling import Connectivity, blocks_of, connectivity
+from jld_explore.space.shapes import BlockShapes
 
 Values = dict[str, Ints | Floats]
 """Values (k,) by the names of counts."""
@@ -27,11 +28,17 @@ _CHUNK: Final = 8192
 
 @dataclass(frozen=True)
 class Layouts:
-    """Labellings (k, m) of an assembly, as counts look at them. graph: the assembly's."""
+    """Labellings (k, m) of an assembly, as counts look at them. graph, shapes: the assembly's."""
 
     assembly: Assembly
     labellings: Bits
     graph: Connectivity
+    shapes: BlockShapes
+
+    @cached_property
+    def blocks(self) -> Ints:
+        """(k, n) the block of each element, named by its smallest element."""
+        return blocks_of(self.graph, self.labellings)
 
     @cached_property
     def cells(self) -> Ints:
@@ -107,6 +114,14 @@ def _dry_length(layouts: Layouts) -> Floats:
     return np.asarray(np.where(layouts.labellings[:, free], measure[free], 0.0).sum(axis=1))
 
 
+def _largest_mass(layouts: Layouts) -> Floats:
+    elements, blocks = layouts.assembly.elements, layouts.blocks
+    rows, count = blocks.shape
+    place = (blocks[:, elements.free] + count * np.arange(rows)[:, None]).ravel()
+    mass = np.bincount(place, np.tile(elements.mass[elements.free], rows), minlength=rows * count)
+    return np.asarray(mass.reshape(rows, count).max(axis=1, initial=0.0))
+
+
 _COUNTS: Final[dict[str, Count]] = {
     count.name: count
     for count in (
@@ -139,6 +154,20 @@ _COUNTS: Final[dict[str, Count]] = {
             noun="cell",
             column="elements in the largest block",
         ),
+        Count(
+            "shapes",
+            of=lambda layouts: layouts.shapes.different(layouts.blocks),
+            axis="different shapes of blocks",
+            noun="shape",
+        ),
+        Count(
+            "largest_block_mass",
+            of=_largest_mass,
+            axis="mass of the heaviest block",
+            noun="heaviest",
+            integer=False,
+            unit=lambda assembly: "kg" if assembly.units == ("m", "N") else "",
+        ),
     )
 }
 
@@ -168,20 +197,34 @@ def count_named(name: str, where: str = "search.front.count") -> Count:
     return _COUNTS[name]
 
 
-def values_of(count: Count, assembly: Assembly, labellings: Bits, graph: Connectivity | None = None) -> Ints | Floats:
-    """Values (k,) of one count of labellings (k, m), scene units; graph: the assembly's, made where it is not given."""
-    return _values([count], assembly, labellings, graph)[count.name]
+def values_of(
+    count: Count,
+    assembly: Assembly,
+    labellings: Bits,
+    graph: Connectivity | None = None,
+    shapes: BlockShapes | None = None,
+) -> Ints | Floats:
+    """Values (k,) of one count of labellings (k, m), scene units; graph, shapes: the space's, made where not given."""
+    return _values([count], assembly, labellings, graph, shapes)[count.name]
 
 
-def counts(assembly: Assembly, labellings: Bits, graph: Connectivity | None = None) -> Values:
+def counts(
+    assembly: Assembly, labellings: Bits, graph: Connectivity | None = None, shapes: BlockShapes | None = None
+) -> Values:
     """Values (k,) of every count by its name, in the order of their columns."""
-    return _values(registered(), assembly, labellings, graph)
+    return _values(registered(), assembly, labellings, graph, shapes)
 
 
-def _values(wanted: Sequence[Count], assembly: Assembly, labellings: Bits, graph: Connectivity | None) -> Values:
-    graph = graph or connectivity(assembly)
+def _values(
+    wanted: Sequence[Count],
+    assembly: Assembly,
+    labellings: Bits,
+    graph: Connectivity | None,
+    shapes: BlockShapes | None,
+) -> Values:
+    graph, shapes = graph or connectivity(assembly), shapes or BlockShapes(assembly)
     starts = range(0, max(1, len(labellings)), _CHUNK)
-    parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph) for low in starts)
+    parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph, shapes) for low in starts)
     found = [[count.of(part) for count in wanted] for part in parts]
     return {count.name: np.concatenate(column) for count, column in zip(wanted, zip(*found, strict=True), strict=True)}
 

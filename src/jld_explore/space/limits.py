@@ -20,9 +20,14 @@ from jld_core.assembly import Assembly, Elements
 from jld_core.scene import Search
 from jld_explore.space.counts import Count, Terms, registered, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of
+from jld_explore.space.shapes import BlockShapes
 
 _SAME: Final = 1e-12
 """Relative difference between sizes of elements that are one."""
+
+
+_MEASURED: Final = 1e-6
+"""Relative rounding of what is measured on the outline of a block."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +81,9 @@ class Measure:
 CELLS: Final = Measure("block_cells", "free elements", True, lambda elements: np.ones(len(elements)))
 WEIGHT: Final = Measure("block_weight", "of weight", False, lambda elements: np.linalg.norm(elements.weight, axis=1))
 EXTENT: Final = Measure("block_extent", "of extent", False, None)
+MASS: Final = Measure("block_mass", "of mass", False, lambda elements: elements.mass)
 
-MEASURES: Final = (CELLS, WEIGHT, EXTENT)
+MEASURES: Final = (CELLS, WEIGHT, MASS, EXTENT)
 
 SizeOf = Callable[[Measure], Floats]
 """Sizes of some blocks by a measure, in whatever shape the blocks come."""
@@ -197,10 +203,37 @@ class Limits:
         """The sizes of the elements."""
         return Sized.elements(self.assembly.elements)
 
+    @cached_property
+    def shapes(self) -> BlockShapes:
+        """The shapes of blocks, as moulds may be."""
+        moulds = self.search.moulds
+        return BlockShapes(self.assembly, rotate=moulds.rotate, flip=moulds.flip)
+
+    @cached_property
+    def on_shapes(self) -> tuple[tuple[str, Range], ...]:
+        """Limits on the shape of single blocks that are given, by the attribute of `BlockShape`.
+
+        A part of a block may break what the whole keeps, so they say nothing of blocks that still grow.
+        """
+        aspect = Range.of(self.search.block_aspect, whole=False)
+        convex = self.search.convex_blocks
+        corners = Range.of((None, None if convex is False else 0 if convex is True else convex), whole=True)
+        return tuple((name, bounds) for name, bounds in (("aspect", aspect), ("reentrant", corners)) if bounds.given)
+
+    def misshapen(self, members: Iterable[int]) -> bool:
+        """Whether one block, by its free elements, has a shape that is not wanted."""
+        if not self.on_shapes:
+            return False
+        shape = self.shapes.one(np.array(sorted(members), dtype=np.int64))
+        return any(
+            bool(bounds.above(getattr(shape, name), _MEASURED) | bounds.below(getattr(shape, name), _MEASURED))
+            for name, bounds in self.on_shapes
+        )
+
     @property
     def given(self) -> bool:
         """Whether there is any limit."""
-        return bool(self.on_blocks or self.on_counts)
+        return bool(self.on_blocks or self.on_counts or self.on_shapes)
 
     def bounds(self, measure: Measure) -> Range:
         """The limit on blocks by one measure."""
@@ -235,8 +268,15 @@ class Limits:
             holds = sizes[CELLS.key] > 0
             wrong = self.too_large(lambda m: sizes[m.key]) | self.too_small(lambda m: sizes[m.key])
             good &= ~np.any(holds & wrong, axis=1)
+        if self.on_shapes and good.any():
+            blocks = blocks_of(graph, labellings) if blocks is None else blocks
+            holds, places = self.shapes.look(blocks)
+            for name, bounds in self.on_shapes:
+                each = self.shapes.values(name)
+                odd = np.asarray(bounds.above(each, _MEASURED) | bounds.below(each, _MEASURED))
+                good &= ~np.any(holds & odd[places], axis=1)
         for count, bounds in self.on_counts:
-            values = values_of(count, self.assembly, labellings, graph)
+            values = values_of(count, self.assembly, labellings, graph, self.shapes)
             good &= ~(bounds.above(values) | bounds.below(values))
         return good
 

@@ -133,7 +133,8 @@ def _image(
     if not _same_loads(assembly, to, matrix):
         return "its loads are not mapped onto themselves"
     weight = np.linalg.norm(elements.weight, axis=1)
-    if search.block_weight != [None, None] and abs(weight[to] - weight).max() > 1e-8 * weight.max(initial=0.0):
+    weighed = any(bounds != [None, None] for bounds in (search.block_weight, search.block_mass))
+    if weighed and abs(weight[to] - weight).max() > 1e-8 * weight.max(initial=0.0):
         return "its weights are not mapped onto themselves"
     count = len(elements)
     pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)

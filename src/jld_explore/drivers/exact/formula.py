@@ -156,6 +156,10 @@ class Formula:
             elif self._limits.too_small(self._sized.one(members)):
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
                 found.append((border, np.ones(len(border), dtype=bool)))
+            elif self._limits.misshapen(members):
+                # this very block: all that is inside it inner, all around it dry
+                touched = np.flatnonzero((blocks[graph.a] == name) | (blocks[graph.b] == name))
+                found.append((touched, labels[touched]))
         return found
 
     def _path(self, labels: Bits, start: int, end: int) -> list[int]:

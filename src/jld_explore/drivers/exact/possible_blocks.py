@@ -75,7 +75,12 @@ def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
     for block in found:
         links = {face for e in block for face, other in around[e] if other in block}
         cut = any(must_join[face] for e in block for face, other in around[e] if other not in block)
-        if cut or any(not may_join[face] for face in links) or limits.too_small(sized.one(block)):
+        if (
+            cut
+            or any(not may_join[face] for face in links)
+            or limits.too_small(sized.one(block))
+            or limits.misshapen(block)
+        ):
             continue
         members.append(tuple(sorted(block)))
         inside.append(tuple(sorted(links)))

@@ -1,0 +1,182 @@
+"""Shapes of blocks: what is congruent, what is convex, and that every driver keeps limits on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from cases_spatial import assembly as spatial_assembly
+from cases_spatial import box
+from jld_core import build_assembly, parse_scene
+from jld_core.arrays import Bits
+from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.space import BlockShapes, blocks_of, connectivity
+
+
+def labelled(rows: list[str], **keys: Any) -> tuple[Any, Bits]:
+    assembly = build_assembly(parse_scene(grid_document(rows, **keys)))
+    return assembly, assembly.labels
+
+
+def shapes_of(rows: list[str], **moulds: bool) -> int:
+    assembly, labels = labelled(rows)
+    blocks = blocks_of(connectivity(assembly), labels[None])
+    return int(BlockShapes(assembly, **moulds).different(blocks)[0])
+
+
+def test_what_is_alike() -> None:
+    dominoes = ["aab", "ccb", "###"]
+    assert shapes_of(dominoes) == 2  # two lying, one standing
+    assert shapes_of(dominoes, rotate=True) == 1
+    # an L and the same turned by a half; a longer one and its mirror
+    assert shapes_of(["abb", "aab", "###"]) == 2
+    assert shapes_of(["abb", "aab", "###"], rotate=True) == 1
+    handed = ["aaabbb", "a....b", "######"]
+    assert shapes_of(handed) == 2
+    assert shapes_of(handed, rotate=True) == 2
+    assert shapes_of(handed, flip=True) == 1
+
+
+def test_blocks_cut_otherwise_have_one_shape() -> None:
+    """A block of two cells and one of the same outline that was drawn whole."""
+    material = {"density": 2000, "dry": {"friction_coefficient": 0.6}}
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    elements = [
+        {"id": "g", "polygon": [[0, -1], [6, -1], [6, 0], [0, 0]], "support": True},
+        {"id": "a1", "polygon": square, "block": "a"},
+        {"id": "a2", "polygon": [[x + 1, y] for x, y in square], "block": "a"},
+        {"id": "b", "polygon": [[3, 0], [5, 0], [5, 1], [3, 1]]},
+    ]
+    inner = {"tensile_strength": 1e5, "shear_strength": 1e5}
+    scene = {"elements": elements, "materials": {**material, "inner": inner}, "loads": {"live": [{"body": [1, 0]}]}}
+    assembly = build_assembly(parse_scene(scene))
+    blocks = blocks_of(connectivity(assembly), assembly.labels[None])
+    assert BlockShapes(assembly).different(blocks).tolist() == [1]
+
+
+def test_solids() -> None:
+    """A brick lying along x, one along y, and one of two halves; an L of three cubes is not convex."""
+    parts = [
+        box("g", (0, 0, -1), (9, 9, 0), support=True),
+        box("x", (0, 0, 0), (2, 1, 1)),
+        box("y", (3, 0, 0), (4, 2, 1)),
+        box("h1", (5, 0, 0), (6, 1, 1), block="h"),
+        box("h2", (6, 0, 0), (7, 1, 1), block="h"),
+        box("l1", (0, 4, 0), (1, 5, 1), block="l"),
+        box("l2", (1, 4, 0), (2, 5, 1), block="l"),
+        box("l3", (0, 5, 0), (1, 6, 1), block="l"),
+    ]
+    assembly = spatial_assembly(parts)
+    labels = assembly.labels.copy()
+    ids = np.array(assembly.elements.ids)
+    for pair in (("h1", "h2"), ("l1", "l2"), ("l1", "l3")):
+        both = [
+            set(names) == set(pair)
+            for names in zip(ids[assembly.interfaces.a], ids[assembly.interfaces.b], strict=True)
+        ]
+        labels[both] = False
+    blocks = blocks_of(connectivity(assembly), labels[None])
+    assert BlockShapes(assembly).different(blocks).tolist() == [3]
+    turned = BlockShapes(assembly, rotate=True)
+    assert turned.different(blocks).tolist() == [2]
+    brick, bent = turned.one(np.array([1])), turned.one(np.array([5, 6, 7]))
+    assert brick.aspect == pytest.approx(2.0)
+    assert (brick.reentrant, bent.reentrant) == (0, 1)
+
+
+LIMITS: dict[str, dict[str, Any]] = {
+    "convex": {"convex_blocks": True, "block_cells": [1, 3]},
+    "one corner": {"convex_blocks": 1},
+    "slender": {"block_aspect": [None, 2.0], "block_cells": [1, 4]},
+    "shapes": {"shapes": [1, 2], "block_cells": [1, 3]},
+    "moulds": {"shapes": [1, 1], "moulds": {"rotate": True, "flip": True}, "block_cells": [1, 3]},
+    "mass": {"block_mass": [None, 70.0]},
+}
+
+
+def brute(name: str) -> Iterator[bytes]:
+    """All segmentations, by the definitions: cells on a lattice, shapes by their cells."""
+    rows = ["aaa", "aaa", "###"]
+    scene = parse_scene(_document(rows, LIMITS[name]))
+    assembly = build_assembly(scene)
+    free = np.flatnonzero(assembly.free_faces)
+    graph = connectivity(assembly)
+    place = {e: (round(c[0] / 0.4 - 0.5), round(c[1] / 0.2 - 0.5)) for e, c in enumerate(assembly.elements.centroid)}
+    mass = 2000 * 0.4 * 0.2 * 0.2
+    for number in range(2 ** len(free)):
+        labels = np.ones(len(assembly.interfaces), dtype=bool)
+        labels[free] = [bool(number >> k & 1) for k in range(len(free))]
+        names = blocks_of(graph, labels)
+        if np.any(labels[free] & (names[graph.a[free]] == names[graph.b[free]])):
+            continue
+        groups = [
+            [place[e] for e in np.flatnonzero(names == n) if not assembly.elements.support[e]]
+            for n in np.unique(names[assembly.elements.free])
+        ]
+        if _good(name, groups, mass):
+            yield np.packbits(labels).tobytes()
+
+
+def _document(rows: list[str], search: dict[str, Any]) -> dict[str, Any]:
+    document: dict[str, Any] = grid_document(rows)
+    document["grid"]["cell"], document["grid"]["thickness"] = [0.4, 0.2], 0.2
+    document["materials"]["density"] = 2000
+    return {**document, "search": {**search, "symmetry": "none"}}
+
+
+def _good(name: str, groups: list[list[tuple[int, int]]], mass: float) -> bool:
+    most = LIMITS[name].get("block_cells", [1, 99])[1]
+    if any(len(group) > most for group in groups):
+        return False
+    sizes = [(np.ptp([x for x, _ in g]) + 1, np.ptp([y for _, y in g]) + 1) for g in groups]
+    filled = [w * h == len(g) for (w, h), g in zip(sizes, groups, strict=True)]
+    if name == "convex":
+        return all(filled)
+    if name == "one corner":
+        return all(_inward(g) <= 1 for g in groups)
+    if name == "slender":
+        return all(max(2 * w / h, h / (2 * w)) <= 2.0 for w, h in sizes)
+    if name == "mass":
+        return all(len(g) * mass <= 70.0 for g in groups)
+    flips = [(1, 1), (-1, 1), (1, -1), (-1, -1)] if name == "moulds" else [(1, 1)]
+    kinds = {min(_normal([(sx * x, sy * y) for x, y in g]) for sx, sy in flips) for g in groups}
+    low, high = LIMITS[name]["shapes"]
+    return bool(low <= len(kinds) <= high)
+
+
+def _normal(cells: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+    x0, y0 = min(x for x, _ in cells), min(y for _, y in cells)
+    return tuple(sorted((x - x0, y - y0) for x, y in cells))
+
+
+def _inward(cells: list[tuple[int, int]]) -> int:
+    """Corners of a set of cells with three of the four cells around them filled."""
+    there = set(cells)
+    corners = {(x + i, y + j) for x, y in cells for i in (0, 1) for j in (0, 1)}
+    return sum(sum((x - i, y - j) in there for i in (0, 1) for j in (0, 1)) == 3 for x, y in corners)
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_enumeration_and_the_exact_driver_keep_them(name: str, tmp_path: Path) -> None:
+    scene = parse_scene(_document(["aaa", "aaa", "###"], LIMITS[name]))
+    every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
+    wanted = sorted(brute(name))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    assert len(every.results) == len(wanted) > 0
+    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
+    assert found.summary["proven"]
+    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+    for driver in ("genetic", "random", "hillclimb"):
+        some = explore(scene, tmp_path / driver, ExploreSettings(pictures=False, driver=driver, budget=40))
+        labellings = some.results["labelling"].tolist()
+        assert set(labellings) <= set(every.results["labelling"])
+        assert len(labellings)
+    assert space.limits.given
+    assert every.results["shapes"].between(1, 6).all()
+    assert np.allclose(every.results["largest_block_mass"], 32.0 * every.results["largest_block_cells"])
