@@ -22,6 +22,7 @@ from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report.pictures import front_picture
 from jld_explore.space import (
     MEASURES,
+    SHAPED,
     Count,
     Layouts,
     SearchSpace,
@@ -97,7 +98,7 @@ def test_a_new_limit_alone_is_applied(count: Count, low: int | None, high: int |
 def test_every_limit_of_a_scene_has_an_owner() -> None:
     """A key with bounds under "search" is a measure of blocks or a count: no driver lists them again."""
     bounds = {name for name, field in Search.model_fields.items() if field.default == [None, None]}
-    owned = {measure.key for measure in MEASURES} | {count.name for count in registered()}
+    owned = {measure.key for measure in MEASURES} | {count.name for count in registered()} | set(SHAPED)
     assert bounds <= owned
     assert {measure.key for measure in MEASURES} <= bounds
 

@@ -66,7 +66,7 @@ def table_of(laying: Laying) -> pd.DataFrame:
         rows.append(
             {
                 "step": number,
-                "blocks": " + ".join(blocks.name(block) for block in step.blocks),
+                "block": " + ".join(blocks.name(block) for block in step.blocks),
                 "elements": " ".join(ids[e] for block in step.blocks for e in blocks.elements(block)),
                 "moves_along": "(" + ", ".join(f"{x:.4g}" for x in comes) + ")",
                 "stands": "" if stands is None else "yes" if stands else "no",
@@ -74,7 +74,7 @@ def table_of(laying: Laying) -> pd.DataFrame:
                 "propped": " ".join(f"{blocks.name(block)}:{step.stage.props[block]:.4g}" for block in propped),
             }
         )
-    columns = ["step", "blocks", "elements", "moves_along", "stands", f"props_{force}", "propped"]
+    columns = ["step", "block", "elements", "moves_along", "stands", f"props_{force}", "propped"]
     return pd.DataFrame(rows, columns=columns)
 
 

@@ -48,7 +48,7 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
     front = space.search.front
     sign = -1.0 if front.sense == "max" else 1.0
     return np.asarray(
-        sign * values_of(count_named(front.count), space.assembly, labellings, space.graph, space.limits.shapes)
+        sign * values_of(count_named(front.count), space.assembly, labellings, space.graph, space.limits.block_shapes)
     )
 
 

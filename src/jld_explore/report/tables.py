@@ -54,7 +54,7 @@ def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: 
             "bracket_lo": rows["low"],
             "bracket_hi": rows["high"],
             "status": statuses(rows),
-            **counts(assembly, labellings, space.graph, space.limits.shapes),
+            **counts(assembly, labellings, space.graph, space.limits.block_shapes),
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
             "settled": how,

@@ -67,6 +67,7 @@ from jld_explore.space.shapes import BlockShapes
 __all__ = [
     "CELLS",
     "MEASURES",
+    "SHAPED",
     "BlockShapes",
     "Count",
     "Layouts",

@@ -28,12 +28,12 @@ _CHUNK: Final = 8192
 
 @dataclass(frozen=True)
 class Layouts:
-    """Labellings (k, m) of an assembly, as counts look at them. graph, shapes: the assembly's."""
+    """Labellings (k, m) of an assembly, as counts look at them. graph, block_shapes: the assembly's."""
 
     assembly: Assembly
     labellings: Bits
     graph: Connectivity
-    shapes: BlockShapes
+    block_shapes: BlockShapes
 
     @cached_property
     def blocks(self) -> Ints:
@@ -156,7 +156,7 @@ _COUNTS: Final[dict[str, Count]] = {
         ),
         Count(
             "shapes",
-            of=lambda layouts: layouts.shapes.different(layouts.blocks),
+            of=lambda layouts: layouts.block_shapes.different(layouts.blocks),
             axis="different shapes of blocks",
             noun="shape",
         ),

@@ -26,6 +26,9 @@ _SAME: Final = 1e-12
 """Relative difference between sizes of elements that are one."""
 
 
+SHAPED: Final = {"block_aspect": "aspect"}
+"""Limits on the shape of single blocks with bounds: key under "search" and attribute of `BlockShape`."""
+
 _MEASURED: Final = 1e-6
 """Relative rounding of what is measured on the outline of a block."""
 
@@ -204,7 +207,7 @@ class Limits:
         return Sized.elements(self.assembly.elements)
 
     @cached_property
-    def shapes(self) -> BlockShapes:
+    def block_shapes(self) -> BlockShapes:
         """The shapes of blocks, as moulds may be."""
         moulds = self.search.moulds
         return BlockShapes(self.assembly, rotate=moulds.rotate, flip=moulds.flip)
@@ -215,16 +218,16 @@ class Limits:
 
         A part of a block may break what the whole keeps, so they say nothing of blocks that still grow.
         """
-        aspect = Range.of(self.search.block_aspect, whole=False)
+        bounds = [(name, Range.of(getattr(self.search, key), whole=False)) for key, name in SHAPED.items()]
         convex = self.search.convex_blocks
         corners = Range.of((None, None if convex is False else 0 if convex is True else convex), whole=True)
-        return tuple((name, bounds) for name, bounds in (("aspect", aspect), ("reentrant", corners)) if bounds.given)
+        return tuple((name, one) for name, one in (*bounds, ("reentrant", corners)) if one.given)
 
     def misshapen(self, members: Iterable[int]) -> bool:
         """Whether one block, by its free elements, has a shape that is not wanted."""
         if not self.on_shapes:
             return False
-        shape = self.shapes.one(np.array(sorted(members), dtype=np.int64))
+        shape = self.block_shapes.one(np.array(sorted(members), dtype=np.int64))
         return any(
             bool(bounds.above(getattr(shape, name), _MEASURED) | bounds.below(getattr(shape, name), _MEASURED))
             for name, bounds in self.on_shapes
@@ -270,13 +273,13 @@ class Limits:
             good &= ~np.any(holds & wrong, axis=1)
         if self.on_shapes and good.any():
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
-            holds, places = self.shapes.look(blocks)
+            holds, places = self.block_shapes.look(blocks)
             for name, bounds in self.on_shapes:
-                each = self.shapes.values(name)
+                each = self.block_shapes.values(name)
                 odd = np.asarray(bounds.above(each, _MEASURED) | bounds.below(each, _MEASURED))
                 good &= ~np.any(holds & odd[places], axis=1)
         for count, bounds in self.on_counts:
-            values = values_of(count, self.assembly, labellings, graph, self.shapes)
+            values = values_of(count, self.assembly, labellings, graph, self.block_shapes)
             good &= ~(bounds.above(values) | bounds.below(values))
         return good
 
