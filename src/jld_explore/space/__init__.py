@@ -60,7 +60,7 @@ from jld_explore.space.labelling import (
     to_strings,
     unpack,
 )
-from jld_explore.space.limits import CELLS, MEASURES, Limits, Measure, Range, Sized, block_sizes
+from jld_explore.space.limits import CELLS, MEASURES, SHAPED, Limits, Measure, Range, Sized, block_sizes
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
 from jld_explore.space.shapes import BlockShapes
 
