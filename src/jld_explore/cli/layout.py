@@ -55,7 +55,7 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
 
     counts = [sum(1 for block in done.layout(rank).blocks if block.cells) for rank in ranks]
     titles = [
-        f"rank {rank}: λ = {result.load_factor:.5g}, {count} {'block' if count == 1 else 'blocks'}"
+        f"rank {rank}: λ = {result.load_factor:.5g}, {count} block{'s' if count != 1 else ''}"
         for rank, result, count in zip(ranks, results, counts, strict=True)
     ]
     figures.save_figure(figures.figure_of_layouts(results, titles), target)
