@@ -98,9 +98,7 @@ def _title(name: str) -> str:
 
 def _unit(name: str, assembly: Assembly) -> str:
     count = _counts().get(name)
-    if count is not None:
-        return count.unit(assembly)
-    return "kg" if name in ("largest_block_mass", "mass") else ""
+    return "" if count is None else count.unit(assembly)
 
 
 def _counts() -> dict[str, Count]:
