@@ -1,5 +1,6 @@
 """A finished study: tables, front, pictures, words.
 
+- `CaseSolver`: solves labellings of one assembly under each of its load cases, on templates that are built once
 - `Exploration`: a finished search
 - `ExplorationView`: how it shows itself in a notebook
 - `assembly`: what `jld check` prints
@@ -16,7 +17,6 @@
 - `results_table`: the table of results
 - `scene_page`: HTML of a scene, solved
 - `solution_of`: what is proven of one layout, by load case, ready to be drawn
-- `solve_cases`: one labelling (m,) solved under every load case of the assembly, as pages show it
 - `study_data`: the data of the page of a search, as `page_data` has it
 - `study_page`: HTML of a search
 - `write_pictures`: draw all pictures of a search

@@ -2,6 +2,8 @@
 
 - `CELLS`: the measure of a block that counts its elements
 - `MEASURES`: measures of blocks that limits may speak of
+- `SHAPED`: limits on the shape of single blocks, and what they measure
+- `BlockShapes`: the shapes of all blocks that are asked for, of one assembly
 - `Count`: one count of labellings
 - `Layouts`: labellings (k, m) of an assembly, as counts look at them
 - `Limits`: all limits of a search over an assembly
