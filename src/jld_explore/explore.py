@@ -11,6 +11,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import SolveOptions
 from jld_core.scene import Scene
+from jld_core.threads import one_thread
 from jld_explore.drivers import DRIVERS, OPTIONS, make_driver, size_up_to
 from jld_explore.evaluation import CERTIFICATES_FILE, EvaluatorSettings, Store
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
@@ -53,6 +54,7 @@ class ExploreSettings:
     options: dict[str, Any] = field(default_factory=dict)
 
 
+@one_thread()
 def explore(
     scene: Scene,
     folder: Path,

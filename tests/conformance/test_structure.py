@@ -38,7 +38,14 @@ ORDER = [
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.scene", "jld_core.assembly", "jld_core.linalg"],
-    ["jld_core.shown", "jld_core.arrays", "jld_core.errors", "jld_core.tolerances", "jld_core._version"],
+    [
+        "jld_core.shown",
+        "jld_core.arrays",
+        "jld_core.errors",
+        "jld_core.tolerances",
+        "jld_core.threads",
+        "jld_core._version",
+    ],
 ]
 FLOOR = {wing: len(ORDER) - floor for floor, wings in enumerate(ORDER) for wing in wings}
 

@@ -34,6 +34,7 @@ from jld_core.solvers import (
     is_large,
     make_solver,
 )
+from jld_core.threads import one_thread
 
 _SIMPLEX: Final = 6000  # columns up to which a dual simplex is a way out
 
@@ -309,6 +310,7 @@ class LimitAnalysis:
         """Is λ = 0 admissible? None where neither a state nor a motion settles it. labels: (m,) True dry."""
         return True if not self.template.dead.any() else self.interior.stands(labels)
 
+    @one_thread()
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
         """Limit analysis of one labelling, in full.
 

@@ -32,8 +32,10 @@ from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
 from jld_core.models.zero_dilation import prove_zero_dilation
 from jld_core.models.zero_dilation_search import Scheme
 from jld_core.solvers import is_large
+from jld_core.threads import one_thread
 
 
+@one_thread()
 def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
     """Collapse load factor of one labelling, with a two-sided bracket.
 

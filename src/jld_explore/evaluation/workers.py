@@ -28,6 +28,7 @@ from joblib.externals.loky.process_executor import ShutdownExecutorError, Termin
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.lanes import chosen
+from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings
@@ -71,6 +72,7 @@ def batch_size(faces: int, asked: int) -> int:
     return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, _MOST))
 
 
+@one_thread()
 def evaluate_batch(
     recipe: WorkerSpec,
     number: int,
