@@ -23,7 +23,7 @@ def _controller() -> ThreadpoolController:
     """Libraries of such products that are loaded; looked up once, when numpy and scipy are there."""
     import scipy.linalg  # noqa: F401 – brings a library of its own
 
-    return ThreadpoolController()
+    return ThreadpoolController().select(user_api="blas")
 
 
 @contextmanager
@@ -36,8 +36,8 @@ def one_thread() -> Iterator[None]:
     global _inside
     with _LOCK:
         # looking is a tenth of setting
-        if _inside == 0 and any(library.num_threads > 1 for library in _controller().lib_controllers):
-            _limited.enter_context(_controller().limit(limits=1, user_api="blas"))
+        if _inside == 0 and any(found.num_threads > 1 for found in _controller().lib_controllers):
+            _limited.enter_context(_controller().limit(limits=1))
         _inside += 1
     try:
         yield
