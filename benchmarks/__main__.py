@@ -26,6 +26,7 @@ BENCHMARKS: Final = (
     "field",
     "scale",
     "batched",
+    "lanes",
     "experiment",
     "studio",
 )
