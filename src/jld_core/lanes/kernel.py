@@ -87,7 +87,8 @@ class Lanes:
     """The kernel for one template.
 
     template: its yield sets in pairs of linear rows, in space with one cone of shear a face. opening: (q·free,)
-    velocities that open every face under any labelling, None where there are none. variant: see `library`; default
+    velocities that open every face under any labelling, None where there are none. zero: scaled λ beside which a
+    bracket around zero may be narrow. variant: see `library`; default
     the one in use. tries: settings of the passes over what is still open. settles: share of a few random labellings
     that the kernel settles.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
@@ -98,6 +99,7 @@ class Lanes:
         template: Template,
         opening: Floats | None = None,
         *,
+        zero: float = 0.0,
         variant: str | None = None,
         tries: Sequence[library.Try] = TRIES,
     ) -> None:
@@ -125,7 +127,7 @@ class Lanes:
         self._dead, self._live = template.dead[ends].copy(), template.live[ends].copy()
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
-        self.settles = 0.0
+        self.settles, self._zero = 0.0, zero
         self._start = self._starting(template)
 
     def _starting(self, template: Template) -> _Start:
@@ -222,6 +224,7 @@ class Lanes:
             start.load,
             start.room,
             _PUSH,
+            self._zero,
         )
 
 

@@ -67,6 +67,7 @@ class Problem(ctypes.Structure):
         ("load", ctypes.c_double),
         ("room", ctypes.c_double),
         ("push", ctypes.c_double),
+        ("zero", ctypes.c_double),
     )
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.lanes import FALLS, Lanes, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
@@ -35,8 +34,9 @@ class Batch:
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         opening = analysis.interior.opening()
-        self.lanes = Lanes(analysis.template, None if opening is None else opening.velocity)
-        self._gap = analysis.gap
+        self._gap, self._floor = analysis.gap, analysis.floor
+        velocity = None if opening is None else opening.velocity
+        self.lanes = Lanes(analysis.template, velocity, zero=analysis.floor)
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> Batch | None:
@@ -57,12 +57,13 @@ class Batch:
         falls = found.verdict == FALLS
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
-            # beside λ itself, not only beside the weight of the whole: where λ may be zero a vertex has to tell
-            narrow = high - low <= self._gap * size
+            # beside λ itself, or beside the weight of the whole around zero: what is neither a vertex has to tell
+            around = (low <= 0.0) & (high >= 0.0)
+            narrow = high - low <= self._gap * np.where(around, np.maximum(size, self._floor), size)
             sound = np.isfinite(low) & np.isfinite(high) & ~np.asarray(crossed(low, high))
         settled = falls | (narrow & sound)
         # an upper bound below zero by more than rounding is a fall; one within it is for others to tell
-        edge = ~falls & (high < tolerances.ROUNDING)
+        edge = ~falls & (high < 0.0)
         settled &= ~edge
         low, high = np.minimum(low, high), np.maximum(low, high)
         low[falls] = high[falls] = np.nan

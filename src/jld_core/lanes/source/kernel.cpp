@@ -95,6 +95,7 @@ struct Run {
 
     void judge(int64_t who) {
         double low = std::fabs(out.low[who]), high = std::fabs(out.high[who]), size = low > high ? low : high;
+        if (out.low[who] <= 0.0 && out.high[who] >= 0.0 && size < p.zero) size = p.zero;
         if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
     }
 

@@ -29,6 +29,7 @@ struct JldProblem {
     const double* speed;   // (3 elements) those velocities
     double load;           // lambda there
     double room, push;     // least slack and multiplier at the start
+    double zero;           // lambda beside which a bracket around zero may be narrow
 };
 
 struct JldTry {
