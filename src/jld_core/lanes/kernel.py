@@ -44,7 +44,18 @@ TRIES: Final = (
     library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
-"""Settings of the passes over what is still open. Source: measured, see benchmarks/lanes.py."""
+"""Settings of the passes over what is still open, planar; the second looks for states at the edge. Source: measured,
+see benchmarks/lanes.py."""
+
+SPATIAL_TRIES: Final = tuple(
+    library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7} | more)
+    for more in (
+        {"most": 28},
+        {"proximal": 1e-6, "margin": 1e-11, "first": 0.9, "most": 40},
+        {"proximal": 1e-4, "most": 60},
+    )
+)
+"""The same in space, where edges of cones are left to others."""
 
 _SAMPLES: Final = 32  # labellings whose mean is where others start
 _SHARE: Final = 0.7  # of that mean; the rest is the least forces in equilibrium
@@ -101,7 +112,7 @@ class Lanes:
         *,
         zero: float = 0.0,
         variant: str | None = None,
-        tries: Sequence[library.Try] = TRIES,
+        tries: Sequence[library.Try] = (),
     ) -> None:
         name = variant or library.chosen()
         if name is None:
@@ -113,8 +124,8 @@ class Lanes:
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
         self._rows, self._keep = rows
-        # edges of cones are left to others
-        self._tries = tuple(one for one in tries if one.aim or template.assembly.dimension == 2)
+        chosen_tries = tries or (TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES)
+        self._tries = tuple(chosen_tries)
         elements, faces = template.assembly.elements, template.assembly.interfaces
         node = np.full(len(elements), -1, dtype=np.int64)
         node[elements.free] = np.arange(len(elements.free))
