@@ -22,7 +22,7 @@ from benchmarks.stated import stated
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.lanes import described
-from jld_core.limit import Batch, LimitAnalysis, Status
+from jld_core.limit import Batch, LimitAnalysis, Status, load_floor
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
@@ -95,8 +95,9 @@ def measure(name: str, case: Case) -> list[str]:
         alls.append(together)
         for one, other in zip(known, found[turn * case.one :], strict=False):
             same += one.status is other.status
-            if one.status is other.status is Status.COLLAPSE and one.load_factor:
-                differ = max(differ, abs(one.load_factor - other.load_factor) / abs(one.load_factor))
+            if one.status is other.status is Status.COLLAPSE:
+                size = max(abs(one.load_factor), load_floor(assembly))
+                differ = max(differ, abs(one.load_factor - other.load_factor) / size)
     start = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of inaccurate answers, which are among what it costs
@@ -109,7 +110,8 @@ def measure(name: str, case: Case) -> list[str]:
     raw = batch.lanes.solve(labellings)
     settled = batch.prove(labellings)
     bracket = settled.settled & ~settled.falls
-    width = (settled.high - settled.low)[bracket] / abs(settled.low)[bracket]
+    size = np.maximum(abs(settled.low), analysis.floor)
+    width = ((settled.high - settled.low) / size)[bracket]
     spread = " / ".join(f"{value:.0e}" for value in np.quantile(width, [0.5, 0.99, 1.0])) if width.size else "–"
     return [
         name,
