@@ -182,7 +182,7 @@ def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None
 
 @pytest.mark.parametrize("name", ["wall", "running bond"])
 def test_variants_agree(kernels: dict[str, str], name: str) -> None:
-    """To what is asked of a bracket: which products are fused is the compiler's choice, so a study keeps its variant."""
+    """To what is asked of a bracket: which products are fused the compiler chooses, so a study keeps its variant."""
     if len(kernels) < 2:
         pytest.skip("one variant alone")
     analysis = analysis_of(name)
