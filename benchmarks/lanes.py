@@ -110,8 +110,8 @@ def measure(name: str, case: Case) -> list[str]:
     raw = batch.lanes.solve(labellings)
     settled = batch.prove(labellings)
     bracket = settled.settled & ~settled.falls
-    size = np.maximum(abs(settled.low), analysis.floor)
-    width = ((settled.high - settled.low) / size)[bracket]
+    sizes = np.maximum(abs(settled.low), analysis.floor)
+    width = ((settled.high - settled.low) / sizes)[bracket]
     spread = " / ".join(f"{value:.0e}" for value in np.quantile(width, [0.5, 0.99, 1.0])) if width.size else "–"
     return [
         name,
