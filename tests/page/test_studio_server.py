@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import http.client
 import json
 import socket
@@ -188,6 +189,7 @@ def test_the_page_names_no_script_but_files_of_its_own(local: Local) -> None:
         ("stop", {"name": "../../x"}, "one of the list"),
         ("resume", {"name": "../../x"}, "one of the list"),
         ("results", {"name": "../../x"}, "one of the list"),
+        ("export", {"format": "../x", "labelling": ""}, "one of"),
         ("save", {"name": "../x"}, "letters, digits"),
         ("save", {"name": "/etc/x"}, "letters, digits"),
         ("save", {"name": "a..b"}, "letters, digits"),
@@ -200,6 +202,16 @@ def test_wrong_questions_get_one_clear_line(local: Local, name: str, body: Any, 
     assert status == 400
     assert words in found["error"]
     assert "\n" not in found["error"]
+    assert not local.root.exists()
+
+
+@pytest.mark.parametrize(("kind", "begins"), [("svg", b"<"), ("dxf", b"  0"), ("obj", None), ("vtk", b"<")])
+def test_blocks_go_out_in_every_format(local: Local, kind: str, begins: bytes | None) -> None:
+    status, found = local.api("export", {"format": kind, "labelling": letters(local)})
+    assert status == 200, found
+    content = base64.b64decode(found["content"])
+    assert len(content) > 100
+    assert begins is None or content.startswith(begins)
     assert not local.root.exists()
 
 

@@ -36,6 +36,7 @@ from jld_core.views.structure import (
     paint,
     projection_of,
 )
+from jld_core.views.writing import write_forces, write_ids, write_loads
 
 FADED: Final = HATCH
 NO_MECHANISM: Final = {
@@ -165,8 +166,10 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: D
             drawn[name] = [*ax.plot(*places[chosen].T, label=name, **look)]
 
 
-def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
+def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
     """Displaced elements over the thin outline at rest, and what each face does.
+
+    share: of the displacement that is drawn, 0 … 1, for animations.
 
     The scale is automatic: the largest displacement is drawn as 12 % of the scene's size, or less where
     rotations would come out above 0.35 rad. Displacements are linear in the velocities.
@@ -185,6 +188,9 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     velocity, scale = result.mechanism, marks.mechanism_scale(assembly, result.mechanism)
 
     def move(element: int, points: Floats) -> Floats:
+        return np.asarray(points + share * scale * displacement(assembly, velocity, element, points))
+
+    def fully(element: int, points: Floats) -> Floats:
         return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
     drawn = paint(ax, assembly, labels, _tints(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
@@ -198,7 +204,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult) -> Drawn:
             sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
             look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
-    furniture.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, move)])
+    furniture.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
     furniture.legend(ax, furniture.mechanism_handles(assembly, labels, ink, drawn))
     ax.set_title(f"Mechanism for live power 1, drawn × {scale:.3g}", fontsize=10)
     return drawn
@@ -215,24 +221,50 @@ def _draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
     return [*ax.plot(*np.vstack(rings).T, color=REST, linewidth=0.5, zorder=0.9, label="rest")]
 
 
-def figure_of_assembly(assembly: Assembly, labels: Bits | None = None) -> Figure:
-    """`draw_assembly` on a figure of its own, under the name of the scene. labels: (m,) True dry."""
+def figure_of_assembly(
+    assembly: Assembly, labels: Bits | None = None, *, ids: bool = False, values: bool = False
+) -> Figure:
+    """`draw_assembly` on a figure of its own, under the name of the scene. labels: (m,) True dry.
+
+    ids, values: also write the ids of elements and the values of live loads.
+    """
     figure, axes = _figure(assembly, 1)
     draw_assembly(axes[0], assembly, labels)
+    if ids:
+        write_ids(axes[0], assembly)
+    if values:
+        write_loads(axes[0], assembly)
     axes[0].set_title("")
     _finish(figure, axes, textwrap.shorten(assembly.name, 60, placeholder=" …"))
     return figure
 
 
-def figure_of_result(result: LimitAnalysisResult) -> Figure:
+def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
+    """`draw_mechanism` on a figure of its own under name and λ, and its axes."""
+    figure, axes = _figure(result.assembly, 1)
+    draw_mechanism(axes[0], result)
+    name = textwrap.shorten(result.assembly.name, 50, placeholder=" …")
+    _finish(figure, axes, f"{name}\nλ = {result.load_factor:.5g}, {result.status}")
+    return figure, axes[0]
+
+
+def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
     """Labels, forces and mechanism of one result, side by side (very wide scenes: one above the other), under
-    a title with name, λ, its bracket and the status; of several load cases the one that governs."""
+    a title with name, λ, its bracket and the status; of several load cases the one that governs.
+
+    ids, values: also write the ids of elements, and the values of live loads and forces.
+    """
     if result.governing is not None:
         result = result.cases[result.governing]
     figure, axes = _figure(result.assembly, 3)
     draw_assembly(axes[0], result.assembly, result.labels)
     draw_forces(axes[1], result)
     draw_mechanism(axes[2], result)
+    if ids:
+        write_ids(axes[0], result.assembly)
+    if values:
+        write_loads(axes[0], result.assembly)
+        write_forces(axes[1], result)
     _finish(figure, axes, title_of(result))
     return figure
 

@@ -9,7 +9,6 @@ import re
 import signal
 import sys
 import warnings
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
@@ -26,20 +25,16 @@ from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
-from jld_explore.cli import exchange, samples
+from jld_explore.cli import exchange, plot, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
-from jld_explore.cli.layout import layout_of, plot_ranks
+from jld_explore.cli.layout import layout_of
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report import (
     check_folder,
     check_writable,
-    read_folder,
-    scene_page,
     words,
-    write_pictures,
-    write_report,
     write_text,
 )
 from jld_explore.space import SearchSpace, search_space
@@ -61,6 +56,7 @@ app = typer.Typer(
 
 app.add_typer(samples.commands(), name="new")
 exchange.add_to(app)
+plot.add_to(app)
 app.command()(experiment)
 app.command(name="assembly")(laying)
 
@@ -86,13 +82,6 @@ First = Annotated[
     typer.Option(help="Solver asked first: " + ", ".join(SOLVERS) + "; where it proves nothing, others follow."),
 ]
 Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
-
-
-class Picture(StrEnum):
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
-    HTML = "html"
 
 
 Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
@@ -281,41 +270,6 @@ def explore_command(
             outside = error.where.startswith("--") or error.where.startswith(str(out))
             raise (error if outside else error.within(str(scene))) from None
     _say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
-
-
-@app.command()
-def plot(
-    source: Annotated[
-        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
-    ],
-    out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
-    kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
-    rank: Annotated[str | None, typer.Option(help="Layouts of a folder, side by side: 1,4.")] = None,
-) -> None:
-    """Draw a scene with its own labels, or draw a study's pictures again."""
-    if rank is not None:
-        _say(str(plot_ranks(source, rank, out, str(kind))))
-        return
-    if source.is_dir():
-        done = read_folder(source)
-        if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
-        html = kind is Picture.HTML
-        for path in [write_report(done, out)] if html else write_pictures(done, str(kind), out):
-            _say(str(path))
-        return
-    scene, assembly = _load(source)
-    target = out or source.with_suffix(f".{kind}")
-    if target.suffix == ".html":
-        write_text(target, scene_page(scene, assembly))
-        _say(str(target))
-        return
-    if target.suffix not in (".png", ".svg", ".pdf"):
-        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg, .pdf or .html")
-    from jld_core.views import figures
-
-    figures.save_figure(figures.figure_of_assembly(assembly), target)
-    _say(str(target))
 
 
 @app.command()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +18,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
+from jld_core.exchange import FORMATS, Layout, export
 from jld_explore.report import asset, asset_names, read_folder, study_data, study_page, write_text
 from jld_explore.studio.assets_of_studio import studio_asset, studio_asset_names
 from jld_explore.studio.desk import Desk
@@ -104,6 +107,19 @@ class Answers:
         """The scene file of a state of the page."""
         return self.desk.scene_with(asked.get("labelling"), _changes(asked))
 
+    def export(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """The blocks of a state of the page as a file of another program, base64."""
+        kind = asked.get("format")
+        if kind not in FORMATS:
+            raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
+        setup, labels = self.desk.setup(_changes(asked)), self.desk.labels(asked.get("labelling"))
+        result = setup.solver.solve(labels) if kind == "vtk" else None
+        name = f"layout{FORMATS[str(kind)]}"
+        with tempfile.TemporaryDirectory() as folder:
+            path = export(Layout(setup.scene, setup.assembly, labels, result), str(kind), Path(folder) / name)
+            content = base64.b64encode(path.read_bytes()).decode("ascii")
+        return {"name": name, "content": content}
+
     def save(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Write the scene of a state of the page into the opened folder, under a plain name."""
         name = asked.get("name")
@@ -168,6 +184,7 @@ def build_app(answers: Answers, token: str, hosts: tuple[str, ...]) -> Guard:
         "report": answers.report,
         "candidates": answers.keep,
         "scene": answers.scene,
+        "export": answers.export,
         "save": answers.save,
     }
     routes = [

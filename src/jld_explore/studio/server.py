@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jld_core.errors import InputError
+from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.report import page_data, read_folder, solution_of, study_data
 from jld_explore.studio.desk import Desk
@@ -74,7 +75,8 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
 
 def first_data(desk: Desk, root: Path, study: Path | None) -> dict[str, Any]:
     """The data of the page: a study's table where one was opened, else the scene with its own labels, solved."""
-    extra = {"folder": str(root), "changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
+    extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
+    extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
     if study is not None:
         return study_data(read_folder(study), patience=0.5, kind="studio", studio=extra)
     setup = desk.setup({})

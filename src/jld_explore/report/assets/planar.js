@@ -134,7 +134,7 @@ export class PlanarFigure {
     this.move(1);
   }
 
-  /** Displace the elements by a share of what the mechanism is drawn with. @param {number} share −1 … 1 */
+  /** Displace the elements by a share of what the mechanism is drawn with. @param {number} share 0 … 1 */
   move(share) {
     const solved = this.what?.view === "mechanism" ? this.what.solved : null;
     const { look, structure } = this.data;

@@ -290,7 +290,7 @@ export class SpatialFigure {
     return lines;
   }
 
-  /** Displace the elements, and pull the blocks apart. @param {number} share −1 … 1 */
+  /** Displace the elements, and pull the blocks apart. @param {number} share 0 … 1 */
   move(share) {
     this.share = share;
     const { structure } = this.data;

@@ -80,7 +80,7 @@ export class Viewer {
     const picture = el("button", { type: "button", class: "save-picture", onclick: () => this.#save() }, "save picture");
     this.bar.replaceChildren(...[tabs, choice, ...boxes, picture].filter(Boolean));
     const slider = el("input", {
-      type: "range", min: -1, max: 1, step: 0.01, value: 1, id: "phase", "aria-label": "share of the drawn displacement",
+      type: "range", min: 0, max: 1, step: 0.01, value: 1, id: "phase", "aria-label": "share of the drawn displacement",
       oninput: (/** @type {any} */ e) => { this.stop(); this.#move(Number(e.target.value)); },
     });
     this.slider = slider;
@@ -215,10 +215,11 @@ export class Viewer {
   play() {
     this.playing = true;
     this.button.textContent = "pause";
-    const start = performance.now() - (Math.asin(this.share) / (2 * Math.PI)) * PERIOD;
+    // there and back: the other way blocks would pass through one another
+    const start = performance.now() - (Math.acos(1 - 2 * this.share) / (2 * Math.PI)) * PERIOD;
     const step = (/** @type {number} */ now) => {
       if (!this.playing) return;
-      this.#move(Math.sin((2 * Math.PI * (now - start)) / PERIOD));
+      this.#move(0.5 - 0.5 * Math.cos((2 * Math.PI * (now - start)) / PERIOD));
       requestAnimationFrame(step);
     };
     requestAnimationFrame(step);

@@ -332,6 +332,7 @@ class Studio {
       }
     };
     const button = (/** @type {string} */ text, /** @type {string} */ id, /** @type {() => Promise<string>} */ act) => el("button", { type: "button", id, onclick: doing(act) }, text);
+    const format = el("select", { "aria-label": "format" }, /** @type {any} */ (this.data.studio).formats.map((/** @type {string} */ kind) => el("option", { value: kind }, kind)));
     const saved = el("p", { class: "hint", role: "status" });
     byId("export").replaceChildren(
       el("div", { class: "row" }, name, button("save the scene", "save", async () => {
@@ -342,6 +343,11 @@ class Studio {
       el("div", { class: "row" }, button("scene (JSON)", "export-scene", async () => {
         save(`${name.value}.json`, "application/json", JSON.stringify(await ask("scene", state()), null, 1));
         return "The scene was downloaded.";
+      })),
+      el("div", { class: "row" }, format, button("export the blocks", "export-blocks", async () => {
+        const made = await ask("export", { format: format.value, ...state() });
+        save(made.name, "application/octet-stream", bytesOf(made.content));
+        return `${made.name} was downloaded.`;
       })),
       saved,
     );

@@ -1,0 +1,40 @@
+"""A mechanism that moves: GIF by pillow, MP4 where ffmpeg is."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.animation import FFMpegWriter, PillowWriter
+
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysisResult
+from jld_core.views.figures import draw_mechanism, figure_of_mechanism
+
+FRAMES: Final = 24
+"""Pictures from rest to the drawn displacement and back: the other way blocks would pass through one another."""
+
+PER_SECOND: Final = 12
+
+
+def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
+    """Write the mechanism of a result as .gif or .mp4, by the ending: there and back, made to be repeated.
+
+    Raises InputError: another ending, .mp4 without ffmpeg, or a result without a mechanism.
+    """
+    ending = Path(path).suffix.lower()
+    if ending not in (".gif", ".mp4"):
+        raise InputError(str(path), f"{ending!r} is no ending of an animation", "a name ending in .gif or .mp4")
+    if ending == ".mp4" and shutil.which("ffmpeg") is None:
+        raise InputError(str(path), "ffmpeg is not on this machine", "a name ending in .gif")
+    if result.mechanism is None:
+        raise InputError(result.assembly.name, f"it has no mechanism to move ({result.status})", "one that collapses")
+    writer: Any = PillowWriter(fps=PER_SECOND) if ending == ".gif" else FFMpegWriter(fps=PER_SECOND)
+    figure, ax = figure_of_mechanism(result)
+    with writer.saving(figure, str(path), dpi=100):
+        for k in range(FRAMES):
+            ax.clear()
+            draw_mechanism(ax, result, share=float(0.5 - 0.5 * np.cos(2.0 * np.pi * k / FRAMES)))
+            writer.grab_frame()

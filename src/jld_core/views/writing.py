@@ -1,0 +1,74 @@
+"""Names and numbers on a picture, for who asks for them: ids of elements, values of loads and of forces."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+
+from jld_core.assembly import Assembly
+from jld_core.limit import LimitAnalysisResult
+from jld_core.views import quantities as marks
+from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
+from jld_core.views.structure import element_points, extent, projection_of
+
+_HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
+
+
+def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:
+    """The id of each element at its centroid, as it is: nothing in it is read as a formula."""
+    size = float(np.clip(0.16 * element_points(ax, assembly), 3.0, 8.0))
+    places = projection_of(assembly)(assembly.elements.centroid)
+    look: dict[str, Any] = {"ha": "center", "va": "center", "color": SOFT, "fontsize": size}
+    return [_text(ax, place, name, **look) for place, name in zip(places, assembly.elements.ids, strict=True)]
+
+
+def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
+    """The value of each live load at the tail of its arrow, with its unit."""
+    projection, unit = projection_of(assembly), assembly.units[1]
+    length = 0.13 * assembly.size
+    written: list[Artist] = []
+    vectors = [np.asarray(force, dtype=float) for _, force in assembly.live_points]
+    most = max((float(np.linalg.norm(projection(v))) for v in vectors), default=1.0)
+    for (at, _), vector in zip(assembly.live_points, vectors, strict=True):
+        tail = projection(np.asarray(at)) - projection(vector) * length / max(most, 1e-300)
+        written.append(_text(ax, tail, f" {np.linalg.norm(vector):.3g} {unit} × λ", va="bottom", color=LOAD))
+    total = marks.body_load(assembly)
+    if total is not None:
+        lower, upper = extent(assembly, projection)
+        along = projection(total) / max(float(np.linalg.norm(projection(total))), 1e-300)
+        with np.errstate(divide="ignore"):
+            leave = float(np.min(0.5 * (upper - lower) / abs(along)))
+        middle = 0.5 * (lower + upper) - along * (leave + 0.04 * assembly.size + 0.5 * length)
+        above = np.array([0.0, 0.03 * assembly.size])
+        value = f"{np.linalg.norm(total):.3g} {unit} × λ"
+        written.append(_text(ax, middle + above, value, va="bottom", ha="center", color=LOAD))
+    for k in marks.live_couples(assembly):
+        moment = float(np.linalg.norm(assembly.live[k, assembly.dimension :]))
+        place = projection(assembly.elements.centroid[k])
+        written.append(_text(ax, place, f"  {moment:.3g} {unit}·{assembly.units[0]} × λ", va="bottom", color=LOAD))
+    return written
+
+
+def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
+    """The size of the force on each face beside its arrow; as small as the arrows that are left out: none."""
+    if result.forces is None:
+        return []
+    assembly = result.assembly
+    size = np.linalg.norm(marks.face_vectors(assembly, result.forces), axis=1)
+    places = projection_of(assembly)(marks.pressure_points(assembly, result.forces)[0])
+    shown = size > marks.SMALL * size.max(initial=0.0)
+    points = float(np.clip(0.13 * element_points(ax, assembly), 3.0, 7.0))
+    return [
+        _text(ax, place, f" {value:.3g}", va="bottom", color=PRESS, fontsize=points)
+        for place, value in zip(places[shown], size[shown], strict=True)
+    ]
+
+
+def _text(ax: Axes, place: Any, text: str, **look: Any) -> Artist:
+    style: dict[str, Any] = {"fontsize": 7.5, "color": INK, "zorder": 6.0, "path_effects": _HALO, **look}
+    # a lone dollar sign in a name would begin a formula
+    return ax.text(float(place[0]), float(place[1]), text, parse_math=False, **style)

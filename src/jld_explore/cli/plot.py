@@ -1,0 +1,95 @@
+"""`jld plot`: pictures, animations and pages of scenes and of studies."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.models import solve
+from jld_core.scene import load_scene
+from jld_explore.cli.layout import layout_of, plot_ranks
+from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
+
+
+class Picture(StrEnum):
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+    HTML = "html"
+    GIF = "gif"
+    MP4 = "mp4"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command to the command line."""
+    app.command(name="plot")(plot_command)
+
+
+def plot_command(
+    source: Annotated[
+        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
+    ],
+    out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
+    kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
+    rank: Annotated[str | None, typer.Option(help="Layouts of a folder, side by side: 1,4.")] = None,
+    ids: Annotated[bool, typer.Option("--ids", help="Write the ids of elements (scene).")] = False,
+    values: Annotated[bool, typer.Option("--values", help="Write the values of live loads (scene).")] = False,
+) -> None:
+    """Draw a scene with its own labels, or a study's pictures again; gif and mp4 show its mechanism moving."""
+    moving = kind in (Picture.GIF, Picture.MP4) or (out is not None and out.suffix in (".gif", ".mp4"))
+    if source.is_dir() and (ids or values):
+        raise InputError("--ids" if ids else "--values", "a study's pictures have none", "a scene, or the page of it")
+    if moving:
+        _say(_animate(source, rank, out, str(kind)))
+    elif rank is not None:
+        _say(plot_ranks(source, rank, out, str(kind)))
+    elif source.is_dir():
+        done = read_folder(source)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+        for path in [write_report(done, out)] if kind is Picture.HTML else write_pictures(done, str(kind), out):
+            _say(path)
+    else:
+        _say(_of_scene(source, out, str(kind), ids, values))
+
+
+def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool) -> Path:
+    scene = load_scene(source)
+    try:
+        assembly = build_assembly(scene)
+    except InputError as error:
+        raise error.within(str(source)) from None
+    target = out or source.with_suffix(f".{kind}")
+    if target.suffix == ".html":
+        write_text(target, scene_page(scene, assembly))
+        return target
+    if target.suffix not in (".png", ".svg", ".pdf"):
+        raise InputError("--out", f"{target.name!r} has no known ending", ".png, .svg, .pdf, .html, .gif or .mp4")
+    from jld_core.views import figures
+
+    figures.save_figure(figures.figure_of_assembly(assembly, ids=ids, values=values), target)
+    return target
+
+
+def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Path:
+    if rank is not None and not rank.isdigit():
+        raise InputError("--rank", f"{rank!r} is wrong", "one rank for an animation")
+    _, assembly, labels = layout_of(source, None if rank is None else int(rank))
+    name = f"mechanism_{rank or 1}.{kind}"
+    target = out or (source / name if source.is_dir() else source.with_suffix(f".{kind}"))
+    result = solve(assembly, labels)
+    if result.governing is not None:
+        result = result.cases[result.governing]
+    from jld_core.views.animation import save_animation
+
+    save_animation(result, target)
+    return target
+
+
+def _say(path: Path) -> None:
+    typer.echo(str(path))

@@ -1,0 +1,115 @@
+"""Ids, values and movement on pictures, for who asks for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+from PIL import Image
+
+from command import call
+from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
+from jld_core.views import animation, quantities
+from jld_core.views.figures import figure_of_assembly, figure_of_result
+from jld_core.views.look import rules
+from paths import SCENES
+from scenes_of_pages import small_scene
+
+WALL = SCENES / "ferris_tinloi_1.json"
+
+
+def texts(axes: object) -> list[str]:
+    return [artist.get_text().strip() for artist in axes.findobj(Text)]  # type: ignore[attr-defined]
+
+
+def test_ids_are_written_on_request_and_as_they_are() -> None:
+    document = small_scene()
+    base = {"id": "ground", "polygon": [[0, -1], [3, -1], [3, 0], [0, 0]], "support": True}
+    block = {"id": "$\\frac{1}{2}$ <b>", "polygon": [[0, 0], [3, 0], [3, 1], [0, 1]]}
+    document = {**document, "elements": [base, block], "loads": {"live": [{"body": [1, 0]}]}}
+    del document["grid"]
+    assembly = build_assembly(parse_scene(document))
+    assert block["id"] not in texts(figure_of_assembly(assembly))
+    figure = figure_of_assembly(assembly, ids=True)
+    assert {"ground", block["id"]} <= set(texts(figure))
+    figure.canvas.draw()  # a formula that is none would raise here
+
+
+def test_values_of_loads_and_forces_are_those_of_the_result() -> None:
+    assembly = build_assembly(parse_scene(small_scene()))
+    result = solve(assembly)
+    assert result.forces is not None
+    written = texts(figure_of_result(result, values=True))
+    assert "100 N × λ" in written
+    total = quantities.body_load(assembly)
+    assert total is not None
+    assert f"{np.linalg.norm(total):.3g} N × λ" in written
+    largest = np.linalg.norm(quantities.face_vectors(assembly, result.forces), axis=1).max()
+    assert f"{largest:.3g}" in written
+    assert not any("× λ" in text and "N" in text.split() for text in texts(figure_of_result(result)))
+
+
+def test_a_mechanism_moves_from_rest_one_way_and_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(animation, "FRAMES", 8)
+    result = solve(build_assembly(parse_scene(small_scene())))
+    animation.save_animation(result, tmp_path / "m.gif")
+    with Image.open(tmp_path / "m.gif") as film:
+        assert film.n_frames == animation.FRAMES
+        frames = []
+        for k in range(animation.FRAMES):
+            film.seek(k)
+            frames.append(np.asarray(film.convert("L"), dtype=float))
+    away = [float(abs(frame - frames[0]).mean()) for frame in frames]
+    half = animation.FRAMES // 2
+    assert away[half] == max(away) > 0.2
+    assert away[1] < away[2] < away[half]
+    assert away[1] == pytest.approx(away[-1], rel=1e-6)  # the same way back, never through one another
+
+
+def test_an_animation_needs_an_ending_and_a_mechanism(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = solve(build_assembly(parse_scene(small_scene())))
+    with pytest.raises(InputError, match=r"\.gif or \.mp4"):
+        animation.save_animation(result, tmp_path / "m.avi")
+    monkeypatch.setattr(animation.shutil, "which", lambda name: None)
+    with pytest.raises(InputError, match="ffmpeg"):
+        animation.save_animation(result, tmp_path / "m.mp4")
+    document = small_scene()
+    document["loads"]["live"] = [{"body": [0, -1]}]
+    with pytest.raises(InputError, match="no mechanism"):
+        animation.save_animation(solve(build_assembly(parse_scene(document))), tmp_path / "m.gif")
+    assert not (tmp_path / "m.gif").exists()
+
+
+def test_jld_plot_writes_what_it_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(animation, "FRAMES", 2)
+    for ending, begins in (("svg", b"<?xml"), ("html", b"<!doctype html>")):
+        target = tmp_path / f"wall.{ending}"
+        assert call(monkeypatch, capsys, "plot", WALL, "--out", target, "--ids", "--values").code == 0
+        assert target.read_bytes().startswith(begins)
+    scene = tmp_path / "small.json"
+    scene.write_text(parse_scene(small_scene()).model_dump_json(exclude_defaults=True))
+    assert call(monkeypatch, capsys, "plot", scene, "--format", "gif").code == 0
+    assert (tmp_path / "small.gif").read_bytes().startswith(b"GIF8")
+    wrong = call(monkeypatch, capsys, "plot", WALL, "--out", tmp_path / "wall.bmp")
+    assert wrong.code == 2
+    assert ".html" in wrong.err
+
+
+def test_the_rules_of_drawing_are_those_of_the_pictures() -> None:
+    """One place: what a page is told is what matplotlib draws with."""
+    from jld_core.views import annotations, structure
+
+    found = rules()
+    wall = load_scene(WALL)
+    figure = figure_of_assembly(build_assembly(wall))
+    drawn = {c for patch in figure.axes[0].collections for c in map(tuple, patch.get_facecolor()[:, :3].round(3))}
+    tints = {tuple(round(int(t[k : k + 2], 16) / 255, 3) for k in (1, 3, 5)) for t in found["tints"]}
+    assert len(drawn & tints) >= 4
+    assert structure.DOTTED[1] == tuple(found["inner_dash"])
+    for kind, style in annotations.MOVES.items():
+        assert style["color"] == found["movements"][str(kind)]["fill"]
+        assert annotations.MEANING[kind] == found["movements"][str(kind)]["meaning"]
