@@ -32,7 +32,7 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         document = ezdxf.readfile(path)
         space = document.modelspace()
         _refuse_bombs(document, space)
-        return _Reader(document, options, notes).drawing(space)
+        return _Reader(document, options, notes).drawing(space, path.stem)
     except InputError:
         raise
     except Exception as error:  # whatever a parser trips over in a file that is broken
@@ -75,7 +75,7 @@ class _Reader:
         self.marks: list[Mark] = []
         self.unread: dict[str, int] = {}
 
-    def drawing(self, space: Any) -> Drawing:
+    def drawing(self, space: Any, title: str) -> Drawing:
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
         self.metres = METRES.get(self.options.unit or unit or "m", 1.0)
@@ -84,7 +84,7 @@ class _Reader:
         for kind, count in sorted(self.unread.items()):
             self.notes.skip(f"{kind} entities", count, "no outline, line, arc, text or point in the plane")
         facts = self._facts()
-        name = str(facts.pop("name", "") or "drawing")
+        name = str(facts.pop("name", "") or title)
         layers = sorted({path.layer for path in self.paths} | {mark.layer for mark in self.marks})
         self.notes.found.append(f"layers {listed(layers, 12)}")
         return Drawing(self.paths, self.marks, unit, facts, name)

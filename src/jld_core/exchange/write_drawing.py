@@ -37,7 +37,7 @@ def write_dxf(layout: Layout, path: Path) -> None:
     layers = {f"SHAPE_{n:02d}": _COLOURS[n % len(_COLOURS)] for n in sorted({b.shape for b in layout.blocks} - {0})}
     layers |= _LAYERS
     for name, colour in layers.items():
-        document.layers.add(name, color=colour)
+        document.layers.add(name, color=colour, lineweight=50 if name == "JOINTS" else 18)
     if layout.assembly.dimension == 3:
         for block, surfaces in zip(layout.blocks, layout.surfaces, strict=True):
             for surface in surfaces:
