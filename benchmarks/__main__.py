@@ -29,6 +29,7 @@ BENCHMARKS: Final = (
     "lanes",
     "experiment",
     "studio",
+    "exchange",
 )
 """Modules of this package that hold a `main()`, in the order in which they run."""
 

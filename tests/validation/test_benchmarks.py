@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from benchmarks import (
+    exchange,
     field,
     hard_cases,
     reductions,
@@ -17,6 +19,7 @@ from benchmarks.hard_scenes import hard_cases as all_hard_cases
 from benchmarks.scenes import GRIDS, bonded, brick_wall, grid
 
 from jld_core import Assembly, Scene, build_assembly
+from jld_core.exchange import FORMATS
 
 
 def test_field() -> None:
@@ -32,6 +35,19 @@ def test_field_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     monkeypatch.setattr(field, "find_spec", lambda _: None)
     field.main()
     assert capsys.readouterr().out == field.MISSING + "\n"
+
+
+def test_exchange(tmp_path: Path) -> None:
+    """The area of a face that is not convex is what decides between libraries."""
+    pytest.importorskip("trimesh")
+    ell, boxes = tmp_path / "ell.obj", tmp_path / "boxes.obj"
+    exchange.ell_obj(ell)
+    exchange.boxes_obj(boxes, 3)
+    rows = [reader(ell, boxes) for reader in (exchange.of_meshio, exchange.of_trimesh, exchange.of_jld)]
+    assert [row[1] for row in rows] == ["14", "15", "14"]
+    assert [row[2].split()[0] for row in rows] == ["3", "3", "3"]
+    formats = [row[4] for row in exchange.round_trips(tmp_path, (2, 6))]
+    assert formats == [*FORMATS, *(kind for kind in FORMATS if kind != "svg")]
 
 
 def test_hard_cases() -> None:

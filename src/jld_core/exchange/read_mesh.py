@@ -65,19 +65,18 @@ def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
     top = max(max(loop) for loop in faces)
     if top >= len(points) or min(min(loop) for loop in faces) < 0:
         raise InputError(f"group {name!r}" if name else "", f"a face names vertex {top + 1}", f"1 to {len(points)}")
-    used = sorted({index for loop in faces for index in loop})
-    number = {old: new for new, old in enumerate(used)}
+    place = sorted({index for loop in faces for index in loop})
+    number = {old: new for new, old in enumerate(place)}
     loops = tuple(tuple(number[index] for index in loop) for loop in faces)
-    solids = split(points[used], loops, 1e-9 * float(np.ptp(points[used], axis=0).max()))
-    return [
-        Part(
-            name if len(solids) == 1 and name else f"{name or 'b'}.{k + 1}" if name else f"b{k + 1}",
-            name,
-            points[used],
-            tuple(loops[face] for face in solid.tolist()),
-        )
-        for k, solid in enumerate(solids)
-    ]
+    solids = split(points[place], loops, 1e-9 * float(np.ptp(points[place], axis=0).max()))
+    found = []
+    for k, solid in enumerate(solids):
+        own = [faces[face] for face in solid.tolist()]
+        used = sorted({index for loop in own for index in loop})
+        renamed = {old: new for new, old in enumerate(used)}
+        title = name if len(solids) == 1 and name else f"{name or 'b'}.{k + 1}" if name else f"b{k + 1}"
+        found.append(Part(title, name, points[used], tuple(tuple(renamed[i] for i in loop) for loop in own)))
+    return found
 
 
 def _cells(mesh: Any) -> list[tuple[int, ...]]:

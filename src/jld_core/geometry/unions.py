@@ -8,12 +8,14 @@ from typing import Final
 
 import numpy as np
 import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from jld_core import tolerances
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
-from jld_core.geometry.snapping import merge_points, snap_polygons, straight, without_spikes
+from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
 
 _NEAR: Final = 1e-6
 """Distance, relative to a planar block, within which its corners are one: above what contacts may gape."""
@@ -93,7 +95,7 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     """
     every = np.concatenate(list(vertices))
     size = float(np.ptp(every, axis=0).max())
-    corners = every[np.unique(merge_points(every, _NEAR_SOLID * size), return_index=True)[1]]
+    corners = every[np.unique(_weld(every, _NEAR_SOLID * size), return_index=True)[1]]
     facets = facets_of(list(vertices), list(faces))
     pieces = [piece for plane in _planes(facets, _NEAR_SOLID * size) for piece in _outside(facets, plane, size)]
     tree = cKDTree(corners)
@@ -105,14 +107,16 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
             placed.append(np.where((distance <= _NEAR_SOLID * size)[:, None], corners[nearest], loop))
         rings.append(placed)
     flat = np.concatenate([loop for loops in rings for loop in loops])
-    node = merge_points(flat, _NEAR_SOLID * size)
+    node = _weld(flat, _NEAR_SOLID * size)
     points = flat[np.unique(node, return_index=True)[1]]
     numbers = iter(np.split(node, np.cumsum([len(loop) for loops in rings for loop in loops])[:-1]))
     found: list[tuple[int, ...]] = []
     triangles: list[tuple[int, int, int]] = []
     points_tree = cKDTree(points)
     for (normal, _), loops in zip(pieces, rings, strict=True):
-        closed = [_with_nodes(next(numbers).tolist(), points, points_tree, _NEAR_SOLID * size) for _ in loops]
+        closed = [next(numbers).tolist() for _ in loops]
+        if len(vertices) > 1:
+            closed = [_with_nodes(loop, points, points_tree, _NEAR_SOLID * size) for loop in closed]
         full = [loop for loop in (without_spikes(loop, closed=True) for loop in closed) if len(loop) > 2]
         if not full:
             continue
@@ -127,21 +131,36 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
 def _planes(facets: Facets, reach: float) -> list[list[int]]:
     """Facets by the plane they lie in, whichever way they look."""
     groups: list[list[int]] = []
+    first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
-        for group in groups:
-            first = group[0]
-            apart = abs(float((facets.origin[k] - facets.origin[first]) @ facets.normal[first]))
-            if abs(float(facets.normal[k] @ facets.normal[first])) > 1.0 - 1e-8 and apart <= reach:
-                group.append(k)
-                break
+        known = first[: len(groups)]
+        apart = np.abs(np.einsum("ij,ij->i", facets.origin[k] - facets.origin[known], facets.normal[known]))
+        same = (np.abs(facets.normal[known] @ facets.normal[k]) > 1.0 - 1e-8) & (apart <= reach)
+        if same.any():
+            groups[int(np.argmax(same))].append(k)
         else:
+            first[len(groups)] = k
             groups.append([k])
     return groups
+
+
+def _weld(points: Floats, reach: float) -> Ints:
+    """(n,) node of each point, numbered by first appearance; points within reach of one another are one."""
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    size = len(points)
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(size, size))
+    _, label = connected_components(links, directed=False)
+    _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
 
 
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
     """What of one plane is surface: normals outward, and loops in space, the outer one first."""
     normal = facets.normal[plane[0]]
+    if len(plane) == 1:
+        return [(normal, list(facets.loops[plane[0]]))]
     frame, origin = _frame(normal), facets.origin[plane[0]]
 
     def region(facet: int) -> shapely.Geometry:
@@ -198,6 +217,9 @@ def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
 def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
     """Counter-clockwise triangles between the corners of a shell and its holes, and no others; points: (k, 2)."""
     rings = [points[list(loop)] for loop in loops]
+    if len(loops) == 1 and _fans(rings[0]):
+        (loop,) = loops
+        return [(loop[0], loop[k], loop[k + 1]) for k in range(1, len(loop) - 1)]
     # a hole may touch the shell in a corner, which triangulation does not take: drawn in by a hair it does not
     rings[1:] = [ring + _HAIR * (ring.mean(axis=0) - ring) for ring in rings[1:]]
     number = {
@@ -212,3 +234,11 @@ def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int
         if len(set(named)) == 3:
             found.append(named)
     return found
+
+
+def _fans(ring: Floats) -> bool:
+    """Whether a counter-clockwise outline has a corner at every point and bends to the left at each."""
+    after = np.roll(ring, -1, axis=0) - ring
+    before = np.roll(after, 1, axis=0)
+    bend = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return bool((bend > 1e-9 * np.abs(bend).max()).all())
