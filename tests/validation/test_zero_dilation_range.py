@@ -27,7 +27,7 @@ LOWEST = {"ferris_tinloi_1": 0.6390, "ferris_tinloi_2": 0.5604, "ferris_tinloi_4
 
 def ends(assembly: Assembly) -> tuple[float, float]:
     """Lowest and highest found, each held against its own evidence."""
-    result = solve(assembly, friction="zero-dilation", range=True)
+    result = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
     certify(result)
     extra = result.extra
@@ -87,7 +87,7 @@ def test_random_walls_go_no_higher_than_one_start_finds(seed: int) -> None:
 @pytest.mark.parametrize("name", ["wall", "beam", "arch", "crushable arch"])
 def test_inner_faces_take_part(name: str) -> None:
     rows, options = CASES[name]
-    result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True)
+    result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
     assert result.extra["lowest_found"] <= result.extra["associative_load_factor"] * (1.0 + 1e-6)
     assert flow_rule(result).gap.min() >= -1e-6 * abs(result.load_factor)
@@ -96,7 +96,7 @@ def test_inner_faces_take_part(name: str) -> None:
 def test_two_cubes_rock_at_one_half() -> None:
     """Base sliding at μ = 0.6 comes after base rocking at 1/2 (Iannuzzo et al. 2024, section 3.2b)."""
     assembly = build_assembly(stacked_cubes(2, friction=0.6, tension=2.0, shear=1.0))
-    result = solve(assembly, friction="zero-dilation", range=True)
+    result = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.extra["lowest_found"] == pytest.approx(0.5, rel=1e-6)
     assert result.extra["highest_found"] == pytest.approx(0.5, rel=1e-6)
 
@@ -104,14 +104,14 @@ def test_two_cubes_rock_at_one_half() -> None:
 def test_spatial_range_is_found() -> None:
     assembly = cases_spatial.assembly(cases_spatial.wall(2, 2, 1), live=[{"body": [1, 0, 0]}])
     dry = np.ones(len(assembly.interfaces), dtype=bool)
-    result = solve(assembly, dry, friction="zero-dilation", range=True)
+    result = solve(assembly, dry, friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.COLLAPSE
     assert result.extra["lowest_found"] <= result.extra["highest_found"]
 
 
 def test_what_does_not_collapse_has_no_range() -> None:
     rows, options = CASES["overhang"]
-    result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True)
+    result = solve(grid_assembly(rows, **options), friction="zero-dilation", range=True, floor_seconds=0.0)
     assert result.status is Status.UNSTABLE
     assert result.extra["lowest_found"] is None
     with pytest.raises(InputError, match="one number"):
@@ -120,6 +120,9 @@ def test_what_does_not_collapse_has_no_range() -> None:
 
 def test_the_command_prints_the_range(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     wall = SCENES / "ferris_tinloi_1.json"
-    outcome = call(monkeypatch, capsys, "solve", wall, "--friction", "zero-dilation", "--range", "--json")
+    outcome = call(
+        monkeypatch, capsys, "solve", wall, "--friction", "zero-dilation", "--range", "--floor-seconds", "0", "--json"
+    )
     printed = json.loads(outcome.out)
+    assert printed["lowest_proven"] is None
     assert printed["lowest_found"] <= 0.6390 <= 0.6428 <= printed["highest_found"]

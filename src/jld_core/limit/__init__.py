@@ -59,7 +59,7 @@ from jld_core.limit.mechanism import (
     flow_rule,
     work_balance,
 )
-from jld_core.limit.options import Condense, Contacts, Friction, SolveOptions
+from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.relaxation import DualBound, Relaxation, has_hull
 from jld_core.limit.repair import Repair
@@ -67,6 +67,7 @@ from jld_core.limit.result import LimitAnalysisResult, element_velocities, gover
 from jld_core.limit.status import Status
 
 __all__ = [
+    "FLOOR_SECONDS",
     "LADDER",
     "Batch",
     "BatchAnswers",

@@ -14,6 +14,9 @@ Friction = Literal["associative", "zero-dilation"]
 Contacts = Literal["convex", "concave"]
 Condense = Literal["auto", "on", "off"]
 
+FLOOR_SECONDS: Final = 60.0
+"""Processor time for the bound below every λ without dilation, by default."""
+
 _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
 
 
@@ -22,7 +25,8 @@ class SolveOptions:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
     friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py). range: of
-    zero dilation the lowest and the highest λ that are found.
+    zero dilation the lowest and the highest λ that are found, and a bound below; floor_seconds: of processor time for
+    that bound, 0 for none.
     contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
     faces). effective_area: torsion about the area that is really pressed, by iteration. inner_bending: "paper"
     (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand ("auto": where inner
@@ -34,6 +38,7 @@ class SolveOptions:
 
     friction: Friction = "associative"
     range: bool = False
+    floor_seconds: float = FLOOR_SECONDS
     contact: Contacts = "convex"
     effective_area: bool = False
     inner_bending: InnerBending = "paper"
@@ -51,6 +56,8 @@ class SolveOptions:
             raise InputError("--range", "λ of associative friction is one number", "--friction zero-dilation with it")
         if self.effective_area and self.contact == "concave":
             raise InputError("--effective-area", "points have no area", "--contact convex with it")
+        if not self.floor_seconds >= 0.0:
+            raise InputError("--floor-seconds", f"{self.floor_seconds:g} is no time", "seconds, 0 for no bound")
         if not self.gap > 0.0:
             raise InputError("--gap", f"{self.gap:g} is no width", "a number above 0")
 

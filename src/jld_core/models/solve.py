@@ -89,7 +89,8 @@ def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands:
     """The proof under convex contact."""
     if options.friction == "zero-dilation":
         scheme = Scheme(effective_area=options.effective_area)
-        return prove_zero_dilation(analysis, labels, scheme, stands=stands, floor=floor, range=options.range)
+        seconds = options.floor_seconds if options.range else None
+        return prove_zero_dilation(analysis, labels, scheme, stands=stands, floor=floor, range=seconds)
     if options.effective_area:
         return prove_effective_area(analysis, labels, stands=stands)
     return analysis.prove(labels, LADDERS[options.condense], stands=stands)

@@ -40,14 +40,15 @@ def prove_zero_dilation(
     associative: Proof | None = None,
     stands: bool = False,
     floor: float = -math.inf,
-    range: bool = False,
+    range: float | None = None,
 ) -> Proof:
     """Collapse without dilation of one labelling, by an analysis that exists already.
 
     analysis: of associative friction, planar or spatial, points included. labels: (m,) True dry. associative:
     its proof for these labels where known. stands: also decide λ = 0. floor: λ, scene units, at or below which a
     labelling does not matter: it is left at its associative λ (`Proof.outbid`), which no λ without dilation exceeds.
-    range: seek the lowest and the highest solution from every side: see `load_range`.
+    range: seek the lowest and the highest solution from every side, and for as many seconds of processor time a bound
+    below: see `load_range`.
 
     The proof: λ and the forces `found` are those of an exactly admissible state, the motion does not
     dilate, and the bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at
@@ -71,8 +72,8 @@ def prove_zero_dilation(
     if collapses and associative.bracket[1] * analysis.template.scaling.load <= floor:
         known = associative.load_factor
         return replace(associative, status=Status.UNCERTIFIED, state=None, associative=known, outbid=True)
-    if range:
-        proof = load_range(analysis, labels, scheme, associative)
+    if range is not None:
+        proof = load_range(analysis, labels, scheme, associative, range, floor)
     elif associative.status is Status.UNSTABLE or associative.state is None:
         proof = proof_of(associative, analysis, None, 0)
     else:

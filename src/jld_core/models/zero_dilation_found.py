@@ -30,6 +30,11 @@ class Found:
     best: Pair | None = None
     loads: list[float] = field(default_factory=list)
 
+    @property
+    def low(self) -> float:
+        """λ of the lowest, +inf where there is none."""
+        return math.inf if self.lowest is None else self.lowest.state.load
+
     def offer(self, pair: Pair) -> bool:
         """Keep a pair that is a solution; say whether it is."""
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
@@ -62,15 +67,15 @@ class FromEverySide:
         """Search from all starts; not further once a λ at or below `enough`, scaled, is certified."""
         for forces in starts(self.run, self.associative, thorough):
             self.walk(forces)
-            if self.found.lowest is not None and self.found.lowest.state.load <= enough:
+            if self.found.low <= enough:
                 break
         return self.found
 
-    def walk(self, forces: Floats) -> None:
-        """Proximal steps from scaled forces (q·m,) to a solution, and from there down and up."""
+    def walk(self, forces: Floats, thorough: bool = True) -> None:
+        """Proximal steps from scaled forces (q·m,) to a solution, and from there down, and up where thorough."""
         pair = self.run.robust(forces)
         self.found.offer(pair)
-        self.improve(np.append(pair.state.forces.ravel(), pair.state.load))
+        self.improve(np.append(pair.state.forces.ravel(), pair.state.load), 2 if thorough else 1, thorough)
 
     def improve(self, point: Floats, seeds: int = 2, up: bool = True) -> None:
         """Down, and up, from forces and λ (q·m + 1,), planar scenes only."""

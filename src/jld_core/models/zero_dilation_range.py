@@ -2,48 +2,103 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
-from jld_core.arrays import Bits
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
+from jld_core.models.zero_dilation_floor import Floor, FloorSearch
 from jld_core.models.zero_dilation_found import FromEverySide
 from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_search import Scheme
 
+_TRIED: Final = 3  # states of the relaxation that are walked on from
 
-def load_range(analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: Proof) -> Proof:
-    """The lowest certified solution of one labelling, with the highest beside it.
 
-    analysis, labels, scheme, associative: as for `zero_dilation`. The proof is that of the lowest solution found;
-    `extra` also holds `lowest_found` and `highest_found` (λ, None where no solution was certified), `solutions_found`,
-    and `highest`, the evidence of the highest: its λ, violation, dilation and gap, forces and mechanism.
+def load_range(
+    analysis: LimitAnalysis,
+    labels: Bits,
+    scheme: Scheme,
+    associative: Proof,
+    seconds: float,
+    enough: float = -math.inf,
+) -> Proof:
+    """The lowest certified solution of one labelling, with the highest beside it and a bound below.
+
+    analysis, labels, scheme, associative: as for `prove_zero_dilation`. seconds: of processor time after which no
+    further step of the bound begins; 0 leaves the bound out. enough: λ, scene units: once a solution is found at or
+    below it the search ends. The proof is that of the lowest solution found; `extra` also holds `lowest_found` and
+    `highest_found` (λ, None where no solution was certified), `solutions_found`, `highest` (the evidence of the
+    highest: λ, violation, dilation, gap, forces, mechanism) and of the bound, planar scenes without crushing:
+
+    - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None where
+      there is none above zero.
+    - `lowest_bound`, `bound_tolerance`: the highest bound there is, and how far, relative, it rests on a solver.
+    - `proven`: `lowest_bound` is `lowest_proven`. `closed`: it meets `lowest_found` within 1e-6.
+    - `floor_route`, `floor_programs`, `floor_seconds`: what was done.
     """
     if associative.status is Status.UNSTABLE:
         return _without_range(proof_of(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
         scheme = replace(scheme, alpha=0.0)
     side = FromEverySide(analysis, labels, scheme, associative)
-    found = side.search()
+    unit = analysis.template.scaling.load
+    found = side.search(enough=enough / unit)
+    floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
         return _without_range(proof_of(associative, analysis, found.best, side.run.solves))
     proof = proof_of(associative, analysis, lowest, side.run.solves)
     above = proof_of(associative, analysis, highest, side.run.solves)
     options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
-    unit = analysis.template.scaling.load
     ends = {
         "lowest_found": number(proof.load_factor * unit),
         "highest_found": number(above.load_factor * unit),
         "solutions_found": len(found.loads),
         "highest": _evidence(result_of(analysis.template, labels, options, above, elapsed=0.0)),
+        **_of_floor(floor, unit),
     }
     return replace(proof, extra={**proof.extra, **ends})
 
 
+def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: float) -> Floor | None:
+    """The bound; solutions that its relaxations lead to are taken in."""
+    found, modes = side.found, side.modes
+    if found.lowest is None or modes is None or not seconds > 0.0:
+        return None
+
+    def offer(states: Floats) -> float:
+        for state in states[:_TRIED]:
+            side.walk(state[:-1], thorough=False)
+        assert found.lowest is not None
+        return found.lowest.state.load
+
+    return FloorSearch(analysis, labels, modes, found.lowest.state.load, seconds, offer).search()
+
+
+def _of_floor(floor: Floor | None, load: float) -> dict[str, Any]:
+    if floor is None:
+        none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
+        return {**none, "proven": False, "closed": False, "floor_route": [], "floor_programs": 0, "floor_seconds": 0.0}
+    down = load * (1.0 - 4.0 * np.finfo(float).eps)  # scene units, rounded down
+    return {
+        "lowest_proven": float(floor.proven * down) if floor.proven > 0.0 else None,
+        "lowest_bound": float(floor.bound * down),
+        "bound_tolerance": floor.tolerance,
+        "proven": floor.proven > 0.0 and floor.tolerance == 0.0,
+        "closed": floor.closed,
+        "floor_route": list(floor.route),
+        "floor_programs": floor.programs,
+        "floor_seconds": floor.seconds,
+    }
+
+
 def _without_range(proof: Proof) -> Proof:
     none = {"lowest_found": None, "highest_found": None, "solutions_found": 0, "highest": None}
-    return replace(proof, extra={**proof.extra, **none})
+    return replace(proof, extra={**proof.extra, **none, **_of_floor(None, 1.0)})
 
 
 def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:

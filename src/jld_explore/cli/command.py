@@ -19,7 +19,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError, SolverError
 from jld_core.lanes import described as kernel_in_use
-from jld_core.limit import Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
+from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import InnerBending, require_materials
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
@@ -135,6 +135,9 @@ def solve(
     range_: Annotated[
         bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
     ] = False,
+    floor_seconds: Annotated[
+        float, typer.Option(help="With --range: processor time for the bound below the lowest λ, 0 for none.")
+    ] = FLOOR_SECONDS,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "paper",
@@ -161,6 +164,7 @@ def solve(
             labels,
             friction=friction,
             range=range_,
+            floor_seconds=floor_seconds,
             effective_area=effective_area,
             contact=contact,
             inner_bending=inner_bending,

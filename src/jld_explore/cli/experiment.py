@@ -106,7 +106,7 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
     """What limit analysis without dilation finds, from the lowest to the highest: in space one value, since seeking
     them from every side takes long there."""
     planar = assembly.dimension == 2
-    found = solve(assembly, labels, friction="zero-dilation", range=planar)
+    found = solve(assembly, labels, friction="zero-dilation", range=planar, floor_seconds=0.0)
     if found.status is not Status.COLLAPSE:
         return {"zero_dilation_lowest": None, "zero_dilation_highest": None}
     highest = found.extra["highest_found"] if planar else found.load_factor

@@ -1,0 +1,259 @@
+"""The proof of a lower bound without dilation: multipliers made exact where they can be, the rest charged, in integers.
+
+For multipliers M ≥ 0, g ≥ 0 and any Q, Ψ there is an identity of forms in Φ = (F, λ, 1) and w = (u, t),
+
+    (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k z_l + Σ g_k ŷ_k (b_λ·u) + (K Φ)ᵀ Q w + Φᵀ Ψ z_closed + Φᵀ R w
+
+whose left side is λ − p − σ cost in a solution, and whose right side is at least ΦᵀR w. Every double precision number
+in it is a binary fraction, so R follows without rounding; with |Φ| ≤ size and |w| ≤ reach · cost, λ ≥ p is proven if
+Σ |R_ij| size_i reach_j ≤ σ (docs/method.md (4.8)).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from jld_core.arrays import Floats
+from jld_core.models.zero_dilation_modes import Modes
+from jld_core.models.zero_dilation_products import (
+    Multipliers,
+    Region,
+    extended,
+    products,
+    without,
+)
+
+_ROUNDS: Final = 20  # corrections of the multipliers
+_FREE: Final = 1e-7  # size from which a multiplier may change as it must; a smaller one in proportion
+_GONE: Final = 1e-14  # multipliers below this are none
+_FINER: Final = 0.2  # step in which slack is taken back where less of it proves as well
+_FINEST: Final = 2e-3  # share of it at which that ends
+_STALLED: Final = 0.7  # share of the charge that a correction may leave and count as one, thrice
+_REFINED: Final = 12  # corrections by the same factors
+_SHIFT: Final = 1e-15  # regularisation of the normal equations, refined away
+_NIL: Final = 1e-60  # what is cut off residuals when they become doubles
+_BITS: Final = 70  # binary places to which multipliers are cut
+
+
+class Certifier:
+    """Makes multipliers of one region exact and checks what they prove.
+
+    slack: σ. size, reach: see `Statics.size` and `zero_dilation_statics.reach`.
+    """
+
+    def __init__(self, modes: Modes, region: Region, slack: float, size: Floats, reach: Floats) -> None:
+        self.modes, self.region, self.slack, self.size, self.reach = modes, region, slack, size, reach
+        self.facts = extended(modes, region)
+        self.states = size[:, None] * without(modes.statics * size)
+        self.motions = without(modes.rates[region.closed])
+        count = len(modes.rows)
+        self.free = np.zeros((count + 3, count), dtype=bool)
+        self.free[np.arange(count), np.arange(count)] = True
+        self.free[:count][region.held] = True
+        self.sign_free = np.append(region.held, [False, False])
+        self._change: Any = None
+
+    def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
+        """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
+        over, live = _Fraction.of(_cut(multipliers.over)), _Fraction.of(_cut(multipliers.live[:, None]))
+        bound = _Fraction.of(_cut(np.array([[multipliers.bound]])))
+        over.values[:, self.region.closed] = 0
+        correct, largest = None, abs(self.facts * self.size).max(axis=1)
+        proven, slack = -math.inf, self.slack
+        last, idle = math.inf, 0
+        for _ in range(_ROUNDS):
+            rest = self._settled(over, live, bound, slack)
+            charge = float(self.size @ (abs(rest) @ self.reach)) * (1.0 + 1e-9) + _NIL
+            if charge <= slack:
+                # the same rows prove more with less slack, which costs λ
+                proven = max(proven, math.nextafter(float(bound.floats()[0, 0]), -math.inf))
+                if proven >= enough or slack <= self.slack * _FINEST:
+                    break
+                slack, charge, idle = slack * _FINER, math.inf, 0
+                rest = self._settled(over, live, bound, slack)
+            idle = idle + 1 if charge > _STALLED * last else 0
+            last = charge
+            if idle == 3:
+                break
+            if correct is None:
+                near, price = over.floats(), live.floats()[:, 0]
+                over.values[~self.free & (near * largest[:, None] < _GONE)] = 0
+                live.values[~self.sign_free & (price * largest[:-1] < _GONE)] = 0
+                rest = self._settled(over, live, bound, slack)
+                correct = self._correction(near, price)
+            change = correct(rest)
+            over, live, bound = over + change[0], live + change[1], bound + change[2]
+            # what this makes negative is none, and may not change again
+            wrong, dear = (over.values < 0) & ~self.free, (live.values[:, 0] < 0) & ~self.sign_free
+            over.values[wrong], live.values[dear] = 0, 0
+            if wrong.any() or dear.any():
+                correct = None
+        return proven
+
+    def _correction(self, over: Floats, price: Floats) -> Any:
+        """From what is left of R to a change of the multipliers that takes most of it away, as fractions.
+
+        Forces are taken as shares of the largest there can be, and rows by the largest of their numbers, so that all
+        that is compared is of order one; small multipliers change in proportion.
+        """
+        largest = abs(self.facts * self.size).max(axis=1)
+        facts, rates = _clean((self.facts / largest[:, None]) @ self.states), _clean(self.modes.rates @ self.motions)
+        live = self.modes.live_rate @ self.motions
+        weight = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / _FREE, 1.0))
+        weight = np.where(weight < _GONE / _FREE, 0.0, weight)
+        weight[:, self.region.closed] = 0.0
+        i, j = np.nonzero(weight)
+        dear = np.where(self.sign_free, 1.0, np.minimum(price * largest[:-1] / _FREE, 1.0))
+        g = np.flatnonzero(dear >= _GONE / _FREE)
+        last = np.append(g, len(facts) - 1)
+        by_live = products(facts, live[None], last, np.zeros(len(last), dtype=np.int64))
+        rows = sp.vstack([products(facts, rates, i, j), by_live], format="csr")
+        solve = _least_change(rows, np.concatenate([weight[i, j], dear[g], [1.0]]))
+        scales = 1.0 / np.concatenate([largest[i], largest[last]])
+
+        def change(rest: Floats) -> tuple[_Fraction, _Fraction, _Fraction]:
+            size = float(abs(rest).max(initial=0.0)) or 1.0
+            found = solve((self.states.T @ (rest / size) @ self.motions).ravel()) * size * scales
+            more, paid = np.zeros(over.shape), np.zeros((len(price), 1))
+            more[i, j], paid[g, 0] = found[: len(i)], found[len(i) : -1]
+            one, two, three = (_Fraction.of(_cut(table, 2 * _BITS)) for table in (more, paid, found[-1:, None]))
+            return one, two, three
+
+        return change
+
+    # --- in integers --------------------------------------------------------------------------------------
+
+    def _settled(self, over: _Fraction, live: _Fraction, bound: _Fraction, slack: float) -> Floats:
+        """R (3m + 2, 3n + m): what is left of the identity once Q and Ψ have taken off it what they can, twice."""
+        modes = self.modes
+        rates, statics = _exact_rates(modes), _Fraction.of(modes.statics)
+        closed = rates.rows(self.region.closed)
+        lacking = self._lacking(over, live, bound, slack, rates)
+        by_statics = np.linalg.pinv(modes.statics.T, rcond=1e-12)
+        by_closed = np.linalg.pinv(modes.rates[self.region.closed], rcond=1e-12) if len(closed.values) else None
+        for turn in (1, 2):
+            rest = lacking.floats()
+            q = _Fraction.of(_cut(by_statics @ rest, turn * _BITS))
+            lacking = lacking - statics.transposed() @ q
+            if by_closed is not None:
+                lacking = lacking - _Fraction.of(_cut(lacking.floats() @ by_closed, turn * _BITS)) @ closed
+        return lacking.floats()
+
+    def _lacking(self, over: _Fraction, live: _Fraction, bound: _Fraction, slack: float, rates: _Fraction) -> _Fraction:
+        """`_left` without rounding."""
+        modes, columns = self.modes, self.facts.shape[1]
+        facts, unit = _Fraction.of(self.facts), np.eye(columns)
+        load = _Fraction.of(unit[:, -2:-1]) - _Fraction.of(unit[:, -1:]) @ bound
+        by_live = _Fraction.of(modes.live_rate[None])
+        total = (load - facts.rows(slice(-1)).transposed() @ live) @ by_live
+        ones = _Fraction.of(unit[:, -1:] @ np.ones((1, int(modes.hinges.sum()))))
+        four = modes.slacks.reshape(modes.faces, 4, columns)
+        capacity = _Fraction.of(np.repeat(0.5 * four[:, 2], 2, axis=0)) + _Fraction.of(
+            np.repeat(0.5 * four[:, 3], 2, axis=0)
+        )
+        cost = ones @ rates.rows(modes.hinges) + capacity.transposed() @ rates.rows(~modes.hinges)
+        return total - cost.times(slack) - facts.transposed() @ (over @ rates)
+
+
+def _clean(table: Floats) -> Floats:
+    return np.where(abs(table) < 1e-11, 0.0, table)
+
+
+def _least_change(rows: Any, share: Floats) -> Any:
+    """Target → least weighted change of multipliers with rowsᵀ change = target, nearly: by refined normal equations."""
+    weighted = sp.csr_array(sp.diags_array(share) @ rows)
+    normal = sp.csc_array(weighted.T @ weighted)
+    shift = _SHIFT * float(normal.diagonal().max(initial=1.0))
+    shifted = sp.csc_matrix(normal + shift * sp.eye_array(normal.shape[0], format="csc"))
+    factor = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+
+    def solve(target: Floats) -> Floats:
+        change = np.zeros(len(share))
+        for _ in range(_REFINED):
+            change += share * (weighted @ factor.solve(target - rows.T @ change))
+        return change
+
+    return solve
+
+
+def _exact_rates(modes: Modes) -> _Fraction:
+    """H from the numbers of A, without the rounding of βδ ∓ θ."""
+    jumps = _Fraction.of(modes.matrix.T.copy())
+    values = jumps.values.reshape(modes.faces, 3, -1)
+    beta = np.array([int(b) for b in modes.rows.reshape(modes.faces, 4, -1, 3).sum(axis=2)[:, 1, 2]], dtype=object)
+    rates = np.zeros((modes.faces, 4, modes.rates.shape[1]), dtype=object)
+    width = values.shape[2]
+    rates[:, 0, :width] = beta[:, None] * values[:, 0] - values[:, 2]
+    rates[:, 1, :width] = beta[:, None] * values[:, 0] + values[:, 2]
+    rates[:, 3, :width] = values[:, 1]
+    face = np.arange(modes.faces)
+    rates[face, 2, width + face] = rates[face, 3, width + face] = 1 << jumps.scale
+    return _Fraction(rates.reshape(len(modes.rows), -1), jumps.scale)
+
+
+@dataclass(frozen=True)
+class _Fraction:
+    """A table of binary fractions: integers of any length over 2^scale."""
+
+    values: Any
+    scale: int
+
+    @staticmethod
+    def of(table: Floats) -> _Fraction:
+        """Doubles as they are."""
+        part, power = np.frexp(table)
+        used = table != 0.0
+        least = int(power[used].min(initial=0))
+        digits = np.ldexp(part, 53).astype(np.int64).astype(object)
+        return _Fraction(digits << np.where(used, power - least, 0).astype(object), 53 - least)
+
+    def transposed(self) -> _Fraction:
+        """Rows for columns."""
+        return _Fraction(self.values.T, self.scale)
+
+    def rows(self, chosen: Any) -> _Fraction:
+        """Some of its rows."""
+        return _Fraction(self.values[chosen], self.scale)
+
+    def times(self, factor: float) -> _Fraction:
+        """Every entry times one double."""
+        by = _Fraction.of(np.array([[factor]]))
+        return _Fraction(self.values * by.values[0, 0], self.scale + by.scale)
+
+    def __add__(self, other: _Fraction) -> _Fraction:
+        scale = max(self.scale, other.scale)
+        one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
+        return _Fraction(one + two, scale)
+
+    def __sub__(self, other: _Fraction) -> _Fraction:
+        return self + _Fraction(-other.values, other.scale)
+
+    def __matmul__(self, other: _Fraction) -> _Fraction:
+        """Products of what is not zero."""
+        out = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
+        columns = [np.flatnonzero(row) for row in other.values]
+        held = [row[at] for row, at in zip(other.values, columns, strict=True)]
+        for i, k in zip(*np.nonzero(self.values), strict=True):
+            out[i, columns[k]] += self.values[i, k] * held[k]
+        return _Fraction(out, self.scale + other.scale)
+
+    def floats(self) -> Floats:
+        """Doubles next to them, to 15 digits."""
+        drop = max(self.scale - 300, 0)
+        return np.array(
+            [
+                [math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in row]
+                for row in self.values
+            ]
+        )
+
+
+def _cut(table: Floats, bits: int = _BITS) -> Floats:
+    """Numbers to a whole multiple of 2^−bits, exactly."""
+    return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -1,0 +1,223 @@
+"""A bound below which no solution without dilation exists: cheap bounds, products, sweeps in λ, branches.
+
+Every step excludes an interval [L, p) of λ, given that [0, L) is excluded already; where a sweep stalls on a mode, the
+solutions in which it does not move and those in which its slack is zero are bounded apart, for every solution is one
+or the other. A step counts as proven if its certificate says so, `zero_dilation_certificate`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.limit import LimitAnalysis
+from jld_core.mechanics import PrescribedFriction
+from jld_core.models.effective_area import base_yield
+from jld_core.models.zero_dilation_certificate import Certifier
+from jld_core.models.zero_dilation_modes import Modes
+from jld_core.models.zero_dilation_products import Region, Relaxed, relax
+from jld_core.models.zero_dilation_statics import Statics, reach
+
+FACES: Final = 90
+"""Faces up to which products are formed; larger scenes have the cheap bounds alone."""
+
+CLOSED: Final = 1e-6
+"""Distance of the bound from the lowest solution found, relative, at which nothing is left to prove."""
+
+_ENOUGH: Final = 3e-8  # the same at which a certificate is not made finer
+_SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
+_ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
+_LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
+_STALL: Final = 0.05  # share of the distance that a sweep must win, else rows are added or the region is branched
+_TRUSTED: Final = 1e-7  # what an unproven bound is lowered by, relative: more than the solver's own tolerance
+_CHEAP: Final = 8  # rounds of frozen friction
+_DEPTH: Final = 6  # branches above one another
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Bounds on λ ≥ 0 of every solution, scaled.
+
+    proven: with certificates throughout. bound: the highest there is, true within `tolerance`, relative: 0 where it is
+    the proven one, else what a solver's word is trusted to. closed: it meets the lowest solution found. programs:
+    solved. seconds: of processor time. route: what was done.
+    """
+
+    proven: float
+    bound: float
+    tolerance: float
+    closed: bool
+    programs: int
+    seconds: float
+    route: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """What is excluded below: with certificates, and as the solver has it."""
+
+    proven: float
+    believed: float
+
+    def with_(self, proven: float, believed: float) -> _Bounds:
+        return _Bounds(max(self.proven, proven), max(self.believed, believed, proven))
+
+    def least(self, other: _Bounds) -> _Bounds:
+        return _Bounds(min(self.proven, other.proven), min(self.believed, other.believed))
+
+
+class FloorSearch:
+    """One labelling. ceiling: λ of the lowest solution found, scaled. seconds: of processor time, after which no
+    further program begins. offer: takes forces and λ (k, 3m + 1) that may lead lower, and returns the ceiling then."""
+
+    def __init__(
+        self,
+        analysis: LimitAnalysis,
+        labels: Bits,
+        modes: Modes,
+        ceiling: float,
+        seconds: float,
+        offer: Callable[[Floats], float] | None = None,
+    ) -> None:
+        self.analysis, self.labels, self.modes = analysis, labels, modes
+        self.ceiling, self.offer = ceiling, offer
+        self.start, self.seconds = time.process_time(), seconds
+        self.programs, self.route = 0, list[str]()
+        self._size: Floats | None = None
+        self._reach: Floats | None = None
+
+    def search(self) -> Floor:
+        """The bound."""
+        none = np.zeros(len(self.modes.rows), dtype=bool)
+        everywhere = Statics(self.modes, 0.0, self._above(0.0), none)
+        self._size, self._reach = everywhere.size, reach(everywhere)
+        if self._reach is None:
+            self.route.append("no certificate: velocities are not bounded")
+        bounds = self._frozen(_Bounds(0.0, 0.0), none)
+        if self.modes.faces > FACES:
+            self.route.append(f"no products: {self.modes.faces} faces")
+        elif not np.isfinite(self._size).all():
+            self.route.append("no products: self-stress is not bounded")
+        else:
+            bounds = self._sweep(bounds, none, none, self._first_pairs(), 0)
+        sure = bounds.proven >= bounds.believed - CLOSED * max(abs(self.ceiling), _SLACK)
+        return Floor(
+            proven=bounds.proven,
+            bound=bounds.proven if sure else bounds.believed,
+            tolerance=0.0 if sure else _TRUSTED,
+            closed=self._met(bounds.proven if sure else bounds.believed),
+            programs=self.programs,
+            seconds=time.process_time() - self.start,
+            route=tuple(self.route),
+        )
+
+    # --- pieces -------------------------------------------------------------------------------------------
+
+    def _above(self, low: float) -> float:
+        room = _ROOM * (self.ceiling - low) + _LEAST_ROOM * max(abs(self.ceiling), _SLACK)
+        return self.ceiling + room
+
+    def _met(self, bound: float) -> bool:
+        return bound >= self.ceiling - CLOSED * max(abs(self.ceiling), _SLACK)
+
+    @property
+    def _left(self) -> float:
+        return self.seconds - (time.process_time() - self.start)
+
+    def _first_pairs(self) -> Bools:
+        """Rows y_k z_l of faces that meet at an element, or at two next to one another."""
+        near = self.modes.near.astype(int)
+        return np.kron((near @ near) > 0, np.ones((4, 4), dtype=bool)).astype(bool)
+
+    def _frozen(self, bounds: _Bounds, none: Bools) -> _Bounds:
+        """λ with friction frozen at the least N of each face: every solution has more, and it rises with them."""
+        base = base_yield(self.analysis.template)
+        for turn in range(_CHEAP):
+            statics = Statics(self.modes, bounds.proven, self._above(bounds.proven), none, self._size)
+            least = np.zeros(self.modes.faces)
+            for face in range(self.modes.faces):
+                pressed = np.zeros(self.modes.matrix.shape[1] + 2)
+                pressed[3 * face] = 1.0
+                least[face] = max(statics.least(pressed), 0.0)
+            self.programs += self.modes.faces
+            template = self.analysis.template.renumbered(PrescribedFriction(base, 0.0, least))
+            known = LimitAnalysis(
+                self.analysis.assembly, template=template, gap=self.analysis.gap, reference=self.labels
+            )
+            proof = known.prove(self.labels)
+            self.programs += proof.solves
+            gained = proof.low - bounds.proven
+            if not gained > _STALL * (self.ceiling - bounds.proven):
+                break
+            bounds = bounds.with_(proof.low, proof.low)
+            self.route.append(f"frozen friction {turn + 1}")
+            if self._met(bounds.proven):
+                break
+        return bounds
+
+    def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
+        """Relaxations of one region, each from the bound of the last; branches where they stall."""
+        name = "products" if depth == 0 else f"branch {depth}"
+        while not self._met(bounds.believed) and self._left > 0.0:
+            low = bounds.believed
+            statics = Statics(self.modes, low, self._above(low), held, self._size)
+            region = Region(low, self._above(low), closed | statics.closed(), held)
+            relaxed = self._relaxed(region, pairs)
+            if relaxed is None:
+                self.route.append(f"{name}: no answer")
+                return bounds
+            self.route.append(name)
+            found = self._proven(region, relaxed) if bounds.proven >= low * (1.0 - CLOSED) else -math.inf
+            believed = min(relaxed.multipliers.bound, self.ceiling * (1.0 + CLOSED)) - _TRUSTED * abs(self.ceiling)
+            better = bounds.with_(found, believed)
+            gained, bounds = better.believed - low, better
+            if self.offer is not None and depth == 0:
+                self.ceiling = min(self.ceiling, self.offer(relaxed.states))
+            if gained > _STALL * (self.ceiling - low) or self._met(bounds.believed):
+                continue
+            more = _worst(relaxed.violated, pairs)
+            if more is not None:
+                pairs = pairs | more
+                self.route.append("rows added")
+            elif depth < _DEPTH:
+                return self._branch(bounds, region, relaxed, pairs, depth)
+            else:
+                return bounds
+        return bounds
+
+    def _branch(self, bounds: _Bounds, region: Region, relaxed: Relaxed, pairs: Bools, depth: int) -> _Bounds:
+        """Both sides of the mode that disagrees most with itself: on the mean it moves, and has slack."""
+        apart = np.where(region.closed | region.held, 0.0, np.minimum(relaxed.rates, 1.0) * relaxed.slacks)
+        mode = int(np.argmax(apart))
+        if not apart[mode] > 0.0:
+            return bounds
+        one = np.arange(len(apart)) == mode
+        still = self._sweep(bounds, region.closed | one, region.held, pairs, depth + 1)
+        touching = self._sweep(bounds, region.closed, region.held | one, pairs, depth + 1)
+        return still.least(touching)
+
+    def _relaxed(self, region: Region, pairs: Bools) -> Relaxed | None:
+        assert self._size is not None
+        self.programs += 1
+        slack = _SLACK * max(abs(self.ceiling), 1.0) if self._reach is not None else 0.0
+        return relax(self.modes, region, self._size, pairs, slack, max(self._left, 1.0))
+
+    def _proven(self, region: Region, relaxed: Relaxed) -> float:
+        if self._reach is None or self._size is None:
+            return -math.inf
+        slack = _SLACK * max(abs(self.ceiling), 1.0)
+        return Certifier(self.modes, region, slack, self._size, self._reach).bound(
+            relaxed.multipliers, self.ceiling - _ENOUGH * abs(self.ceiling)
+        )
+
+
+def _worst(violated: Bools, pairs: Bools) -> Bools | None:
+    """Violated rows that are not there yet; None where there are none."""
+    fresh = violated & ~pairs
+    return fresh if fresh.any() else None

@@ -1,0 +1,205 @@
+"""A lower bound on λ over all solutions without dilation: products of forces with velocities, as one linear program.
+
+With Φ = (F, λ, 1) and w = (u, t), every solution gives a matrix X = Φ wᵀ, and what is known of Φ and w separately
+multiplies to linear facts about X: equilibrium times every w is zero, y_k z_l ≥ 0 and = 0 for k = l, (λ − L) z ≥ 0,
+b_λ·u = 1. The least λ b_λ·u over all X that obey them bounds λ from below (docs/method.md (4.7); reformulation and
+linearisation of Sherali & Adams). Modes that cannot move take their w out of the program altogether.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.models.zero_dilation_modes import Modes
+from jld_core.solvers import interior_point
+
+_NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
+_VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Of the rows of the program: what proves its bound.
+
+    over: (4m + 3, 4m) of (y, λ − L, U − λ, 1) times z_l, ≥ 0 but for y_l z_l and held rows. live: (4m + 2,) of
+    (y, λ − L, U − λ) times b_λ·u, ≥ 0 but for held rows. bound: scaled.
+    """
+
+    over: Floats
+    live: Floats
+    bound: float
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """What came out: multipliers, and from X the forces it mixes (k, 3m + 1) with λ, z and y on the mean (4m,), and the
+    rows left out that it violates (4m, 4m)."""
+
+    multipliers: Multipliers
+    states: Floats
+    rates: Floats
+    slacks: Floats
+    violated: Bools
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where solutions are sought: low ≤ λ ≤ high, closed modes (4m,) with z = 0, held ones with y = 0."""
+
+    low: float
+    high: float
+    closed: Bools
+    held: Bools
+
+
+def without(rows: Floats) -> Floats:
+    """(n, k) basis of what rows (r, n) leave free, sparse where they are: by elimination, small columns first."""
+    table, n = rows.copy(), rows.shape[1]
+    used, pivots = np.zeros(n, dtype=bool), []
+    for i in range(len(table)):
+        size = np.where(used, 0.0, abs(table[i]))
+        if size.max(initial=0.0) < 1e-9:
+            continue
+        fit = np.flatnonzero(size > 0.3 * size.max())
+        j = int(fit[np.argmin((abs(table[:, fit]) > 1e-9).sum(axis=0))])
+        table[i] /= table[i, j]
+        column = table[:, j].copy()
+        column[i] = 0.0
+        table -= np.outer(column, table[i])
+        table[abs(table) < 1e-13] = 0.0
+        pivots.append((i, j))
+        used[j] = True
+    free = np.flatnonzero(~used)
+    basis = np.zeros((n, len(free)))
+    basis[free, np.arange(len(free))] = 1.0
+    for i, j in pivots:
+        basis[j] = -table[i, free]
+    basis[abs(basis) < _NOTHING] = 0.0
+    return basis
+
+
+def products(first: Any, second: Any, i: Ints, j: Ints) -> Any:
+    """Rows first_i ⊗ second_j of two sparse tables, (len(i), columns of first × columns of second)."""
+    one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
+    a, b = np.diff(one.indptr), np.diff(two.indptr)
+    count = a * b
+    row = np.repeat(np.arange(len(i)), count)
+    offset = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+    at, to = one.indptr[row] + offset // b[row], two.indptr[row] + offset % b[row]
+    columns = one.indices[at].astype(np.int64) * second.shape[1] + two.indices[to]
+    shape = (len(i), first.shape[1] * second.shape[1])
+    return sp.csr_array((one.data[at] * two.data[to], (row, columns)), shape=shape)
+
+
+def cost_of(modes: Modes) -> Floats:
+    """(3m + 2, 3n + m): Σ_hinges z + Σ_faces capacity (z₊ + z₋), as a form in Φ and w."""
+    one = np.zeros(modes.matrix.shape[1] + 2)
+    one[-1] = 1.0
+    hinged = np.outer(one, modes.rates[modes.hinges].sum(axis=0))
+    return np.asarray(hinged + modes.capacities.T @ (modes.rates[2::4] + modes.rates[3::4]))
+
+
+def extended(modes: Modes, region: Region) -> Floats:
+    """(4m + 3, 3m + 2): y, λ − L, U − λ and 1 of (F, λ, 1)."""
+    last = np.zeros((3, modes.matrix.shape[1] + 2))
+    last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
+    return np.vstack([modes.slacks, last])
+
+
+def relax(
+    modes: Modes, region: Region, size: Floats, pairs: Bools, slack: float, seconds: float = np.inf
+) -> Relaxed | None:
+    """Solve the program of a region with the rows y_k z_l of given pairs (4m, 4m); None where the solver fails.
+
+    size: (3m + 2,) of Φ, see `Statics.size`: in the program forces are shares of it, and every row is of order one.
+
+    slack: what each unit of `cost_of` earns; it leaves the multipliers room that the proof needs. The bound never
+    exceeds region.high: beyond, an elastic b_λ·u = 1 gives way.
+    """
+    count, columns = len(modes.rows), modes.matrix.shape[1] + 2
+    basis = without(modes.rates[region.closed])
+    rates = modes.rates @ basis
+    rates[abs(rates) < _NOTHING] = 0.0
+    live, width = modes.live_rate @ basis, basis.shape[1]
+    moving = np.flatnonzero(~region.closed)
+    facts = extended(modes, region) * size
+    largest = abs(facts).max(axis=1)
+    facts /= largest[:, None]
+    statics = modes.statics * size
+    statics /= abs(statics).max(axis=1)[:, None]
+    held = np.flatnonzero(region.held)
+    asked = pairs & ~region.closed[None, :]
+    np.fill_diagonal(asked, False)
+    asked[held] = False
+    row, mode = np.nonzero(asked)
+    zero_k, zero_l = _equal_pairs(held, moving)
+    by_live = live[None]
+    none = np.zeros(len(facts) - 1, dtype=np.int64)
+    blocks = [
+        products(statics, np.eye(width), *_all(len(statics), width)),
+        products(facts, rates, zero_k, zero_l),
+        products(facts, rates, row, mode),
+        products(facts, rates, *_all(3, len(moving), count, moving)),
+        products(facts, by_live, np.arange(len(facts) - 1), none),
+        products(facts, by_live, np.array([len(facts) - 1]), np.array([0])),
+    ]
+    sizes = [block.shape[0] for block in blocks]
+    matrix = sp.vstack(blocks, format="csr")
+    elastic = np.zeros((matrix.shape[0], 1))
+    elastic[-1] = 1.0
+    low = np.zeros(matrix.shape[0])
+    high = np.concatenate([np.zeros(sizes[0] + sizes[1]), np.full(sum(sizes[2:4]), np.inf), np.zeros(sizes[4]), [1.0]])
+    high[-1 - sizes[4] : -1] = np.where(np.append(region.held, [False, False]), 0.0, np.inf)
+    low[-1] = 1.0
+    load = np.zeros(columns)
+    load[-2] = 1.0
+    objective = size[:, None] * (np.outer(load, live) - slack * (cost_of(modes) @ basis))
+    positive = sp.csr_array(([1.0], ([0], [columns * width])), shape=(1, columns * width + 1))
+    rows: Any = sp.vstack([sp.hstack([matrix, sp.csr_array(elastic)], format="csr"), positive], format="csc")
+    answer = interior_point(
+        np.append(objective.ravel(), region.high), rows, np.append(low, 0.0), np.append(high, np.inf), seconds
+    )
+    if not answer.found:
+        return None
+    dual = np.split(answer.dual[:-1], np.cumsum(sizes)[:-1])
+    over = np.zeros((len(facts), count))
+    over[zero_k, zero_l] = dual[1]
+    over[row, mode] = np.maximum(dual[2], 0.0)
+    over[count:, moving] = np.maximum(dual[3].reshape(3, len(moving)), 0.0)
+    sign_free = np.append(region.held, [False, False])
+    by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
+    multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], float(dual[5][0]))
+    x = size[:, None] * answer.point[:-1].reshape(columns, width)
+    return _read(modes, region, multipliers, x, rates, live, asked)
+
+
+def _read(
+    modes: Modes, region: Region, multipliers: Multipliers, x: Floats, rates: Floats, live: Floats, asked: Bools
+) -> Relaxed:
+    """Forces that X mixes: on the mean, and as the largest modes see them; and the rows it violates."""
+    mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
+    largest = np.argsort(-z, kind="stable")[:6]
+    states = [mean / mean[-1]] if mean[-1] > 1e-6 else []
+    states += [seen[:, mode] / z[mode] for mode in largest if z[mode] > 1e-6]
+    violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & ~region.closed[None, :] & ~region.held[:, None]
+    np.fill_diagonal(violated, False)
+    table = np.array(states).reshape(len(states), len(x))[:, :-1]
+    return Relaxed(multipliers, table, z, modes.slacks @ mean, violated)
+
+
+def _equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
+    """y_k z_l = 0: for k = l, and for every held k."""
+    both = np.isin(moving, held)
+    k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
+    return k, np.concatenate([moving[~both], np.tile(moving, len(held))])
+
+
+def _all(first: int, second: int, start: int = 0, chosen: Ints | None = None) -> tuple[Ints, Ints]:
+    """Every row of one table with every (chosen) row of the other."""
+    other = np.arange(second) if chosen is None else chosen
+    return np.repeat(np.arange(first) + start, len(other)), np.tile(other, first)

@@ -1,0 +1,157 @@
+"""What equilibrium and yield alone say of forces with λ in an interval, each bound checked apart from the solver.
+
+A linear program gives multipliers; the bound is computed from those, with what they leave of stationarity charged to
+the largest forces there can be, and those are bounded in the same way first.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats
+from jld_core.models.zero_dilation_modes import Modes
+from jld_core.solvers import LinearRows
+
+_SUMS: Final = 1e-13  # rounding of a sum of a few hundred products, relative to the sum of their sizes
+_MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does not move
+_SEEN: Final = 1e-8  # slack of some state below which it need not be asked
+
+
+class Statics:
+    """A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high; held: (4m,) rows that are equations."""
+
+    def __init__(self, modes: Modes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
+        self.modes, self.low, self.high, self.held = modes, low, high, held
+        self._size = size
+        count, columns = modes.rows.shape
+        rows = np.block([[modes.matrix, modes.live[:, None]], [modes.rows, np.zeros((count, 1))]])
+        least, most = np.full(columns + 1, -np.inf), np.full(columns + 1, np.inf)
+        least[-1], most[-1] = low, high
+        below = np.concatenate([-modes.dead, -modes.constants])
+        above = np.concatenate([-modes.dead, np.where(held, -modes.constants, np.inf)])
+        self._rows = LinearRows(rows, below, above, least, most)
+        self._equations = len(modes.dead)
+
+    def least(self, objective: Floats) -> float:
+        """A proven lower bound on an objective (3m + 2,) of (F, λ, 1); −inf where there is none."""
+        if not np.isfinite(self.size).all():
+            return -np.inf
+        value, left = self._bound(objective)
+        return value - float(left @ self.size[:-2])
+
+    @cached_property
+    def size(self) -> Floats:
+        """(3m + 2,) the largest |F|, |λ| and 1 there can be; inf where self-stress is unbounded."""
+        if self._size is not None:
+            return self._size
+        modes = self.modes
+        strong = float(modes.constants.max(initial=0.0))
+        total = -np.append(modes.rows.sum(axis=0), [0.0, modes.constants.sum()])
+        value, left = self._bound(total)
+        missed = float(left.sum())
+        size = np.full(len(total), np.inf)
+        size[-2:] = max(abs(self.low), abs(self.high)), 1.0
+        if not np.isfinite(value) or missed > 0.5:
+            return size
+        # every |F| is at most the sum of all slacks and one strength, so that the sum bounds itself
+        size[:-2] = (strong - value + missed * strong) / (1.0 - missed) + strong
+        coarse = size.copy()
+        for face in range(modes.faces):
+            pressed = np.zeros(len(total))
+            pressed[3 * face] = -1.0
+            value, left = self._bound(pressed)
+            most = -(value - float(left @ coarse[:-2])) + strong
+            slides = modes.rows[4 * face + 2, 3 * face] * most + modes.constants[4 * face + 2]
+            size[3 * face : 3 * face + 3] = np.minimum((most, slides, most), coarse[3 * face])
+        return size
+
+    def closed(self) -> Bools:
+        """(4m,) modes that cannot move, since y > 0 in every state."""
+        modes = self.modes
+        found, seen = np.zeros(len(modes.rows), dtype=bool), np.where(self.held, 0.0, np.inf)
+        slacks = modes.slacks
+        for mode in range(len(modes.rows)):
+            if seen[mode] > _SEEN:
+                answer = self._rows.minimise(slacks[mode, :-1])
+                seen = np.minimum(seen, modes.of(answer.point[:-1])) if answer.found else seen
+                found[mode] = answer.found and seen[mode] > _MOVES_NOT and self.least(slacks[mode]) > _MOVES_NOT / 2
+        return found
+
+    def _bound(self, objective: Floats) -> tuple[float, Floats]:
+        """A value and |what is left of stationarity| (3m,): objective ≥ value − left·|F|."""
+        modes = self.modes
+        answer = self._rows.minimise(objective[:-1])
+        if not answer.found:
+            return -np.inf, np.zeros(modes.rows.shape[1])
+        q, p = answer.dual[: self._equations], answer.dual[self._equations :]
+        p = np.where(self.held, p, np.maximum(p, 0.0))
+        left = objective[:-2] - modes.matrix.T @ q - modes.rows.T @ p
+        noise = abs(objective[:-2]) + abs(modes.matrix).T @ abs(q) + abs(modes.rows).T @ abs(p)
+        price = float(objective[-2] - modes.live @ q)
+        blur = abs(objective[-2]) + float(abs(modes.live) @ abs(q))
+        value = float(objective[-1] - modes.constants @ p - modes.dead @ q) + min(price * self.low, price * self.high)
+        size = abs(objective[-1]) + float(modes.constants @ abs(p) + abs(modes.dead) @ abs(q))
+        size += blur * max(abs(self.low), abs(self.high))
+        return value - _SUMS * size, abs(left) + _SUMS * noise
+
+
+def reach(statics: Statics) -> Floats | None:
+    """(3n + m,) how large |u| and t can be for each unit of the cost of a mechanism; None where that is not proven.
+
+    The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and turns, those
+    bound velocities but for a few ways to slide without opening anything, and those are bounded where the faces that
+    all slide together carry, in every state, some friction between them.
+    """
+    modes, m = statics.modes, statics.modes.faces
+    width = len(modes.dead)
+    jumps = modes.matrix.T.reshape(m, 3, width)
+    openings = np.concatenate([jumps[:, 0], jumps[:, 2]])
+    _, values, basis = np.linalg.svd(openings)
+    rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
+    loose = basis[rank:].T
+    inverse = np.linalg.pinv(openings, rcond=1e-10)
+    rows, shares = [openings], [np.full(2 * m, 1.0)]
+    sizes, drift = statics.size, 0.0
+    if not np.isfinite(sizes).all():
+        return None
+    capacity = abs(modes.capacities) @ sizes
+    taken = np.zeros((0, loose.shape[1]))
+    for face in _by_weight(jumps[:, 1] @ loose):
+        if len(taken) == loose.shape[1]:
+            break
+        way = jumps[face, 1] @ loose
+        if np.linalg.matrix_rank(np.vstack([taken, way]), tol=1e-9) == len(taken):
+            continue
+        others = jumps[:, 1] @ loose
+        sign = np.where(others @ way >= 0.0, 1.0, -1.0)
+        together = np.abs(others - sign[:, None] * way).max(axis=1) <= 1e-9
+        least = statics.least(modes.capacities[together].sum(axis=0))
+        if not least > 1e-6:
+            continue
+        apart = jumps[together, 1] - sign[together, None] * jumps[face, 1]
+        rest = apart @ inverse
+        drift = max(drift, float(capacity[together].sum() * abs(apart - rest @ openings).sum(axis=1).max() / least))
+        spread = float(capacity[together].sum() * abs(rest).max(initial=0.0))
+        taken = np.vstack([taken, way])
+        rows.append(jumps[face, 1][None])
+        shares.append(np.array([(1.0 + spread) / least]))
+    if len(taken) < loose.shape[1]:
+        return None
+    stacked, per_cost = np.vstack(rows), np.concatenate(shares)
+    back = np.linalg.pinv(stacked, rcond=1e-12)
+    if abs(back @ stacked - np.eye(width)).sum(axis=1).max() > 1e-6:
+        return None
+    # openings and turns of all faces together cost no more than one; twice covers what rounding adds, held small here
+    velocity = 2.0 * (abs(back[:, : 2 * m]).max(axis=1) + abs(back[:, 2 * m :]) @ per_cost[2 * m :])
+    if drift * float(velocity.max(initial=0.0)) > 1e-3:
+        return None
+    slips = abs(jumps[:, 1]) @ velocity
+    return np.asarray(np.concatenate([velocity, slips]))
+
+
+def _by_weight(ways: Floats) -> list[int]:
+    """Faces in the order of how much they slide with the loose motions, largest first."""
+    return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]

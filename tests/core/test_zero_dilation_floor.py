@@ -1,0 +1,177 @@
+"""The bound below every solution without dilation: controls in closed form, small walls, certificates that refuse.
+
+Two cubes rock at 1/2 (Iannuzzo et al. 2024, section 3.2b); walls whose ground course slides do so at μ = 0.65; the
+lowest value of the wall of 2 × 5 bricks is where a search from every side ends (test_zero_dilation_range.py), and this
+bound meets it from below by another route.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from studies.scenes import leonardo_flat_arch, stacked_cubes
+
+from cases import CASES, grid_assembly
+from jld_core import Assembly, LimitAnalysis, build_assembly, solve
+from jld_core.models.zero_dilation_certificate import Certifier
+from jld_core.models.zero_dilation_floor import Floor, FloorSearch
+from jld_core.models.zero_dilation_found import FromEverySide
+from jld_core.models.zero_dilation_modes import Modes, modes_of
+from jld_core.models.zero_dilation_products import Region, relax
+from jld_core.models.zero_dilation_search import Scheme
+from jld_core.models.zero_dilation_statics import Statics, reach
+from jld_core.samples import halved_bond, random_wall
+from nondilatant import block
+
+
+def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Floor, float]:
+    """Lowest found, the floor (scaled), and the scale of λ."""
+    analysis = LimitAnalysis(assembly)
+    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    found = side.search(thorough=False)
+    assert found.lowest is not None
+    assert side.modes is not None
+    search = FloorSearch(analysis, assembly.labels, side.modes, found.lowest.state.load, seconds)
+    return found.lowest.state.load, search.search(), analysis.template.scaling.load
+
+
+@pytest.mark.parametrize(
+    ("assembly", "value"),
+    [
+        (stacked_cubes(2, friction=0.6, tension=2.0, shear=1.0), 0.5),
+        (halved_bond(1, 1), 0.65),
+        (halved_bond(1, 2), 0.65),
+        (halved_bond(2, 2), 0.65),
+        (halved_bond(2, 4), 0.65),
+        (leonardo_flat_arch(), 1305.8653333),
+        (halved_bond(2, 5), 0.6112956811),
+    ],
+    ids=["two cubes", "1x1", "1x2", "2x2", "2x4", "flat arch", "2x5"],
+)
+def test_the_lowest_found_is_the_lowest_there_is(assembly: object, value: float) -> None:
+    lowest, floor, scale = below(build_assembly(assembly))  # type: ignore[arg-type]
+    assert lowest * scale == pytest.approx(value, rel=1e-7)
+    assert floor.closed
+    assert floor.tolerance == 0.0
+    assert floor.bound == floor.proven
+    assert floor.proven <= lowest * (1.0 + 1e-9)
+    assert floor.proven * scale >= value * (1.0 - 1e-6)
+
+
+def test_a_block_lifted_along_one_wall() -> None:
+    """λ = W + μH, by statics alone: N of the wall is H in every state."""
+    assembly = block(0.3, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [0.8, 0]}], 1)
+    _, floor, scale = below(assembly)
+    assert floor.tolerance == 0.0
+    assert floor.proven * scale == pytest.approx(1.24, rel=1e-6)
+
+
+def test_unbounded_self_stress_has_the_cheap_bound_alone() -> None:
+    """A wedged block: λ = W + μ(H + 2 N_left) with N_left ≥ 0, and N_right = H + N_left ≥ H is all that statics say."""
+    assembly = block(0.3, [{"element": "block", "force": [0, 1]}], [{"element": "block", "force": [1.0, 0]}], 2)
+    lowest, floor, scale = below(assembly)
+    assert "no products: self-stress is not bounded" in floor.route
+    assert floor.proven * scale <= lowest * scale * (1.0 + 1e-9)
+
+
+def test_inner_faces_and_supports() -> None:
+    rows, options = CASES["beam"]
+    lowest, floor, _ = below(grid_assembly(rows, **options), seconds=20.0)
+    assert floor.tolerance == 0.0
+    assert 0.0 < floor.proven <= lowest * (1.0 + 1e-9)
+
+
+def test_crushing_is_refused() -> None:
+    rows, options = CASES["crushable arch"]
+    assembly = grid_assembly(rows, **options)
+    assert modes_of(LimitAnalysis(assembly).template, assembly.labels) is None
+    result = solve(assembly, friction="zero-dilation", range=True)
+    assert result.extra["lowest_found"] is not None
+    assert result.extra["lowest_proven"] is None
+    assert not result.extra["proven"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_solution_of_any_start_lies_below(seed: int) -> None:
+    """Pivots from many seeds on one wall of three courses never go below what was proven from one."""
+    assembly = build_assembly(halved_bond(2, 3, friction=0.3 + 0.2 * seed))
+    lowest, floor, _ = below(assembly)
+    assert floor.tolerance == 0.0
+    analysis = LimitAnalysis(assembly)
+    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    for forces in np.random.default_rng(seed).normal(size=(6, side.run.count)):
+        side.walk(0.1 * forces)
+    assert min(side.found.loads) >= floor.proven * (1.0 - 1e-9)
+    assert floor.proven >= lowest * (1.0 - 1e-6)
+
+
+# --- the certificate ------------------------------------------------------------------------------------------------
+
+
+def certifier(assembly: Assembly, ceiling: float, slack: float = 1e-8) -> tuple[Modes, Region, Statics, Certifier]:
+    modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    assert modes is not None
+    none = np.zeros(len(modes.rows), dtype=bool)
+    statics = Statics(modes, 0.0, ceiling, none)
+    velocities = reach(statics)
+    assert velocities is not None
+    region = Region(0.0, ceiling, statics.closed(), none)
+    return modes, region, statics, Certifier(modes, region, slack, statics.size, velocities)
+
+
+def test_certificate_refuses_what_is_not_true() -> None:
+    assembly = build_assembly(halved_bond(2, 2))
+    scale = LimitAnalysis(assembly).template.scaling.load
+    modes, region, statics, check = certifier(assembly, 0.66 / scale)
+    pairs = np.ones((len(modes.rows), len(modes.rows)), dtype=bool)
+    relaxed = relax(modes, region, statics.size, pairs, 1e-8)
+    assert relaxed is not None
+    true = check.bound(relaxed.multipliers)
+    assert true * scale == pytest.approx(0.65, rel=1e-6)
+    # a bound that is raised is lowered again or refused, never believed
+    raised = check.bound(replace(relaxed.multipliers, bound=relaxed.multipliers.bound + 1e-3))
+    assert raised <= 0.65 / scale
+    emptied = replace(relaxed.multipliers, over=np.zeros_like(relaxed.multipliers.over))
+    assert check.bound(emptied) <= 0.65 / scale
+    noise = np.random.default_rng(0).uniform(0.0, 1e-3, relaxed.multipliers.over.shape)
+    assert check.bound(replace(relaxed.multipliers, over=relaxed.multipliers.over + noise)) <= 0.65 / scale
+
+
+def test_velocities_stay_within_their_reach() -> None:
+    """|u| and t of solutions, found by pivots, against the bound that the certificate charges residuals to."""
+    assembly = build_assembly(halved_bond(2, 3))
+    analysis = LimitAnalysis(assembly)
+    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    found = side.search()
+    assert side.modes is not None
+    most = 1.01 * found.highest.state.load if found.highest is not None else 0.0
+    statics = Statics(side.modes, 0.0, most, np.zeros(len(side.modes.rows), dtype=bool))
+    limit = reach(statics)
+    assert limit is not None
+    for pair in (found.lowest, found.highest):
+        assert pair is not None
+        assert pair.motion is not None
+        width = len(side.modes.dead)
+        slips = pair.motion.jumps[:, 1]
+        w = np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)])
+        z = side.modes.rates @ w
+        phi = np.concatenate([pair.state.forces.ravel(), [pair.state.load, 1.0]])
+        cost = z[side.modes.hinges].sum() + (side.modes.capacities @ phi) @ abs(slips)
+        assert np.all(abs(pair.motion.velocity) <= limit[:width] * cost)
+        assert np.all(abs(slips) <= limit[width:] * cost)
+        assert np.all(abs(phi) <= statics.size * (1.0 + 1e-9))
+
+
+def test_bounds_of_statics_hold_for_random_states() -> None:
+    assembly = build_assembly(random_wall(1))
+    modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    assert modes is not None
+    statics = Statics(modes, 0.0, 0.2, np.zeros(len(modes.rows), dtype=bool))
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        way = np.append(rng.normal(size=modes.matrix.shape[1] + 1), 0.0)
+        low, high = statics.least(way), -statics.least(-way)
+        assert low <= high
+        assert high <= float(abs(way) @ statics.size) * (1.0 + 1e-9)
