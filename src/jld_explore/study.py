@@ -140,7 +140,7 @@ class Study:
             "driver": self.driver.name,
             "seed": self.seed,
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
-            "objective": model.pop("friction"),
+            "objective": model.pop("friction") + ("-floor" if self.settings.model.by_floor else ""),
             "bracket width": model.pop("gap"),
             **model,
             "certificates": self.certificates,

@@ -8,17 +8,20 @@ tests/core/test_zero_dilation_floor.py.
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 import cases_spatial
-from cases import CASES, grid_assembly
+from cases import CASES, grid_assembly, grid_document
 from command import call
-from jld_core import Assembly, InputError, Status, build_assembly, load_scene, solve
+from jld_core import Assembly, InputError, SolveOptions, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.limit import flow_rule
 from jld_core.samples import halved_bond, random_wall
+from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES
 
@@ -126,3 +129,28 @@ def test_the_command_prints_the_range(monkeypatch: pytest.MonkeyPatch, capsys: p
     printed = json.loads(outcome.out)
     assert printed["lowest_proven"] is None
     assert printed["lowest_found"] <= 0.6390 <= 0.6428 <= printed["highest_found"]
+
+
+# --- in a search ----------------------------------------------------------------------------------------------------
+
+ROWS = ["aab", "#.#"]
+
+
+def search_by(tmp_path: Path, floor_seconds: float) -> pd.DataFrame:
+    """Every segmentation of a small beam on two bearings, ranked by the lowest λ without dilation or by its floor."""
+    scene = parse_scene(grid_document(ROWS, live=[{"body": [0.3, -1.0]}], candidates="all", block_cells=[1, 2]))
+    model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=floor_seconds)
+    settings = ExploreSettings(driver="enumeration", model=model, jobs=1)
+    return explore(scene, tmp_path / f"{floor_seconds:g}", settings).results
+
+
+def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(tmp_path: Path) -> None:
+    found, proven = search_by(tmp_path, 0.0), search_by(tmp_path, 2.0)
+    first = found[found["settled"] == "solve"].set_index("labelling")["load_factor"].dropna()
+    floors = proven[proven["settled"] == "solve"].set_index("labelling")["load_factor"].dropna()
+    assert len(first) >= 2
+    assert len(floors) >= 1
+    for labelling, floor in floors.items():
+        if labelling in first.index:
+            assert floor <= first[labelling] * (1.0 + 1e-9)
+    assert first.is_monotonic_decreasing

@@ -67,6 +67,11 @@ class SolveOptions:
         same = SolveOptions(condense=self.condense, solver=self.solver, gap=self.gap)
         return self == same
 
+    @property
+    def by_floor(self) -> bool:
+        """Whether a search goes by the bound below every λ without dilation: where it is given time for one."""
+        return self.range and self.floor_seconds > 0.0
+
     def facts(self) -> dict[str, Any]:
         """The fields as plain values, a solver that was handed in by its name."""
         solver = self.solver if isinstance(self.solver, str) else self.solver.name

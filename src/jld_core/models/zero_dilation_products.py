@@ -38,13 +38,14 @@ class Multipliers:
 @dataclass(frozen=True)
 class Relaxed:
     """What came out: multipliers, and from X the forces it mixes (k, 3m + 1) with λ, z and y on the mean (4m,), and the
-    rows left out that it violates (4m, 4m)."""
+    rows left out that it violates (4m, 4m). sure: the solver calls it optimal; else the multipliers are worth a try."""
 
     multipliers: Multipliers
     states: Floats
     rates: Floats
     slacks: Floats
     violated: Bools
+    sure: bool
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,8 @@ def relax(
     answer = interior_point(
         np.append(objective.ravel(), region.high), rows, np.append(low, 0.0), np.append(high, np.inf), seconds
     )
-    if not answer.found:
+    usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
+    if not usable or not answer.dual.any():
         return None
     dual = np.split(answer.dual[:-1], np.cumsum(sizes)[:-1])
     over = np.zeros((len(facts), count))
@@ -175,12 +177,13 @@ def relax(
     by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
     multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], float(dual[5][0]))
     x = size[:, None] * answer.point[:-1].reshape(columns, width)
-    return _read(modes, region, multipliers, x, rates, live, asked)
+    states, z, y, violated = _read(modes, region, x, rates, live, asked)
+    return Relaxed(multipliers, states, z, y, violated, answer.found)
 
 
 def _read(
-    modes: Modes, region: Region, multipliers: Multipliers, x: Floats, rates: Floats, live: Floats, asked: Bools
-) -> Relaxed:
+    modes: Modes, region: Region, x: Floats, rates: Floats, live: Floats, asked: Bools
+) -> tuple[Floats, Floats, Floats, Bools]:
     """Forces that X mixes: on the mean, and as the largest modes see them; and the rows it violates."""
     mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
     largest = np.argsort(-z, kind="stable")[:6]
@@ -189,7 +192,7 @@ def _read(
     violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & ~region.closed[None, :] & ~region.held[:, None]
     np.fill_diagonal(violated, False)
     table = np.array(states).reshape(len(states), len(x))[:, :-1]
-    return Relaxed(multipliers, table, z, modes.slacks @ mean, violated)
+    return table, z, modes.slacks @ mean, violated
 
 
 def _equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:

@@ -10,7 +10,7 @@ import signal
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Final, Literal, NoReturn
 
 import typer
 
@@ -60,7 +60,9 @@ plot.add_to(app)
 app.command()(experiment)
 app.command(name="assembly")(laying)
 
-Objective = Literal["associative", "zero-dilation", "experiment"]
+Objective = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
+
+_EACH: Final = 20.0  # seconds of processor time for the floor of one labelling, where that is what is maximised
 
 SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
 
@@ -204,7 +206,11 @@ def explore_command(
         str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")
     ] = None,
     objective: Annotated[
-        Objective, typer.Option(help="What is maximised: λ, or what a virtual experiment carries.")
+        Objective,
+        typer.Option(
+            help="What is maximised: λ; without dilation the lowest found, or a proven bound below it (-floor); or "
+            "what a virtual experiment carries."
+        ),
     ] = "associative",
     experiment_of: Annotated[
         int | None,
@@ -247,7 +253,9 @@ def explore_command(
     settings = ExploreSettings(
         driver=driver,
         model=SolveOptions(
-            friction="associative" if objective == "experiment" else objective,
+            friction="zero-dilation" if objective.startswith("zero") else "associative",
+            range=objective.startswith("zero"),
+            floor_seconds=_EACH if objective == "zero-dilation-floor" else 0.0,
             effective_area=effective_area,
             contact=contact,
             inner_bending=inner_bending,

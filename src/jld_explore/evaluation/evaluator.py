@@ -111,6 +111,8 @@ class Evaluator:
     def _evaluation(self, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
         scale = self._analysis.template.scaling.load
         (low, high), load = proof.bracket, proof.load_factor
+        if self.settings.model.by_floor and not proof.outbid and proof.status is Status.COLLAPSE:
+            return self._floor(proof, scale, start)
         dilates = self.settings.model.friction == "associative"
         return Evaluation(
             status=proof.status,
@@ -121,6 +123,19 @@ class Evaluator:
             settled=BOUND if proof.outbid else SOLVE,
             seconds=time.perf_counter() - start,
             proofs=proofs,
+        )
+
+    def _floor(self, proof: Proof, scale: float, start: float) -> Evaluation:
+        """The evaluation by the bound below every λ without dilation: the lowest found closes its bracket."""
+        bound, found = proof.extra["lowest_proven"], float(proof.extra["lowest_found"])
+        return Evaluation(
+            status=Status.UNCERTIFIED if bound is None else Status.COLLAPSE,
+            low=math.nan if bound is None else bound,
+            high=found,
+            associative=proof.associative * scale,
+            zero_dilation=math.nan if bound is None else bound,
+            settled=BOUND if bound is None else SOLVE,
+            seconds=time.perf_counter() - start,
         )
 
     def _at_a_vertex(self, labels: Bits, company: Bits | None, start: float) -> Evaluation | None:
