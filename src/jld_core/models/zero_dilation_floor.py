@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import PrescribedFriction
@@ -27,10 +28,9 @@ from jld_core.models.zero_dilation_statics import Statics, reach
 FACES: Final = 90
 """Faces up to which products are formed; larger scenes have the cheap bounds alone."""
 
-CLOSED: Final = 1e-6
-"""Distance of the bound from the lowest solution found, relative, at which nothing is left to prove."""
-
-_ENOUGH: Final = 3e-8  # the same at which a certificate is not made finer
+_ENOUGH: Final = (
+    3e-8  # distance of the bound from the lowest solution found, relative, at which a certificate is not made finer
+)
 _SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
 _FAR: Final = 0.01  # distance of what is excluded from the lowest solution found, relative, that counts as far
 _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
@@ -107,7 +107,7 @@ class FloorSearch:
             self.route.append("no products: self-stress is not bounded")
         else:
             bounds = self._sweep(bounds, none, none, self._first_pairs(), 0)
-        sure = bounds.proven >= bounds.believed - CLOSED * max(abs(self.ceiling), _SLACK)
+        sure = bounds.proven >= bounds.believed - tolerances.GAP * max(abs(self.ceiling), _SLACK)
         return Floor(
             proven=bounds.proven,
             bound=bounds.proven if sure else bounds.believed,
@@ -125,7 +125,7 @@ class FloorSearch:
         return self.ceiling + room
 
     def _met(self, bound: float) -> bool:
-        return bound >= self.ceiling - CLOSED * max(abs(self.ceiling), _SLACK)
+        return bound >= self.ceiling - tolerances.GAP * max(abs(self.ceiling), _SLACK)
 
     @property
     def _left(self) -> float:
@@ -174,10 +174,12 @@ class FloorSearch:
                 self.route.append(f"{name}: no answer")
                 return bounds
             self.route.append(name)
-            found = self._proven(region, relaxed) if bounds.proven >= low * (1.0 - CLOSED) else -math.inf
+            found = self._proven(region, relaxed) if bounds.proven >= low * (1.0 - tolerances.GAP) else -math.inf
             believed = -math.inf
             if relaxed.sure:
-                believed = min(relaxed.multipliers.bound, self.ceiling * (1.0 + CLOSED)) - _TRUSTED * abs(self.ceiling)
+                believed = min(relaxed.multipliers.bound, self.ceiling * (1.0 + tolerances.GAP)) - _TRUSTED * abs(
+                    self.ceiling
+                )
             better = bounds.with_(found, believed)
             gained, bounds = better.believed - low, better
             if self.offer is not None and depth == 0:
