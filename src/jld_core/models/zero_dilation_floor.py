@@ -28,9 +28,7 @@ from jld_core.models.zero_dilation_statics import Statics, reach
 FACES: Final = 90
 """Faces up to which products are formed; larger scenes have the cheap bounds alone."""
 
-_ENOUGH: Final = (
-    3e-8  # distance of the bound from the lowest solution found, relative, at which a certificate is not made finer
-)
+_ENOUGH: Final = 3e-8  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
 _FAR: Final = 0.01  # distance of what is excluded from the lowest solution found, relative, that counts as far
 _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
