@@ -16,6 +16,7 @@ STUDIES: Final = (
     "t_block",
     "one_block_two_cubes",
     "leonardo_flat_arch",
+    "how_low_can_it_go",
     "semicircular_arch",
     "wall_with_opening",
     "corner",

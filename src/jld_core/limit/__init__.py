@@ -1,5 +1,6 @@
 """A raw answer → a proof: bounds, repairs, status, result.
 
+- `FLOOR_SECONDS`: processor time for the bound below every λ without dilation
 - `LADDER`: what `LimitAnalysis.prove` tries by default, from the top down
 - `Batch`: the kernel for one limit analysis
 - `BatchAnswers`: what is settled of k labellings

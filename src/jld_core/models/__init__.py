@@ -2,11 +2,13 @@
 
 - `LADDERS`: what is tried, in order, by `SolveOptions.condense`
 - `Scheme`: how a solution without dilation is sought
+- `SolutionPath`: a path through solutions without dilation
 - `SolveOptions`: what is modelled, as on the command line
 - `change`: how far effective areas moved between two iterates
 - `contact_of`: effective areas under given forces
 - `frozen_contact`: a template with effective areas frozen
 - `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
+- `path_of_solutions`: from the lowest λ without dilation upwards
 - `point_contact_assembly`: the assembly of concave contact
 - `prove_condensed`: proof by rigid blocks, cracked on demand
 - `prove_effective_area`: proof at a fixed point of effective areas
@@ -27,16 +29,19 @@ from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
 from jld_core.models.zero_dilation import prove_zero_dilation, solve_zero_dilation, zero_dilation
+from jld_core.models.zero_dilation_path import SolutionPath, path_of_solutions
 from jld_core.models.zero_dilation_search import Scheme
 
 __all__ = [
     "LADDERS",
     "Scheme",
+    "SolutionPath",
     "SolveOptions",
     "change",
     "contact_of",
     "frozen_contact",
     "limit_analysis",
+    "path_of_solutions",
     "point_contact_assembly",
     "prove_condensed",
     "prove_effective_area",

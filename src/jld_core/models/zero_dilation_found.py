@@ -60,7 +60,7 @@ class FromEverySide:
         self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
         load = associative.bracket[1]
         most = load if math.isfinite(load) else np.inf
-        self._pivots = None if self.modes is None else Pivots(self.modes, most * (1.0 + 1e-9))
+        self.pivots = None if self.modes is None else Pivots(self.modes, most * (1.0 + 1e-9))
         self._seed = 0
 
     def search(self, thorough: bool = True, enough: float = -math.inf) -> Found:
@@ -79,10 +79,10 @@ class FromEverySide:
 
     def improve(self, point: Floats, seeds: int = 2, up: bool = True) -> None:
         """Down, and up, from forces and λ (q·m + 1,), planar scenes only."""
-        if self._pivots is None:
+        if self.pivots is None:
             return
         for sign in (1.0, -1.0) if up else (1.0,):
-            ends = [self._pivots.descend(point, self._seed + k, sign=sign) for k in range(seeds)]
+            ends = [self.pivots.descend(point, self._seed + k, sign=sign) for k in range(seeds)]
             self.check(end for end in ends if end is not None)
         self._seed += seeds
 

@@ -85,6 +85,26 @@ class Pivots:
             closed = self.modes.of(point[:-1]) < _CLOSED[1]
         return best
 
+    def climb(self, point: Floats, seed: int, legs: int, idle: int) -> list[Floats]:
+        """Corners (F, λ) of a path upwards: each leg keeps one mechanism and ends where it carries most.
+
+        point: (3m + 1,) of a solution. legs: mechanisms tried at the most; idle: of them in a row to no avail.
+        """
+        rng = np.random.default_rng(seed)
+        goal = np.append(np.zeros(len(point) - 1), -1.0)
+        closed, path, missed = self._start(point, rng), [point], 0
+        for _ in range(legs):
+            z = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
+            found = None if z is None else self.forces(z > _MOVING, goal)
+            if found is not None and found[-1] > path[-1][-1] + 1e-6 * abs(path[-1][-1]):
+                path.append(found)
+                closed, missed = self.modes.of(found[:-1]) < _CLOSED[1], 0
+            else:
+                missed += 1
+            if missed > idle:
+                break
+        return path
+
     def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
         """Modes that may move at a point, with the least allowance for rounding that any mechanism needs."""
         slack = self.modes.of(point[:-1])

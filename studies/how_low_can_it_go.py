@@ -1,0 +1,198 @@
+"""How low can it go: the lowest, the highest and the proven least λ without dilation, and what lies between.
+
+Source: walls of Ferris & Tin-Loi, Int. J. Mech. Sci. 43 (2001) 209–224, with the local minima that a public MPEC
+solver gives and the fixed points of Gilbert, Casapulla & Ahmed 2006; flat arch after Iannuzzo et al. 2024, section
+3.3. The small walls are ours, of the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, load_scene, solve
+from jld_core.models import SolutionPath, path_of_solutions
+from jld_core.samples import halved_bond
+from jld_core.views.figures import draw_mechanism
+from studies.report import (
+    GREY,
+    PAIRED,
+    SCENES,
+    Report,
+    axes_at,
+    drawing_handles,
+    figure_of,
+    legend_at,
+    main,
+    without_legend,
+    write,
+)
+from studies.scenes import leonardo_flat_arch
+
+NAME: Final = "how_low_can_it_go"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, what others publish of its lowest λ, and the processor time that its floor is given."""
+
+    name: str
+    scene: Callable[[], Scene]
+    published: float = np.nan
+    seconds: float = 0.0
+
+
+CASES: Final = (
+    Case("wall 2 × 3", lambda: halved_bond(2, 3), seconds=20.0),
+    Case("wall 2 × 5", lambda: halved_bond(2, 5), seconds=60.0),
+    Case("wall 2 × 6", lambda: halved_bond(2, 6), seconds=60.0),
+    Case("wall 2 × 7", lambda: halved_bond(2, 7), seconds=90.0),
+    Case("wall 2 × 8", lambda: halved_bond(2, 8), seconds=120.0),
+    Case("flat arch", leonardo_flat_arch, 1312.0, 20.0),
+    Case("Ferris & Tin-Loi 1", lambda: load_scene(SCENES / "ferris_tinloi_1.json"), 0.638981),
+    Case("Ferris & Tin-Loi 2", lambda: load_scene(SCENES / "ferris_tinloi_2.json"), 0.562005),
+    Case("Ferris & Tin-Loi 4", lambda: load_scene(SCENES / "ferris_tinloi_4.json"), 0.263736),
+)
+QUICK: Final = ("wall 2 × 3", "flat arch")
+DRAWN: Final = ("wall 2 × 7", "flat arch", "Ferris & Tin-Loi 4")
+
+
+def ranges(cases: tuple[Case, ...]) -> tuple[pd.DataFrame, dict[str, LimitAnalysisResult]]:
+    """One row per scene, and the lowest solution of each."""
+    rows, lowest = [], {}
+    for case in cases:
+        result = solve(build_assembly(case.scene()), friction="zero-dilation", range=True, floor_seconds=case.seconds)
+        extra = result.extra
+        lowest[case.name] = result
+        rows.append(
+            {
+                "scene": case.name,
+                "dry": int(result.labels.sum()),
+                "faces": len(result.labels),
+                "associative": extra["associative_load_factor"],
+                "highest_found": extra["highest_found"],
+                "lowest_found": extra["lowest_found"],
+                "lowest_proven": extra["lowest_proven"],
+                "published_lowest": case.published,
+                "share_of_associative": extra["lowest_found"] / extra["associative_load_factor"],
+                "floor_s": round(extra["floor_seconds"], 1),
+            }
+        )
+    return pd.DataFrame(rows).astype({"lowest_proven": float}), lowest
+
+
+def path_of(case: Case) -> SolutionPath | None:
+    """The continuum of one scene, from its lowest solution up."""
+    assembly = build_assembly(case.scene())
+    return path_of_solutions(LimitAnalysis(assembly), assembly.labels)
+
+
+def run(out: Path, quick: bool = False) -> pd.DataFrame:
+    """Find, prove and draw, write table, picture and page into a folder; returns the table."""
+    cases = tuple(case for case in CASES if not quick or case.name in QUICK)
+    table, lowest = ranges(cases)
+    drawn = tuple(case for case in cases if case.name in (QUICK if quick else DRAWN))
+    figure = _picture(table, lowest, drawn)
+    walls = table[table["scene"].str.startswith("Ferris")]
+    lower = walls[walls["lowest_found"] < walls["published_lowest"] * (1.0 - 1e-5)]
+    met = table[table["lowest_proven"] >= table["lowest_found"] * (1.0 - 1e-6)]
+    agrees = [
+        f"On {len(met)} of {len(table)} scenes the lowest found is proven to be the lowest there is, within 1e-6, by "
+        "certificates checked in exact arithmetic: " + ", ".join(met["scene"]) + ".",
+    ]
+    differs = []
+    if len(walls):
+        agrees.append(
+            "On the walls of Ferris & Tin-Loi the lowest found is at or below every published minimum; "
+            + "; ".join(
+                f"{row.scene}: {row.lowest_found:.6f} beside {row.published_lowest:.6f}" for row in walls.itertuples()
+            )
+            + "."
+        )
+        differs.append(
+            f"{len(lower)} of {len(walls)} of them go lower than published. No floor is claimed for these walls: with "
+            "83 to 141 faces the linear program takes longer than this study is given."
+        )
+    arch = table[table["scene"] == "flat arch"].iloc[0]
+    differs.append(
+        f"The flat arch's lowest, {arch.lowest_found:.1f} N per force, lies beside the 1312 N of section 3.3, whose "
+        "layout is not known to us; the arch also stands at anything up to "
+        f"{arch.highest_found:.1f} N, as its thrust has it."
+    )
+    report = Report(
+        name=NAME,
+        title="How low can it go",
+        question="Without dilation the collapse load is not one number. Which is the lowest, and is that proven?",
+        source="walls of Ferris & Tin-Loi 2001; flat arch after Iannuzzo et al. 2024, section 3.3.",
+        model="Small walls n × r: n blocks of 4 × 1.75 in a course, r courses, the lowest half–whole–half, μ = 0.65, "
+        "horizontal body load. Solutions are certified by their own forces and mechanism; bounds by the products of "
+        "docs/method.md (4.7), (4.8).",
+        agrees=tuple(agrees),
+        differs=tuple(differs),
+        pictures={
+            "": "Above: λ of solutions over λ associative, from lowest to highest, with what is proven and what others "
+            "publish. Middle: a path through the solutions, each leg with one mechanism; every point of it is a "
+            "solution, and friction alone does not say which one a structure is in. Below: the mechanism of the lowest."
+        },
+    )
+    write(out, report, table, {"": figure}, table)
+    return table
+
+
+def _picture(table: pd.DataFrame, lowest: dict[str, LimitAnalysisResult], drawn: tuple[Case, ...]) -> Figure:
+    figure = figure_of(12.6, 10.6)
+    _bars(axes_at(figure, 1.7, 7.2, 10.4, 2.8), table)
+    width = 10.4 / len(drawn) - 0.8
+    for k, case in enumerate(drawn):
+        left = 1.1 + k * (11.2 / len(drawn))
+        row = table[table["scene"] == case.name].iloc[0]
+        _path(axes_at(figure, left, 3.75, width, 2.6), case, row, path_of(case))
+        ax = axes_at(figure, left, 0.75, width, 2.2)
+        draw_mechanism(ax, lowest[case.name])
+        without_legend(ax, f"{case.name}: mechanism of the lowest, λ = {row.lowest_found:.6g}")
+    legend_at(
+        figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "crack", "at rest"), 1.1, 0.05, 7
+    )
+    figure.suptitle("How low can it go: collapse without dilation", fontsize=12, y=0.993)
+    return figure
+
+
+def _bars(ax: Axes, table: pd.DataFrame) -> None:
+    top = table["associative"].to_numpy(dtype=float)
+    place = np.arange(len(table))[::-1]
+    low, high = (table[name].to_numpy(dtype=float) / top for name in ("lowest_found", "highest_found"))
+    ax.hlines(place, low, high, color=PAIRED[0][0], lw=5, alpha=0.55, label="solutions found")
+    ax.plot(low, place, PAIRED[0][2], color=PAIRED[0][0], ms=6, ls="none", label="lowest found")
+    proven = table["lowest_proven"].to_numpy(dtype=float) / top
+    ax.plot(proven, place, "|", color="#1B1B1B", ms=20, mew=2.0, ls="none", label="proven: none below")
+    published = table["published_lowest"].to_numpy(dtype=float) / top
+    ax.plot(published, place, PAIRED[1][2], color=PAIRED[1][0], ms=7, mfc="none", ls="none", label="published lowest")
+    ax.axvline(1.0, color=GREY, lw=0.9, ls=(0, (4, 2)))
+    ax.set_yticks(place, table["scene"], fontsize=9)
+    ax.set_xlabel("λ without dilation / λ associative [–]", fontsize=9)
+    ax.set_ylim(-0.6, len(table) - 0.4)
+    ax.legend(frameon=False, fontsize=8.5, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
+
+
+def _path(ax: Axes, case: Case, row: pd.Series, path: SolutionPath | None) -> None:
+    if path is not None:
+        ax.plot(path.along, path.load_factors, "o-", color=PAIRED[0][0], ms=4, lw=1.4, label="solutions")
+    ax.axhline(row.associative, color=GREY, lw=0.9, ls=(0, (4, 2)), label="associative")
+    if np.isfinite(row.lowest_proven):
+        ax.axhline(row.lowest_proven, color="#1B1B1B", lw=1.2, ls=(0, (1, 1)), label="proven: none below")
+    ax.set_xlabel("way through the solutions, Σ |ΔN| / weight [–]", fontsize=9)
+    unit = "λ, N per force" if case.name == "flat arch" else "λ [–]"
+    ax.set_ylabel(unit, fontsize=9)
+    ax.set_title(case.name, fontsize=10)
+    ax.legend(frameon=False, fontsize=8, loc="center right")
+
+
+if __name__ == "__main__":
+    main(run, NAME)
