@@ -23,7 +23,7 @@ from benchmarks.common import ROOT, table, write
 from benchmarks.stated import stated
 from jld_core import Assembly, Scene, build_assembly, load_scene, parse_scene
 from jld_core.arrays import Bits
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
 
 JOBS: Final = 2

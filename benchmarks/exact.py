@@ -19,8 +19,8 @@ import numpy as np
 from benchmarks.common import table, write
 from jld_core import Scene, build_assembly, load_scene, parse_scene
 from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
+from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Enumeration, possible_blocks
-from jld_explore.explore import ExploreSettings, explore
 from jld_explore.space import search_space
 
 WALLS: Final = (

@@ -19,7 +19,7 @@ from benchmarks.common import table, write
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from jld_core.scene import Scene
 from jld_explore.drivers import make_driver
-from jld_explore.study import Progress, Study
+from jld_explore.study import ExploreSettings, Progress, Study
 
 WARM: Final = 500
 BUDGETS: Final = {"flagship, 24 faces": 2_500, "planar, 88 faces": 1_500}
@@ -58,7 +58,9 @@ def run(scene: Scene, driver: str, jobs: int, budget: int) -> tuple[float, float
 
     with tempfile.TemporaryDirectory() as folder:
         make = make_driver(driver, space, 0)
-        study = Study(scene, assembly, space, make, Path(folder) / "out", jobs=jobs, budget=budget, report=look)
+        study = Study(
+            scene, assembly, space, make, Path(folder) / "out", ExploreSettings(jobs=jobs, budget=budget), report=look
+        )
         study.run()
     (first, *start), (last, *end) = begun[0], ended[0]
     wall, parent, workers = ((b - a) / (last - first) for a, b in zip(start, end, strict=True))

@@ -248,7 +248,7 @@ def zero_dilation_skipped(count: int = 60) -> Reduction:
 
 def certificates() -> Reduction:
     """A whole enumeration with the pool of what past solves prove."""
-    from jld_explore.explore import ExploreSettings, explore
+    from jld_explore import ExploreSettings, explore
 
     scene = grid(
         ["aaaa"] * 3 + ["####"], inner={"tensile_strength": 2e4, "shear_strength": 2e4}, search={"block_cells": [2, 4]}

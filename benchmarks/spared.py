@@ -16,7 +16,7 @@ from benchmarks.common import table, write
 from benchmarks.search_scenes import ENUMERATED, grid
 from jld_core.limit import SolveOptions
 from jld_core.scene import Scene, parse_scene
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore
 
 DRIVERS: Final = ("enumeration", "random", "hillclimb", "genetic", "exact")
 JOBS: Final = 2

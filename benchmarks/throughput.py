@@ -33,9 +33,9 @@ from jld_core.program import Template
 from jld_core.solvers import SchurSolver
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
-from jld_explore.evaluation import Store
+from jld_explore.evaluation import Records
 from jld_explore.space import search_space, unpack
-from jld_explore.study import Study
+from jld_explore.study import ExploreSettings, Study
 
 PARTS: Final = ("solver", "proof", "assembly", "driver", "store", "other Python")
 PROOF: Final = {
@@ -78,9 +78,7 @@ def study_of(scene: Scene, assembly: Assembly, folder: Path, asked: int) -> Stud
         space=space,
         driver=make_driver("random", space, 0),
         folder=folder,
-        seed=0,
-        jobs=1,
-        budget=asked,
+        settings=ExploreSettings(budget=asked),
     )
 
 
@@ -91,9 +89,9 @@ def run(scene: Scene, assembly: Assembly, asked: int) -> tuple[float, Bits, Floa
         start = time.process_time()
         study.run()
         spent = time.process_time() - start
-        rows = study.store.rows
+        rows = study.records.rows
         labellings = unpack(rows["labelling"], len(assembly.interfaces))
-        found = [study.store.find(labels) for labels in labellings]
+        found = [study.records.find(labels) for labels in labellings]
     values = [e.load_factor if e is not None and e.status is Status.COLLAPSE else np.nan for e in found]
     return spent, labellings, np.array(values)
 
@@ -128,8 +126,8 @@ def shares_of(scene: Scene, assembly: Assembly, asked: int) -> dict[str, float]:
             (highspy.Highs, "passModel", "solver"),
             (highspy.Highs, "run", "solver"),
             (SchurSolver, "solve", "solver"),
-            (Store, "append", "store"),
-            (Store, "find", "store"),
+            (Records, "append", "record"),
+            (Records, "find", "record"),
             (study.driver, "ask", "driver"),
             (study.driver, "tell", "driver"),
             *((owner, name, "proof") for owner, names in PROOF.items() for name in names),

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from jld_explore.drivers import Driver
 from jld_explore.evaluation import Evaluation
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore.explore import explore
 from jld_explore.report import Exploration, read_folder
 from jld_explore.space import SearchSpace, search_space
-from jld_explore.study import Progress, StopReason
+from jld_explore.study import ExploreSettings, Progress, StopReason
 
 __all__ = [
     "Driver",

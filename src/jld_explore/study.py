@@ -1,8 +1,8 @@
-"""A study: one scene, one driver, one store; ask → evaluate → tell, until there is a reason to stop.
+"""A study: one scene, one driver, one record; ask → evaluate → tell, until there is a reason to stop.
 
-The driver proposes and never evaluates, workers evaluate and never write, this loop alone writes the store,
-tells the driver and reports progress. To resume is to replay: the driver runs again from its seed, and what
-the store knows is told without being evaluated.
+The driver proposes and never evaluates, workers evaluate and never write; this process alone writes the record,
+tells the driver and reports progress. To resume is to replay: the driver runs again from its seed, and what is on
+record is told without being evaluated.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import platform
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -20,31 +20,35 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core._version import __version__
-from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
 from jld_core.lanes import chosen
-from jld_core.limit import Status
+from jld_core.limit import SolveOptions, Status
 from jld_core.program import Template
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver
 from jld_explore.evaluation import (
-    Archive,
     CertificateEvaluator,
+    Evaluating,
     Evaluation,
     EvaluatorSettings,
     IncumbentFront,
     Pool,
-    Proofs,
-    Run,
-    Store,
+    RecordedEvaluator,
+    Records,
+    Sent,
     Workers,
     WorkerSpec,
+    is_small,
     kernel_settles,
 )
-from jld_explore.space import SearchSpace, orbit_sizes, unpack
+from jld_explore.space import SearchSpace, unpack
 
 PORTION: Final = 128
 """Labellings asked together at the most where what is known spares solves."""
+
+
+SMALL: Final = 20_000
+"""Classes up to which a space is enumerated when no driver is named, as `ExploreSettings.small`."""
 
 
 class StopReason(StrEnum):
@@ -74,71 +78,69 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Sent:
-    """Labellings (k, m), what is found of them so far, the positions of those the workers have, and their run."""
+class ExploreSettings:
+    """How to search. driver: a name, or one of your own, or None to choose. budget: classes; seconds: time limit; seed,
+    jobs as said.
 
-    labellings: Bits
-    found: list[Evaluation | None]
-    missing: Ints
-    run: Run | None
+    model: what is modelled, whose λ is maximised. resume: go on with a folder that holds a study. certificates: let
+    past solves settle labellings, where the model is one that bounds speak of. pictures: draw what was found at the
+    end. strict: take what is possible but hardly meant as an error. experiment: how many of the best by λ are put to
+    the virtual experiment at the end. by_experiment: search by it then, with as many experiments in all (default 500),
+    seeded by the best by λ. small: classes up to which a space is counted beforehand, and enumerated where no driver is
+    named; 0: not counted. options: of a driver that is named.
+    """
+
+    driver: str | Driver | None = None
+    model: SolveOptions = field(default_factory=SolveOptions)
+    budget: int | None = None
+    seconds: float | None = None
+    jobs: int = 1
+    seed: int = 0
+    resume: bool = False
+    certificates: bool = False
+    experiment: int | None = None
+    by_experiment: bool = False
+    pictures: bool = True
+    strict: bool = False
+    small: int = SMALL
+    options: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Asked:
-    """Labellings (k, m) a driver was asked; sent: None where certificates are to be asked first."""
-
-    labellings: Bits
-    sent: Sent | None
-
-
-@dataclass
 class Study:
     """One search over labellings of a scene.
 
-    budget: distinct classes evaluated at the most. seconds: time limit. jobs: worker processes. certificates: ask
-    what past solves prove before solving (associative friction only). report: called after every batch. The same
-    scene, driver, seed and budget give the same store rows whatever `jobs` is.
+    scene, assembly, space, driver: they belong together. total: classes there are, where that is known. report: called
+    after every batch. The same scene, driver, seed and budget give the same rows on record whatever `jobs` is.
     """
 
-    scene: Scene
-    assembly: Assembly
-    space: SearchSpace
-    driver: Driver
-    folder: Path
-    seed: int = 0
-    jobs: int = 1
-    budget: int | None = None
-    seconds: float | None = None
-    settings: EvaluatorSettings = field(default_factory=EvaluatorSettings)
-    certificates: bool = False
-    total: int | None = None
-    report: Callable[[Progress], None] | None = None
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        assembly: Assembly,
+        space: SearchSpace,
+        driver: Driver,
+        folder: Path,
+        settings: ExploreSettings | None = None,
+        *,
+        total: int | None = None,
+        report: Callable[[Progress], None] | None = None,
+    ) -> None:
+        self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
+        self.settings, self.total, self.report = settings or ExploreSettings(), total, report
+        self.certificates = self.settings.certificates and self.settings.model.modular
         self.started = time.perf_counter()
-        self.solved = 0
-        self.evaluated = self.asked = 0
+        self.evaluated = self.asked = self.solved = 0
         self._best = np.nan
-        faces = len(self.assembly.interfaces)
-        self.store = Store(self.folder, self.header, faces)
-        self._consultant: CertificateEvaluator | None = None
-        self._floor = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
-        if self.certificates:
-            template = Template(self.assembly)
-            archive = Archive(self.folder, faces)
-            gap = self.settings.model.gap
-            self._consultant = CertificateEvaluator(Pool(faces, self.space.group), template, gap, archive)
-            self.store.first = archive.sync
-            self.store.keep_proven(archive.holds)
+        self.records = Records(folder, self.header, len(assembly.interfaces), len(assembly.cases))
 
     @property
     def header(self) -> dict[str, Any]:
-        """What a store must agree with to be gone on with."""
+        """What a record must agree with to be gone on with."""
         model = self.settings.model.facts()
         return {
             "scene": self.scene.fingerprint,
             "driver": self.driver.name,
-            "seed": self.seed,
+            "seed": self.settings.seed,
             **{f"driver's {name}": value for name, value in self.driver.settings.items()},
             "objective": model.pop("friction") + ("-floor" if self.settings.model.by_floor else ""),
             "bracket width": model.pop("gap"),
@@ -154,56 +156,70 @@ class Study:
 
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
-        settings = replace(self.settings, prove=self.certificates)
-        quick = self._consultant is not None and self._consultant.small
+        faces, budget, driver = len(self.assembly.interfaces), self.settings.budget, self.driver
+        template = Template(self.assembly) if self.certificates else None
+        settings = EvaluatorSettings(self.settings.model, prove=self.certificates)
         workers = Workers(
             WorkerSpec.of(self.assembly, settings),
-            self.jobs,
-            len(self.assembly.interfaces),
-            quick=quick,
+            self.settings.jobs,
+            faces,
+            quick=template is not None and is_small(template),
             lanes=kernel_settles(self.assembly, settings),
         )
-        if self.driver.remembers and len(self.store):
-            rows = unpack(self.store.rows["labelling"], self.store.faces)
-            known = [self.store.find(labels) for labels in rows]
-            self.driver.recall(rows, [evaluation for evaluation in known if evaluation is not None])
-        deadline = None if self.seconds is None else self.started + self.seconds
-        self.driver.attend(deadline, lambda: self._count([]), self.folder)
-        waiting: deque[Asked] = deque()
+        front = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
+        recorded = RecordedEvaluator(
+            workers,
+            self.records,
+            self.space.group,
+            deadline=self._deadline,
+            front=front,
+            proofs=self.certificates,
+            report=self._count,
+        )
+        evaluator: Evaluating = recorded
+        if template is not None:
+            pool = Pool(faces, self.space.group)
+            evaluator = CertificateEvaluator(recorded, pool, template, self.settings.model.gap)
+        waiting: deque[Sent] = deque()
         dry = False
         try:
+            if driver.remembers and len(self.records):
+                rows = unpack(self.records.rows["labelling"], faces)
+                known = [self.records.find(labels) for labels in rows]
+                driver.restore(rows, [evaluation for evaluation in known if evaluation is not None])
+            driver.start(self._deadline, lambda: self._count([]), self.records)
             while True:
                 # the same number of portions are asked ahead whatever the workers do, so answers come in one order
-                while not dry and len(waiting) <= self.driver.ahead and not self._late:
-                    left = None if self.budget is None else self.budget - self.asked
+                while not dry and len(waiting) <= driver.ahead and not self._late:
+                    left = None if budget is None else budget - self.asked
                     if left is not None and left <= 0:
                         break
-                    if self._floor is not None:  # the sooner answers are known the more they spare
+                    if front is not None:  # the sooner answers are known the more they spare
                         left = PORTION if left is None else min(left, PORTION)
-                    labellings = self.driver.ask(left)
+                    labellings = driver.ask(left)
                     dry = len(labellings) == 0
                     if not dry:
                         self.asked += len(labellings)
-                        waiting.append(self._begin(workers, labellings))
+                        waiting.append(evaluator.send(labellings))
                 if not waiting:
                     return self._reason(dry)
-                asked = waiting.popleft()
-                evaluations = self._evaluate(workers, asked)
+                sent = waiting.popleft()
+                evaluations = evaluator.take(sent)
+                self.solved = recorded.solved
                 if evaluations is None:
                     return StopReason.TIME
-                self.driver.tell(asked.labellings, evaluations)
-                if self._floor is not None:
-                    self._floor.learn(asked.labellings, evaluations)
+                driver.tell(sent.labellings, evaluations)
+                if front is not None:
+                    front.learn(sent.labellings, evaluations)
         finally:
+            self.solved = recorded.solved
             workers.close()
-            self.store.close()
-            self.driver.release()
-            if self._consultant is not None:
-                self._consultant.archive.close()
+            driver.close()
+            self.records.close()
 
     def _reason(self, dry: bool) -> StopReason:
         """Why nothing is asked or waited for any more."""
-        if self.budget is not None and self.asked >= self.budget:
+        if self.settings.budget is not None and self.asked >= self.settings.budget:
             return StopReason.BUDGET
         if not dry:
             return StopReason.TIME
@@ -213,72 +229,12 @@ class Study:
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
 
     @property
+    def _deadline(self) -> float | None:
+        return None if self.settings.seconds is None else self.started + self.settings.seconds
+
+    @property
     def _late(self) -> bool:
-        return self.seconds is not None and self.elapsed >= self.seconds
-
-    def _begin(self, workers: Workers, labellings: Bits) -> Asked:
-        """Look up what is on record and send the rest to the workers; with certificates, when its turn comes."""
-        return Asked(labellings, None if self._consultant is not None else self._send(workers, labellings))
-
-    def _evaluate(self, workers: Workers, asked: Asked) -> list[Evaluation] | None:
-        """Evaluations in the order asked, by certificates where they settle one; None where time ran out."""
-        if asked.sent is not None:
-            return self._take(asked.sent)
-        assert self._consultant is not None
-
-        def solve(labellings: Bits, company: Bits | None) -> list[Evaluation] | None:
-            return self._take(self._send(workers, labellings, company))
-
-        return self._consultant.evaluate(asked.labellings, solve, self._settle)
-
-    def _settle(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
-        """Record what certificates settled; of labellings that are on record, what the record says."""
-        stored = [self.store.find(labels) for labels in labellings]
-        new = np.array([n for n, evaluation in enumerate(stored) if evaluation is None], dtype=np.int64)
-        if new.size:
-            weights = orbit_sizes(labellings[new], self.space.group)
-            self.store.append(labellings[new], weights.tolist(), [evaluations[n] for n in new])
-        told = [old or made for old, made in zip(stored, evaluations, strict=True)]
-        self._count(told)
-        return told
-
-    def _recall(self, labels: Bits) -> Evaluation | None:
-        """What is on record of a labelling, with its proofs where the pool needs them."""
-        found = self.store.find(labels)
-        if found is None or self._consultant is None:
-            return found
-        return replace(found, proofs=self._consultant.archive.find(labels))
-
-    def _send(self, workers: Workers, labellings: Bits, company: Bits | None = None) -> Sent:
-        """Begin to evaluate what the store does not have."""
-        found: list[Evaluation | None] = [self._recall(labels) for labels in labellings]
-        missing = np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)
-        run = None
-        if missing.size:
-            deadline = None if self.seconds is None else time.time() + self.seconds - self.elapsed
-            floors = None if self._floor is None else self._floor.below(labellings[missing])
-            run = workers.run(labellings[missing], deadline, floors, company)
-        return Sent(labellings, found, missing, run)
-
-    def _take(self, sent: Sent) -> list[Evaluation] | None:
-        """Evaluations in the order asked, recorded as they come; None where time ran out."""
-        found, labellings, missing = sent.found, sent.labellings, sent.missing
-        self._count([evaluation for evaluation in found if evaluation is not None])
-        if sent.run is not None:
-            weights = orbit_sizes(labellings[missing], self.space.group)
-            for part, evaluations in sent.run:
-                if self._consultant is not None:
-                    proofs = [evaluation.proofs or Proofs() for evaluation in evaluations]
-                    self._consultant.archive.append(labellings[missing[part]], proofs)
-                self.store.append(labellings[missing[part]], weights[part].tolist(), evaluations)
-                self.solved += len(evaluations)
-                for position, evaluation in zip(missing[part], evaluations, strict=True):
-                    found[position] = evaluation
-                self._count(evaluations)
-                if self._late:
-                    break
-        complete = [evaluation for evaluation in found if evaluation is not None]
-        return complete if len(complete) == len(found) else None
+        return self._deadline is not None and time.perf_counter() >= self._deadline
 
     def _count(self, evaluations: list[Evaluation]) -> None:
         self.evaluated += len(evaluations)
@@ -286,7 +242,8 @@ class Study:
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
         if self.report is not None:
             bound = np.nan if self.driver.bound is None else self.driver.bound
-            total = self.total if self.budget is None else min(self.budget, self.total or self.budget)
+            budget, total = self.settings.budget, self.total
+            total = total if budget is None else min(budget, total or budget)
             self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound))
 
 

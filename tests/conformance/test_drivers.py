@@ -21,7 +21,7 @@ from jld_explore.drivers import DRIVERS, Driver, Enumeration, make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
 from jld_explore.space import SearchSpace, canonical, feasible, keys, search_space
-from jld_explore.study import Interrupted, StopReason, Study
+from jld_explore.study import ExploreSettings, Interrupted, StopReason, Study
 
 NAMES = [*(name for name in DRIVERS if name not in ("optuna", "exact")), "optuna:Random", "optuna:NSGAII"]
 DOWN = [{"element": "c1r0", "force": [0, -1]}]
@@ -88,20 +88,19 @@ def table(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Table]]:
 
 def explored(found: Case, name: str, folder: Path, *, seed: int = 1, **limits: Any) -> tuple[Study, StopReason]:
     # a digest of its own for each run, so that no evaluator is left over from another
-    study = Study(
-        found.scene, found.assembly, found.space, driver_of(name, found.space, seed), folder, seed=seed, **limits
-    )
+    driver = driver_of(name, found.space, seed)
+    study = Study(found.scene, found.assembly, found.space, driver, folder, ExploreSettings(seed=seed, **limits))
     return study, study.run()
 
 
 def rows_of(study: Study) -> list[tuple[Any, ...]]:
     """The table without clocks."""
-    table = tables.results_table(study.store, study.assembly, study.space, "any").drop(columns="seconds")
+    table = tables.results_table(study.records, study.assembly, study.space, "any").drop(columns="seconds")
     return list(table.astype(str).itertuples(index=False, name=None))
 
 
 def front_of(study: Study) -> list[tuple[str, float]]:
-    table = tables.results_table(study.store, study.assembly, study.space, "any")
+    table = tables.results_table(study.records, study.assembly, study.space, "any")
     front = study.scene.search.front
     kept = tables.front_table(table, front.count, front.sense)
     return list(zip(kept["labelling"], kept["load_factor"], strict=True))
@@ -181,7 +180,7 @@ def test_front_of_a_space_smaller_than_the_budget(name: str, tmp_path: Path) -> 
 def test_budget(name: str, tmp_path: Path) -> None:
     study, reason = explored(case("sizes"), name, tmp_path / "a", budget=41)
     assert reason is StopReason.BUDGET
-    assert len(study.store) == study.evaluated == Table.calls == 41
+    assert len(study.records) == study.evaluated == Table.calls == 41
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -198,7 +197,7 @@ def test_time(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     study, reason = explored(found, name, tmp_path / "a", seconds=50.0)
     assert reason is StopReason.TIME
     assert Table.calls == 30
-    assert len(study.store) == 30
+    assert len(study.records) == 30
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -230,7 +229,7 @@ def test_a_larger_budget_goes_on(name: str, tmp_path: Path) -> None:
     explored(found, name, tmp_path / "parts", budget=45)
     study, _ = explored(found, name, tmp_path / "parts", budget=100)
     if name in ("hillclimb", "optuna:Random", "optuna:NSGAII"):  # these look at answers in portions as asked
-        assert len(study.store) >= 100
+        assert len(study.records) >= 100
     else:
         assert rows_of(study) == rows_of(whole)
 
@@ -238,7 +237,7 @@ def test_a_larger_budget_goes_on(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_labellings_without_a_number_are_never_the_best(name: str, tmp_path: Path) -> None:
     study, _ = explored(case("sizes"), name, tmp_path / "a", budget=80)
-    table = tables.results_table(study.store, study.assembly, study.space, name)
+    table = tables.results_table(study.records, study.assembly, study.space, name)
     apart = table[table["status"] != "collapse"]
     assert len(apart)
     assert apart["load_factor"].isna().all()

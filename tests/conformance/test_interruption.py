@@ -11,6 +11,7 @@ import json
 import os
 import random
 import signal
+import sqlite3
 import subprocess
 import time
 from collections.abc import Iterator
@@ -25,11 +26,10 @@ import pytest
 from cases import grid_document
 from command import Outcome, call, command, environment, process
 from jld_explore.drivers import DRIVERS
-from jld_explore.evaluation import STORE_FILE, record_type
+from jld_explore.evaluation import RECORDS_FILE
 from paths import SCENES
 
 FACES, CLASSES = 21, 1340  # 4×3 cells on a support row, blocks of 2 to 6 cells, counted by enumeration
-RECORD = record_type(FACES).itemsize
 
 
 @pytest.fixture(scope="module")
@@ -55,19 +55,24 @@ def table(folder: Path, name: str = "results.csv") -> pd.DataFrame:
     return pd.read_csv(folder / name, dtype=str, keep_default_na=False).drop(columns="seconds")
 
 
-def records(folder: Path) -> list[bytes]:
-    """The whole records of a store, in order."""
-    file = folder / STORE_FILE
-    if not file.exists():
+Row = tuple[Any, ...]
+
+
+def records(folder: Path, columns: str = "*") -> list[Row]:
+    """The evaluations on record, in order; also while a run writes them, or after it was killed."""
+    if not (folder / RECORDS_FILE).exists():
         return []
-    content = file.read_bytes()
-    start = content.find(b"\n") + 1
-    count = (len(content) - start) // RECORD if start else 0
-    return [content[start + n * RECORD : start + (n + 1) * RECORD] for n in range(count)]
+    file = sqlite3.connect(folder / RECORDS_FILE)
+    try:
+        return file.execute(f"SELECT {columns} FROM evaluations").fetchall()
+    except sqlite3.OperationalError:  # no table yet
+        return []
+    finally:
+        file.close()
 
 
-def labellings(found: list[bytes]) -> list[bytes]:
-    return [record[: (FACES + 7) // 8] for record in found]
+def labellings(found: list[Row]) -> list[bytes]:
+    return [row[1] for row in found]
 
 
 @contextmanager
@@ -96,11 +101,11 @@ def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
 
 def wait_for_records(run: subprocess.Popen[str], folder: Path, count: int) -> None:
     """Until so many records are on disk, or the run is over."""
-    file, end = folder / STORE_FILE, time.monotonic() + 60.0
+    end = time.monotonic() + 60.0
     while run.poll() is None and time.monotonic() < end:
-        if file.exists() and file.stat().st_size >= count * RECORD and len(records(folder)) >= count:
+        if folder.exists() and (records(folder, "count(*)") or [(0,)])[0][0] >= count:
             return
-        time.sleep(0.002)
+        time.sleep(0.005)
     raise AssertionError(f"{len(records(folder))} records, {count} wanted, exit code {run.returncode}")
 
 
@@ -194,7 +199,7 @@ def test_twenty_random_kills(scene: Path, tmp_path: Path) -> None:
     alone = process(*asked, "--out", tmp_path / "alone", "--jobs", "1")
     assert alone.code == 0, alone.err
     folder, rng, kills = tmp_path / "out", random.Random(20), 0
-    kept: list[bytes] = []
+    kept: list[Row] = []
     while kills < 20:
         more = ["--resume"] if folder.exists() else []
         with started(*asked, "--out", folder, "--jobs", "2", *more) as run:
@@ -250,54 +255,61 @@ def test_signals(number: signal.Signals, jobs: int, scene: Path, undisturbed: Pa
 
 def copy_of(folder: Path, target: Path) -> Path:
     target.mkdir()
-    (target / STORE_FILE).write_bytes((folder / STORE_FILE).read_bytes())
+    (target / RECORDS_FILE).write_bytes((folder / RECORDS_FILE).read_bytes())
     return target
 
 
-def test_torn_tail(
+def test_torn_or_damaged(
     scene: Path,
     undisturbed: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A store cut at any byte, or with anything after its last record, keeps what is whole and no more."""
-    content = (undisturbed / STORE_FILE).read_bytes()
-    head = content.find(b"\n") + 1
+    """A record that is cut, overwritten or no record at all is named in one line, and left as it is."""
+    content = (undisturbed / RECORDS_FILE).read_bytes()
     rng = random.Random(11)
-    late = head + (CLASSES - 60) * RECORD
-    cuts = [rng.randrange(late, len(content)) for _ in range(2)] + [len(content) - 1, late + 1]
-    for number, cut in enumerate(cuts):
-        folder = copy_of(undisturbed, tmp_path / f"cut {number}")
-        (folder / STORE_FILE).write_bytes(content[:cut])
-        whole = (cut - head) // RECORD
+    half = len(content) // 2
+    broken = [content[:half], content[:half] + rng.randbytes(half), b"{}", rng.randbytes(5000)]
+    for number, text in enumerate(broken):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / RECORDS_FILE).write_bytes(text)
         outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
-        assert outcome.code == 0
-        assert json.loads(outcome.out)["solved"] == CLASSES - whole
-        assert records(folder)[:whole] == records(undisturbed)[:whole]
-        pd.testing.assert_frame_equal(table(folder), table(undisturbed))
-    for number, tail in enumerate((b"\0" * 200, rng.randbytes(RECORD))):
-        folder = copy_of(undisturbed, tmp_path / f"tail {number}")
-        (folder / STORE_FILE).write_bytes(content + tail)
-        outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
-        assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
-        assert (folder / STORE_FILE).read_bytes() == content
+        assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+        assert outcome.err.startswith(f"jld: {folder / RECORDS_FILE}: it is damaged")
+        assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
 
 
-def test_torn_header(
+def test_begun_and_nothing_more(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Killed before the header was whole: nothing was finished, and --resume begins."""
-    for name, content in ((STORE_FILE, b'{"jld": "evalua'), ("evaluations.new", b"{"), (STORE_FILE, b"")):
-        folder = tmp_path / f"{name} {len(content)}"
-        folder.mkdir()
-        (folder / name).write_bytes(content)
-        outcome = call(
-            *(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume"),
-            *("--jobs", "1", "--budget", "5", "--json"),
-        )
-        assert outcome.code == 0, outcome.err
-        assert json.loads(outcome.out)["solved"] == 5
+    """Killed before anything was written: nothing was finished, and --resume begins."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / RECORDS_FILE).write_bytes(b"")
+    outcome = call(
+        *(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume"),
+        *("--jobs", "1", "--budget", "5", "--json"),
+    )
+    assert outcome.code == 0, outcome.err
+    assert json.loads(outcome.out)["solved"] == 5
+
+
+def test_a_second_process_is_refused(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+    """While one is at work in a folder, another one is told so in one line; the first does not notice."""
+    folder = tmp_path / "out"
+    with started("explore", scene, "--out", folder, "--jobs", "1", "--json") as run:
+        wait_for_records(run, folder, 20)
+        run.send_signal(signal.SIGSTOP)
+        second = process("explore", scene, "--out", folder, "--jobs", "1", "--resume", "--json")
+        run.send_signal(signal.SIGCONT)
+        out, err = run.communicate(timeout=60)
+    assert (second.code, second.out, second.err.count("\n")) == (2, "", 1)
+    assert f"{folder}: another process is at work in it" in second.err
+    assert run.returncode == 0, err
+    assert json.loads(out)["evaluated"] == CLASSES
+    pd.testing.assert_frame_equal(table(folder), table(undisturbed))
 
 
 def test_budget(
@@ -365,7 +377,7 @@ def test_another_study_is_refused(
 ) -> None:
     """--resume with another seed, scene or driver names what differs, and leaves the folder as it is."""
     folder = copy_of(undisturbed, tmp_path / "out")
-    content = (folder / STORE_FILE).read_bytes()
+    content = (folder / RECORDS_FILE).read_bytes()
     tries: list[tuple[str, list[str | Path]]] = [
         ("seed", [scene, "--seed", "4"]),
         ("scene", [other_scene(scene, tmp_path)]),
@@ -374,10 +386,10 @@ def test_another_study_is_refused(
     for word, arguments in tries:
         outcome: Outcome = call(monkeypatch, capsys, "explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
         assert (outcome.code, outcome.err.count("\n")) == (2, 1)
-        assert f"{folder / STORE_FILE}: it was made with {word} " in outcome.err
+        assert f"{folder / RECORDS_FILE}: it was made with {word} " in outcome.err
         assert f"expected the same {word} to resume" in outcome.err
-        assert [path.name for path in folder.iterdir()] == [STORE_FILE]
-        assert (folder / STORE_FILE).read_bytes() == content
+        assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
+        assert (folder / RECORDS_FILE).read_bytes() == content
     outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder)
     assert outcome.code == 2
     assert "--resume" in outcome.err

@@ -14,8 +14,8 @@ from cases_spatial import box, scene
 from jld_core.build import build_assembly
 from jld_core.limit import SolveOptions
 from jld_core.scene import parse_scene
+from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Conflict, Enumeration, Exact, Formula, Record, possible_blocks
-from jld_explore.explore import ExploreSettings, explore
 from jld_explore.report import Exploration
 from jld_explore.space import canonical, feasible, search_space
 

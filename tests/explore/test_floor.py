@@ -11,6 +11,7 @@ from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import parse_scene
+from jld_explore import ExploreSettings, explore
 from jld_explore.evaluation import (
     BOUND,
     Evaluation,
@@ -21,7 +22,6 @@ from jld_explore.evaluation import (
     standing,
     worth,
 )
-from jld_explore.explore import ExploreSettings, explore
 from jld_explore.space import search_space
 
 NAN = float("nan")

@@ -22,7 +22,7 @@ from paths import SCENES
 CELLS = (
     "from pathlib import Path\n"
     "from jld_core import build_assembly, load_scene, solve\n"
-    "from jld_explore.explore import ExploreSettings, explore\n"
+    "from jld_explore import ExploreSettings, explore\n"
     "import sys\n"
     f"scene = load_scene({str(SCENES / 'flat_beam_arch.json')!r})\n"
     "assembly = build_assembly(scene)\n"

@@ -23,7 +23,7 @@ from jld_explore.drivers import Enumeration, make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, Workers, WorkerSpec, batch_size
 from jld_explore.report import results_table
 from jld_explore.space import search_space
-from jld_explore.study import StopReason, Study
+from jld_explore.study import ExploreSettings, StopReason, Study
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
@@ -163,7 +163,9 @@ def test_a_cluster_of_two_loses_one_worker(tmp_path: Path) -> None:
     space = search_space(scene, assembly)
 
     def study(folder: Path) -> Study:
-        return Study(scene, assembly, space, make_driver("genetic", space, 3), folder, seed=3, budget=250)
+        return Study(
+            scene, assembly, space, make_driver("genetic", space, 3), folder, ExploreSettings(seed=3, budget=250)
+        )
 
     reference = study(tmp_path / "alone")
     assert reference.run() is StopReason.BUDGET
@@ -185,5 +187,5 @@ def test_a_cluster_of_two_loses_one_worker(tmp_path: Path) -> None:
             assert not pids
     finally:
         cluster.close()
-    one, two = (results_table(s.store, assembly, space, "genetic").drop(columns="seconds") for s in (reference, away))
+    one, two = (results_table(s.records, assembly, space, "genetic").drop(columns="seconds") for s in (reference, away))
     assert one.equals(two)

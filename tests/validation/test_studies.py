@@ -18,7 +18,7 @@ from studies import (
 from studies.__main__ import STUDIES, gallery
 from studies.report import RESULTS
 
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore
 
 
 def written(out: Path, name: str, *endings: str) -> None:

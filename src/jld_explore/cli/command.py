@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 import json
 import os
@@ -9,8 +10,9 @@ import re
 import signal
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NoReturn
+from typing import Annotated, Any, Final, Literal, NoReturn, get_type_hints
 
 import typer
 
@@ -25,12 +27,13 @@ from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
+from jld_explore import ExploreSettings, explore
 from jld_explore.cli import exchange, plot, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.progress import ProgressBar
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore.drivers import DRIVERS, owners
 from jld_explore.report import (
     check_folder,
     check_writable,
@@ -198,7 +201,29 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
             figures.save_figure(figure, out / f"result{after}.{ending}")
 
 
+def _with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command that also takes what drivers take, with their words for it; they say themselves what is wrong."""
+    kinds = {name: list(owners(name)) for kind in DRIVERS.values() for name in kind.Options.model_fields}
+    types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
+    stated = inspect.signature(command).parameters
+    parameters = [p.replace(annotation=types[name]) for name, p in stated.items() if name in types]
+    for name, drivers in kinds.items():
+        field = drivers[0].Options.model_fields[name]
+        spoken = " and ".join(sorted(kind.name for kind in drivers))
+        words = f"{spoken.capitalize()} driver{'s' * (len(drivers) > 1)}: {field.description}."
+        types[name] = Annotated[str | None, typer.Option(help=words)]
+        parameters.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=types[name]))
+
+    def run(**given: Any) -> None:
+        command(**given)
+
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__, run.__doc__ = types, command.__doc__
+    return run
+
+
 @app.command(name="explore")
+@_with_driver_options
 def explore_command(
     scene: SceneFile,
     out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
@@ -220,14 +245,6 @@ def explore_command(
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Time limit.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
-    population: Annotated[int | None, typer.Option(min=4, help="Genetic driver: labellings alive.")] = None,
-    sampler: Annotated[str | None, typer.Option(help="Optuna driver: its sampler, by name.")] = None,
-    storage: Annotated[
-        str | None, typer.Option(help="Optuna driver: URL of its database; default: a file in the folder.")
-    ] = None,
-    aim: Annotated[
-        str | None, typer.Option(help="Exact and genetic drivers: best, or front (the best for every count).")
-    ] = None,
     strict: Strict = False,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
@@ -242,6 +259,7 @@ def explore_command(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
     ] = False,
+    **own: Any,
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
     parsed = load_scene(scene)
@@ -272,7 +290,7 @@ def explore_command(
         experiment=experiment_of,
         by_experiment=objective == "experiment",
         strict=strict,
-        options={"population": population, "sampler": sampler, "storage": storage, "aim": aim},
+        options=own,
     )
     announce = None if as_json else _say
     with ProgressBar(parsed.name) as bar:

@@ -10,16 +10,37 @@ more to propose, because its space is used up or because it gave up.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.arrays import Bits
-from jld_explore.evaluation import Evaluation
+from jld_core.errors import InputError
+from jld_explore.evaluation import Evaluation, Records
+from jld_explore.space import SearchSpace
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Aim = Literal["best", "front"]
+"""What a search is for: the largest λ, or the largest λ for every value of the scene's count."""
+
+
+class DriverOptions(BaseModel):
+    """What a driver takes beside its space and seed: one field an option, with its type, default and description.
+
+    The options of the command line, their help and what is said of a wrong one follow from these fields.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Driver(ABC):
-    """One strategy of search over the labellings of a search space.
+    """One strategy of search over the labellings of a search space; `name`, `ask` and `tell` make one.
+
+    space: what is searched. seed: of whatever chance it uses. One that is chosen by name takes its `Options` as
+    further arguments.
 
     What it proposes depends on its space, its seed and what it was told, never on time or on the number of
     workers. How asking is cut into portions may decide how far it looks ahead, so a study that is to be
@@ -27,7 +48,7 @@ class Driver(ABC):
     """
 
     remembers: ClassVar[bool] = False
-    """Whether `recall` does anything."""
+    """Whether `restore` does anything."""
 
     ahead: ClassVar[int] = 0
     """Portions a study asks before it tells the answers to an earlier one, so that asking and evaluating overlap."""
@@ -37,6 +58,23 @@ class Driver(ABC):
 
     name: ClassVar[str]
     """The word for it on the command line and in tables."""
+
+    Options: ClassVar[type[DriverOptions]] = DriverOptions
+    """What it may be told by name."""
+
+    def __init__(self, space: SearchSpace, seed: int = 0) -> None:
+        self.space, self.seed = space, seed
+
+    @classmethod
+    def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
+        """One for a space, with options by name. Raises InputError for one that is wrong."""
+        try:
+            options = cls.Options(**given)
+        except ValidationError as error:
+            raise _complaint(error.errors()[0]) from None
+        make: Any = cls
+        made: Self = make(space, seed, **{name: getattr(options, name) for name in cls.Options.model_fields})
+        return made
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -63,19 +101,23 @@ class Driver(ABC):
         """Whether there is more to do for a driver that came back with nothing because time is up."""
         return False
 
-    def attend(  # noqa: B027 – most ask in no time
-        self, deadline: float | None, pulse: Callable[[], None], folder: Path | None = None
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        """What the driver adds to the summary. results: the table; complete: it holds every class of the space."""
+        return {}
+
+    def start(  # noqa: B027 – most ask in no time
+        self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None
     ) -> None:
         """Told once before the first ask: when to come back from a long one, and what to call meanwhile.
 
-        deadline: as `time.perf_counter` counts, s. pulse: reports progress; signals are heard when it is called.
-        folder: of the study, for what the driver itself must not lose.
+        deadline: as `time.perf_counter` counts, s. heartbeat: reports progress; signals are heard when it is called.
+        records: of the study, for what the driver itself must not lose.
         """
 
-    def release(self) -> None:  # noqa: B027
+    def close(self) -> None:  # noqa: B027
         """Told once after the last ask: let go of files."""
 
-    def recall(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
+    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
         """What a study that is gone on with knows already; it is told again when it is asked again."""
 
     @abstractmethod
@@ -88,3 +130,16 @@ class Driver(ABC):
     @abstractmethod
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """What became of labellings (k, m) it was asked, in the same order."""
+
+
+def _complaint(error: Any) -> InputError:
+    """What is wrong with an option, in one line."""
+    context, given = error.get("ctx", {}), error["input"]
+    expected = {
+        "literal_error": f"one of {context.get('expected', '')}".replace("'", ""),
+        "greater_than_equal": f"a whole number greater than or equal to {context.get('ge')}",
+        "int_parsing": "a whole number",
+        "int_type": "a whole number",
+        "extra_forbidden": "an option that the driver has",
+    }.get(error["type"], error["msg"].lower())
+    return InputError("--" + str(error["loc"][0]).replace("_", "-"), f"{given!r} is wrong", expected)

@@ -67,13 +67,15 @@ class _Frontier:
 class Enumeration(Driver):
     """All classes of a search space, in an order that depends on the space alone.
 
-    space: the search space. rows: size of a frontier; it changes memory and speed, never the order.
+    space: the search space; seed: nothing hangs on it. rows: size of a frontier; it changes memory and speed, never
+    the order.
     """
 
     name = "enumeration"
 
-    def __init__(self, space: SearchSpace, rows: int | None = None) -> None:
-        self.space, self.search = space, space.search
+    def __init__(self, space: SearchSpace, seed: int = 0, *, rows: int | None = None) -> None:
+        super().__init__(space, seed)
+        self.search = space.search
         graph, elements = space.graph, space.assembly.elements
         # places: free elements in the order of decision, then supports, so that a block holds a free element
         # exactly where its name, the smallest place in it, is below the number of free elements

@@ -1,7 +1,7 @@
 """A genetic search: the library's selection, sorting and crowding, our operators, and a guess at what is worth it.
 
 Two objectives are NSGA-II: larger λ, and the count of the scene's front; one objective looks at λ alone. Far
-more children are made than evaluated: new ones wait in a **room**, and of those there the surrogate picks the
+more children are made than evaluated: new ones wait in a **pool**, and of those there the surrogate picks the
 ones it expects most of, whichever generation they are from. Where generations bring no progress, another
 population is begun at random; what was learned stays known, so it settles elsewhere.
 
@@ -12,11 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 
 from jld_core.arrays import Bits, Floats, Ints
+from jld_explore.drivers.base import Aim, DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
 from jld_explore.evaluation import Evaluation, front_counts, objectives, places
@@ -25,7 +27,7 @@ from jld_explore.space import SearchSpace
 CROSSING: Final = 0.5
 """Share of children with two parents; the others are changes of one."""
 
-NEWCOMERS: Final = 0.05
+IMMIGRANTS: Final = 0.05
 """Share of random labellings in a generation."""
 
 GREED: Final = 0.5
@@ -37,8 +39,8 @@ PATIENCE: Final = 8
 GENERATION: Final = 32
 """Children evaluated together."""
 
-ROOM: Final = 300
-"""Children that wait, at the most."""
+POOL: Final = 300
+"""Children in the pool, at the most."""
 
 _PER_KEY: Final = 1.5
 _SIZES: Final = (32, 48)
@@ -51,16 +53,24 @@ _SAME: Final = 6
 """Digits of λ that tell progress from rounding."""
 
 
+class GeneticOptions(DriverOptions):
+    """Options of the genetic driver."""
+
+    population: Annotated[int, Field(ge=4)] | None = Field(None, description="labellings alive")
+    aim: Aim = Field("front", description="best, or front (the best for every count)")
+
+
 class Genetic(Searcher):
     """A population of `population` labellings, of which GENERATION children are evaluated at a time.
 
-    population: by the size of the scene where it is not given. aims: 2 for λ and the scene's count, 1 for λ alone.
+    population: by the size of the scene where it is not given. aim: both objectives, or λ alone.
     """
 
     name = "genetic"
+    Options = GeneticOptions
     ahead: ClassVar[int] = 1
 
-    def __init__(self, space: SearchSpace, seed: int, population: int | None = None, aims: int = 2) -> None:
+    def __init__(self, space: SearchSpace, seed: int, population: int | None = None, aim: Aim = "front") -> None:
         from pymoo.operators.selection.tournament import TournamentSelection
         from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
         from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
@@ -68,15 +78,16 @@ class Genetic(Searcher):
         super().__init__(space, seed, GENERATION)
         if population is None:
             population = int(np.clip(_PER_KEY * self.operators.keys, *_SIZES))
-        self.population, self.aims = population, aims
+        self.population, self.aim = population, aim
+        self.aims = 2 if aim == "front" else 1
         self._generator = np.random.default_rng([seed, 1])
         self._selection: Any = TournamentSelection(func_comp=self._winners)
         self._surrogate = Surrogate(space)
         self._sort: Any = NonDominatedSorting().do
         self._crowd: Any = calc_crowding_distance
-        self._room, self._counts = self._none, np.empty(0)
+        self._pool, self._counts = self._none, np.empty(0)
         self._front = np.empty((0, 2))
-        self._news: list[tuple[Bits, Floats, Ints]] = []
+        self._pending: list[tuple[Bits, Floats, Ints]] = []
         self._proposed = self._told = 0
         self._begin()
 
@@ -84,46 +95,46 @@ class Genetic(Searcher):
         """Begin a population with what is proposed from now on."""
         self._first = self._proposed
         self._rows, self._place, self._values = self._none, np.empty(0, dtype=np.int64), np.empty((0, 2))
-        self._summit: list[tuple[str, ...]] = []
+        self._leaders: list[tuple[str, ...]] = []
         self._idle = 0
 
     @property
     def settings(self) -> dict[str, Any]:
         """Size of population, number of aims, and the library that selects."""
-        return {"population": self.population, "aims": self.aims, "pymoo": version("pymoo")}
+        return {"population": self.population, "aim": self.aim, "pymoo": version("pymoo")}
 
     def propose(self) -> Bits:
         """The next generation; those before anything of a population is known are drawn at random."""
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:
-            self.register.forget(self._room)
-            self._room, self._counts = self._none, np.empty(0)
+            self.register.forget(self._pool)
+            self._pool, self._counts = self._none, np.empty(0)
             self._begin()
         rows = self._generation() if len(self._rows) > 1 else self.fresh(self.draw, self.size)
         self._proposed += len(rows)
         return rows
 
     def _generation(self) -> Bits:
-        strangers = self.register.admit(self.draw(max(1, round(NEWCOMERS * self.size))))
+        immigrants = self.register.admit(self.draw(max(1, round(IMMIGRANTS * self.size))))
         children = self.register.admit(self._children(self.operators.offspring_factor * self.size))
-        self._room = np.concatenate([self._room, children])
+        self._pool = np.concatenate([self._pool, children])
         self._counts = np.concatenate([self._counts, front_counts(self.space, children)])
-        wanted = self.size - len(strangers)
-        if len(self._room) < wanted:  # all that this family can have is known by now
-            strangers = np.concatenate([strangers, self.fresh(self.draw, wanted - len(self._room))])
-        return np.concatenate([self._chosen(wanted), strangers])
+        wanted = self.size - len(immigrants)
+        if len(self._pool) < wanted:  # all that this family can have is known by now
+            immigrants = np.concatenate([immigrants, self.fresh(self.draw, wanted - len(self._pool))])
+        return np.concatenate([self._chosen(wanted), immigrants])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Keep what is known for the next generation."""
         if len(labellings) and self._rest is None:
-            self._news.append((labellings, objectives(self.space, labellings, evaluations), places(evaluations)))
+            self._pending.append((labellings, objectives(self.space, labellings, evaluations), places(evaluations)))
 
     def _learn(self) -> None:
         """Take in what was told, whatever the portions it came in."""
-        if not self._news:
+        if not self._pending:
             return
-        labellings, values, place = (np.concatenate(parts) for parts in zip(*self._news, strict=True))
-        self._news = []
+        labellings, values, place = (np.concatenate(parts) for parts in zip(*self._pending, strict=True))
+        self._pending = []
         good = place == 0
         worth = np.where(good, -values[:, 0], _BELOW * place)
         self._surrogate.learn(labellings, worth)
@@ -136,10 +147,10 @@ class Genetic(Searcher):
         self._place = np.concatenate([self._place, place[own]])
         self._values = np.concatenate([self._values, values[own]])
         self._survive()
-        leaders = self._values[(self._rank == 0) & (self._place == 0), : self.aims]
-        summit = sorted({tuple(f"{x:.{_SAME}g}" for x in row) for row in leaders.tolist()})
-        self._idle = 0 if summit != self._summit else self._idle + int(own.sum())
-        self._summit = summit
+        first = self._values[(self._rank == 0) & (self._place == 0), : self.aims]
+        leaders = sorted({tuple(f"{x:.{_SAME}g}" for x in row) for row in first.tolist()})
+        self._idle = 0 if leaders != self._leaders else self._idle + int(own.sum())
+        self._leaders = leaders
 
     def _survive(self) -> None:
         """Keep the best of the population, with their ranks and crowding."""
@@ -166,8 +177,8 @@ class Genetic(Searcher):
         return self.operators.breed(first[:crossed], images, first[crossed:], self.rng)
 
     def _chosen(self, wanted: int) -> Bits:
-        """Take the most promising out of the room; of the others the most promising stay."""
-        guess = self._surrogate.guess(self._room)
+        """Take the most promising out of the pool; of the others the most promising stay."""
+        guess = self._surrogate.guess(self._pool)
         order = np.argsort(-guess, kind="stable")
         taken = order[: wanted if self.aims == 1 else -(-wanted // 2)]
         order = order[len(taken) :]
@@ -176,10 +187,10 @@ class Genetic(Searcher):
             gain = guess - self._surrogate.share(self._envelope(self._counts))
             second = order[np.argsort(-gain[order], kind="stable")[: wanted - len(taken)]]
             taken, order = np.concatenate([taken, second]), order[~np.isin(order, second)]
-        rows = self._room[taken]
-        self.register.forget(self._room[order[ROOM:]])
-        stay = np.sort(order[:ROOM])
-        self._room, self._counts = self._room[stay], self._counts[stay]
+        rows = self._pool[taken]
+        self.register.forget(self._pool[order[POOL:]])
+        stay = np.sort(order[:POOL])
+        self._pool, self._counts = self._pool[stay], self._counts[stay]
         return rows
 
     def _envelope(self, counts: Floats) -> Floats:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
+from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, standing
 from jld_explore.space import SearchSpace, feasible, keys
@@ -27,11 +29,18 @@ class _Climber:
     stalled: int = 0
 
 
+class HillClimbOptions(DriverOptions):
+    """Options of the hillclimb driver."""
+
+    start: str | None = Field(None, description="letters d and i of the labelling that all climbers begin at")
+
+
 class HillClimb(Searcher):
     """Each climber tries `neighbours` changes of its labelling a round and steps to the best of them where
     that is better; after `rounds` rounds without a step it starts again from a random labelling."""
 
     name = "hillclimb"
+    Options = HillClimbOptions
     ahead: ClassVar[int] = 1
 
     def __init__(
@@ -48,7 +57,7 @@ class HillClimb(Searcher):
         Raises InputError where it is not in the space.
         """
         super().__init__(space, seed, climbers * neighbours)
-        self.neighbours, self.rounds, self.start = neighbours, rounds, start
+        self.neighbours, self.rounds, self.begin_at = neighbours, rounds, start
         self._climbers = [_Climber() for _ in range(climbers)]
         self._owner: dict[bytes, int] = {}
         self._first: Bits | None = None
@@ -62,7 +71,7 @@ class HillClimb(Searcher):
     @property
     def settings(self) -> dict[str, Any]:
         """Where it begins."""
-        return {} if self.start is None else {"start": self.start}
+        return {} if self.begin_at is None else {"start": self.begin_at}
 
     def propose(self) -> Bits:
         """The neighbours of every climber, and random starts for those that begin; at first the given start."""

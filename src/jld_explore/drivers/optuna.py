@@ -14,23 +14,27 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import optuna
-from optuna.distributions import BaseDistribution, FloatDistribution
-from optuna.storages import RDBStorage
-from optuna.study import StudyDirection
-from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
+from pydantic import Field
 
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import Status
+from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation, objectives
+from jld_explore.evaluation import Evaluation, Records, objectives
 from jld_explore.space import SearchSpace, canonical, keys, to_string
+
+if TYPE_CHECKING:
+    import optuna
+    from optuna.distributions import BaseDistribution
+    from optuna.study import StudyDirection
+    from optuna.trial import FrozenTrial, Trial
 
 FILE: Final = "optuna.sqlite3"
 """Name of the default storage in the folder of a study."""
@@ -44,6 +48,8 @@ _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
 
 def sampler_names() -> list[str]:
     """Names that `--sampler` takes."""
+    import optuna  # here and below: slow to import, and only for those who ask for it
+
     names = [name.removesuffix("Sampler") for name in dir(optuna.samplers) if name.endswith("Sampler")]
     return sorted(name for name in names if name not in _NOT_FOR_KEYS)
 
@@ -58,6 +64,8 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
     def plain(text: str) -> str:
         return re.sub(r"[^a-z0-9]", "", text.lower()).removesuffix("sampler")
 
+    import optuna
+
     known = {plain(other): other for other in sampler_names()}
     if plain(name) not in known:
         raise InputError("--sampler", f"no sampler is named {name!r}", "one of " + ", ".join(known.values()))
@@ -70,45 +78,61 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
     return known[plain(name)], sampler
 
 
+class OptunaOptions(DriverOptions):
+    """Options of the optuna driver."""
+
+    sampler: str = Field("TPE", description="its sampler, by name")
+    storage: str | None = Field(None, description="URL of its database; default: a file in the folder")
+
+
 class Optuna(Searcher):
     """Trials of one sampler, `size` in flight.
 
-    sampler: its name. storage: URL of a database, a file to make one in, or None for none. title: the
-    study's name there. Samplers made for several objectives get two, λ and the scene's count; others λ alone.
+    sampler: its name. storage: URL of a database; a file in the folder of the study where none is given. Samplers made
+    for several objectives get two, λ and the scene's count; others λ alone.
     """
 
     name = "optuna"
+    Options = OptunaOptions
 
     def __init__(
-        self,
-        space: SearchSpace,
-        seed: int,
-        sampler: str = "TPE",
-        storage: str | Path | None = None,
-        title: str = "jld",
-        size: int = 16,
+        self, space: SearchSpace, seed: int, sampler: str = "TPE", storage: str | None = None, size: int = 16
     ) -> None:
+        import optuna
+        from optuna.distributions import FloatDistribution
+        from optuna.study import StudyDirection
+
         super().__init__(space, seed, size)
         optuna.logging.set_verbosity(optuna.logging.WARNING)  # its log would land among our own output
         self.sampler, chosen = make_sampler(sampler, seed)
         self.aims = 2 if self.sampler.startswith("NSGA") else 1
-        directions = [StudyDirection.MINIMIZE] * self.aims
-        self._study = optuna.create_study(sampler=chosen, directions=directions, study_name=title)
+        self._directions = [StudyDirection.MINIMIZE] * self.aims
+        self._study = optuna.create_study(sampler=chosen, directions=self._directions)
+        self._copy = Copy(storage, self._directions)
         width = len(str(self.operators.keys))
         self._space: dict[str, BaseDistribution] = {
             f"key{number:0{width}d}": FloatDistribution(0.0, 1.0) for number in range(self.operators.keys)
         }
         self._known: dict[bytes, tuple[Evaluation, list[float]]] = {}
         self._waiting: dict[bytes, list[Trial]] = {}
-        self._copy = Copy(storage, title, directions)
+
+    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        """See `Driver.start`: finished trials are copied from here on."""
+        if records is not None:
+            known = records.header
+            scene, objective = str(known.get("scene"))[:12], known.get("objective")
+            facts = (self.space.assembly.name, scene, objective, self.sampler, self.seed)
+            self._copy.open("jld " + " ".join(str(fact) for fact in facts), records.folder / FILE)
 
     @property
     def settings(self) -> dict[str, Any]:
         """What the sequence of proposals depends on besides space and seed."""
-        return {"sampler": self.sampler, "size": self.size, "optuna": optuna.__version__}
+        return {"sampler": self.sampler, "size": self.size, "optuna": version("optuna")}
 
     def propose(self) -> Bits:
         """The labellings of new trials, filled up at random where trials keep meeting known classes."""
+        from optuna.trial import TrialState
+
         rows: list[Bits] = []
         for _ in range(2 * self.size):
             trial = self._study.ask(self._space)
@@ -143,6 +167,8 @@ class Optuna(Searcher):
         self._copy.write()
 
     def _finish(self, trial: Trial, key: bytes, labels: Bits) -> None:
+        from optuna.trial import TrialState
+
         found, value = self._known[key]
         if found.status is Status.COLLAPSE:
             frozen = self._study.tell(trial, value)
@@ -151,6 +177,8 @@ class Optuna(Searcher):
         self._copy.add(frozen, _attributes(labels, found))
 
     def _add(self, labels: Bits, found: Evaluation, value: list[float]) -> None:
+        from optuna.trial import TrialState, create_trial
+
         params = dict(zip(self._space, self.operators.write(labels), strict=True))
         collapsed = found.status is Status.COLLAPSE
         frozen = create_trial(
@@ -169,55 +197,70 @@ def _attributes(labels: Bits, found: Evaluation) -> dict[str, Any]:
 
 
 class Copy:
-    """Finished trials, copied in order into a storage; those it holds already are left as they are."""
+    """Finished trials, copied in order into a storage; those it holds already are left as they are.
 
-    def __init__(self, storage: str | Path | None, title: str, directions: list[StudyDirection]) -> None:
-        self._storage, self._title, self._directions = storage, title, directions
+    url: of the storage, None for a file that is named when it is opened. Raises InputError for one that cannot be used.
+    """
+
+    def __init__(self, url: str | None, directions: list[StudyDirection]) -> None:
+        self._directions = directions
+        self._storage: Any = None if url is None else _storage(url)
         self._study: optuna.Study | None = None
         self._waiting: list[FrozenTrial] = []
         self._there = 0
-        if isinstance(storage, str):
-            self._open()
+
+    def open(self, title: str, file: Path) -> None:
+        """Begin to copy. title: of the study in the storage. file: where no other storage was named."""
+        import optuna
+        from sqlalchemy.exc import SQLAlchemyError
+
+        own = self._storage is None
+        if own:
+            self._storage = _storage(f"sqlite:///{file}", hurry=True)
+        try:
+            self._study = optuna.create_study(
+                storage=self._storage, study_name=title, directions=self._directions, load_if_exists=True
+            )
+            self._there = len(self._study.get_trials(deepcopy=False))
+        except SQLAlchemyError as error:
+            raise _unusable(str(file) if own else title, error) from None
 
     def add(self, trial: FrozenTrial, attributes: dict[str, Any]) -> None:
         """Take a trial to be written."""
-        if self._storage is not None:
+        if self._study is not None:
             trial.user_attrs = {**trial.user_attrs, **attributes}
             self._waiting.append(trial)
 
     def write(self) -> None:
         """Write what waits."""
-        if self._storage is None:
+        if self._study is None:
             return
-        study = self._study or self._open()
         for trial in self._waiting:
             if self._there > 0:
                 self._there -= 1
             else:
-                study.add_trial(trial)
+                self._study.add_trial(trial)
         self._waiting = []
 
-    def _open(self) -> optuna.Study:
-        """Open the storage; a file only now, because its folder is made after the driver."""
-        from sqlalchemy import event
-        from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
-        file = isinstance(self._storage, Path)
-        url = f"sqlite:///{self._storage}" if file else str(self._storage)
-        try:
-            storage = RDBStorage(url)
-            if file:
-                # our own store is the record and this a copy: no need to wait for the disk
-                event.listen(storage.engine, "connect", _hurry)
-                storage.engine.dispose()
-            self._study = optuna.create_study(
-                storage=storage, study_name=self._title, directions=self._directions, load_if_exists=True
-            )
-        except (ArgumentError, SQLAlchemyError, ImportError) as error:
-            problem = f"{url!r} cannot be used ({str(error).splitlines()[0]})"
-            raise InputError("--storage", problem, "the URL of a database") from None
-        self._there = len(self._study.get_trials(deepcopy=False))
-        return self._study
+def _storage(url: str, *, hurry: bool = False) -> Any:
+    from optuna.storages import RDBStorage
+    from sqlalchemy import event
+    from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+
+    try:
+        storage = RDBStorage(url)
+    except (ArgumentError, SQLAlchemyError, ImportError) as error:
+        raise _unusable(url, error) from None
+    if hurry:
+        # our own record is the one that counts, and this a copy: no need to wait for the disk
+        event.listen(storage.engine, "connect", _hurry)
+        storage.engine.dispose()
+    return storage
+
+
+def _unusable(url: str, error: Exception) -> InputError:
+    return InputError("--storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")
 
 
 def _hurry(connection: Any, _: Any) -> None:

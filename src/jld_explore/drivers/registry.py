@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import Any, Final
 
 from jld_core.errors import InputError
@@ -11,43 +11,29 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact import Exact
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
+from jld_explore.drivers.optuna import Optuna
 from jld_explore.drivers.random import Random
 from jld_explore.space import SearchSpace
 
-
-def _optuna(space: SearchSpace, seed: int, **options: Any) -> Driver:
-    from jld_explore.drivers.optuna import Optuna  # slow to import, and only for those who ask for it
-
-    return Optuna(space, seed, **options)
-
-
-def _genetic(space: SearchSpace, seed: int, aim: str = "front", **options: Any) -> Driver:
-    if aim not in AIMS:
-        raise InputError("--aim", f"there is no aim {aim!r}", "best or front")
-    return Genetic(space, seed, aims=AIMS[aim], **options)
-
-
-AIMS: Final = {"best": 1, "front": 2}
-"""Number of objectives of the genetic driver: λ alone, or λ and the count of the scene's front."""
-
-DRIVERS: Final[dict[str, Callable[..., Driver]]] = {
-    "enumeration": lambda space, seed: Enumeration(space),
-    "random": Random,
-    "hillclimb": HillClimb,
-    "genetic": _genetic,
-    "optuna": _optuna,
-    "exact": Exact,
+DRIVERS: Final[dict[str, type[Driver]]] = {
+    kind.name: kind for kind in (Enumeration, Random, HillClimb, Genetic, Optuna, Exact)
 }
+"""All that go by a name; one of your own that is put here goes by its name as well."""
 
-OPTIONS: Final[dict[str, tuple[str, ...]]] = {
-    "genetic": ("population", "aim"),
-    "exact": ("aim",),
-    "hillclimb": ("start",),
-    "optuna": ("sampler", "storage", "title"),
-}
-"""Options that the drivers take from a study, beside space and seed."""
+
+def owners(option: str) -> Iterator[type[Driver]]:
+    """The drivers that take an option."""
+    return (kind for kind in DRIVERS.values() if option in kind.Options.model_fields)
 
 
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:
-    """A fresh driver for a space. name: one of DRIVERS; options: the driver's own."""
-    return DRIVERS[name](space, seed, **options)
+    """A fresh driver for a space. name: one of DRIVERS; options: the driver's own, None for its default.
+
+    Raises InputError for an option that is wrong, or that is another driver's.
+    """
+    given = {key: value for key, value in options.items() if value is not None}
+    for key in given:
+        if key not in DRIVERS[name].Options.model_fields:
+            others = " or ".join(f"--driver {kind.name}" for kind in owners(key)) or "an option that it has"
+            raise InputError(f"--{key}", f"the driver {name} has no such option", others)
+    return DRIVERS[name].made(space, seed, given)

@@ -55,7 +55,8 @@ class Searcher(Driver):
     """A driver that proposes by chance. It makes `size` proposals at a time, whatever portions are asked."""
 
     def __init__(self, space: SearchSpace, seed: int, size: int) -> None:
-        self.space, self.size = space, size
+        super().__init__(space, seed)
+        self.size = size
         self.rng = BufferedRandom(np.random.default_rng(seed))
         self.operators: Operators = operators(space)
         self.register = Register(space)

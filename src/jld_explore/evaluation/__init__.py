@@ -44,20 +44,20 @@ from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kerne
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import ORDER, front_counts, objectives, places, standing, worth
-from jld_explore.evaluation.records import STORE_FILE, Store, record_type, settled, statuses
-from jld_explore.evaluation.with_certificates import CERTIFICATES_FILE, Archive, CertificateEvaluator
+from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
+from jld_explore.evaluation.records import RECORDS_FILE, Records, record_type, settled, statuses
+from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
 from jld_explore.evaluation.workers import Run, Workers, WorkerSpec, batch_size
 
 __all__ = [
     "BOUND",
     "CERTIFICATE",
-    "CERTIFICATES_FILE",
     "FAILED",
     "ORDER",
-    "STORE_FILE",
-    "Archive",
+    "RECORDS_FILE",
     "Bounds",
     "CertificateEvaluator",
+    "Evaluating",
     "Evaluation",
     "Evaluator",
     "EvaluatorSettings",
@@ -67,13 +67,16 @@ __all__ = [
     "Mechanism",
     "Pool",
     "Proofs",
+    "RecordedEvaluator",
+    "Records",
     "Run",
-    "Store",
+    "Sent",
     "Vertex",
     "WorkerSpec",
     "Workers",
     "batch_size",
     "front_counts",
+    "is_small",
     "kernel_settles",
     "objectives",
     "places",

@@ -20,7 +20,7 @@ class CasesEvaluator:
         self._each = [Evaluator(case, settings) for case in assembly.by_case]
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, company: Bits | None = None, deadline: float | None = None
+        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of the governing factor.
 
@@ -31,15 +31,15 @@ class CasesEvaluator:
         for evaluator, factor in zip(self._each, self._required, strict=True):
             # a case that is worth less than the floor is worth no more by another
             own = None if floors is None else floors[:count] * factor
-            answers = evaluator.evaluate_all(labellings[:count], own, company, deadline)
+            answers = evaluator.evaluate_all(labellings[:count], own, waiting, deadline)
             found.append(answers)
             count = len(answers)
         return [self._together([answers[k] for answers in found]) for k in range(count)]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, company: Bits | None = None) -> Evaluation:
+    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
         """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of the governing factor."""
         pairs = zip(self._each, self._required, strict=True)
-        return self._together([each.evaluate(labels, floor * factor, company) for each, factor in pairs])
+        return self._together([each.evaluate(labels, floor * factor, waiting) for each, factor in pairs])
 
     def _together(self, cases: list[Evaluation]) -> Evaluation:
         known = [Known(one.status, one.low, one.high, one.load_factor) for one in cases]

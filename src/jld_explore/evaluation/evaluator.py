@@ -54,11 +54,11 @@ class Evaluator:
         self._batch = Batch.of(self._analysis) if settings.in_lanes else None
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, company: Bits | None = None, deadline: float | None = None
+        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m), many at once where the kernel can, the others one by one.
 
-        floors: (k,), company: see `evaluate`. deadline: time since the epoch, s, after which no further labelling is
+        floors: (k,), waiting: see `evaluate`. deadline: time since the epoch, s, after which no further labelling is
         begun: evaluations are then of the first labellings only. Each depends on its own labelling alone.
         """
         if deadline is not None and time.time() >= deadline:
@@ -70,7 +70,7 @@ class Evaluator:
             if evaluation is None:
                 if deadline is not None and time.time() >= deadline:
                     break
-                evaluation = self.evaluate(labels, floor, company)
+                evaluation = self.evaluate(labels, floor, waiting)
             found.append(evaluation)
         return found
 
@@ -91,16 +91,16 @@ class Evaluator:
             )
         return found
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, company: Bits | None = None) -> Evaluation:
+    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
         """Evaluate one labelling.
 
         labels: (m,) True dry. floor: λ, scene units, at or below which a labelling does not matter; it is not
-        solved without dilation where its associative λ is no larger. company: (k, m) labellings that wait as
+        solved without dilation where its associative λ is no larger. waiting: (k, m) labellings that wait as
         well, and that proofs had better say something about.
         """
         start = time.perf_counter()
         if self._prove:
-            found = self._at_a_vertex(labels, company, start)
+            found = self._at_a_vertex(labels, waiting, start)
             if found is not None:
                 return found
         proof = solve_labelling(self._analysis, labels, self.settings.model, floor=floor)
@@ -138,14 +138,14 @@ class Evaluator:
             seconds=time.perf_counter() - start,
         )
 
-    def _at_a_vertex(self, labels: Bits, company: Bits | None, start: float) -> Evaluation | None:
+    def _at_a_vertex(self, labels: Bits, waiting: Bits | None, start: float) -> Evaluation | None:
         """The evaluation by the force method; None where its vertex does not prove a narrow bracket."""
         if self._force_method is None:
             own = self._analysis
             self._force_method = ForceMethod(own.template, own.prover, own.interior)
         if not self._force_method.usable:
             return None
-        vertex = self._force_method.solve(labels, company)
+        vertex = self._force_method.solve(labels, waiting)
         if vertex is None:
             return None
         proof = Proof()

@@ -110,22 +110,22 @@ class ForceMethod:
 
     # --- one labelling ----------------------------------------------------------------------------------
 
-    def solve(self, labels: Bits, company: Bits | None = None) -> Vertex | None:
+    def solve(self, labels: Bits, waiting: Bits | None = None) -> Vertex | None:
         """The best forces and mechanism of one labelling; None where none were found that prove anything.
 
-        labels: (m,) True dry. company: (k, m) labellings that the forces had better carry as well.
+        labels: (m,) True dry. waiting: (k, m) labellings that the forces had better carry as well.
         """
-        found = self._solve(labels, company, _MARGIN)
+        found = self._solve(labels, waiting, _MARGIN)
         if found is not None and (found.state is None or found.state.admissible):
             return found
         # sets that leave no room at all: no margin can be kept
         try:
             self._price(_TIE)
-            return self._solve(labels, company, 0.0)
+            return self._solve(labels, waiting, 0.0)
         finally:
             self._price(-_MARGIN)
 
-    def _solve(self, labels: Bits, company: Bits | None, margin: float) -> Vertex | None:
+    def _solve(self, labels: Bits, waiting: Bits | None, margin: float) -> Vertex | None:
         own = labels[self._face] == self._dry
         if not self._run(np.where(own, _CAP, 0.0), anew=bool(margin)):
             return None
@@ -144,10 +144,10 @@ class ForceMethod:
             self._price(0.0)
             if not self._run(np.where(own, _CAP, 0.0)):
                 return None
-        family = self._family(mechanism, motion.bound, labels, company)
+        family = self._family(mechanism, motion.bound, labels, waiting)
         points = [self._point()]
         # where it is known for whom, and there is nobody, nothing is gained by other forces
-        for _ in range(_PASSES if company is None or family is not None else 0):
+        for _ in range(_PASSES if waiting is None or family is not None else 0):
             wishes = self._wishes(points[-1], labels, own, family)
             if wishes is None or not self._run(np.where(own, _CAP, _WISH * wishes)):
                 break
@@ -188,15 +188,15 @@ class ForceMethod:
 
     # --- wishes -----------------------------------------------------------------------------------------
 
-    def _family(self, mechanism: Mechanism, bound: float, labels: Bits, company: Bits | None) -> Bits | None:
-        """Others of the company that the mechanism gives the same bound; None where there are none."""
-        if company is None:
+    def _family(self, mechanism: Mechanism, bound: float, labels: Bits, waiting: Bits | None) -> Bits | None:
+        """Others of the waiting that the mechanism gives the same bound; None where there are none."""
+        if waiting is None:
             return None
-        if self._asked[0] is not company:
-            self._asked = company, company.astype(np.float64)
+        if self._asked[0] is not waiting:
+            self._asked = waiting, waiting.astype(np.float64)
         dry, inner = np.minimum(mechanism.dry, _BEYOND), np.minimum(mechanism.inner, _BEYOND)
         value = mechanism.constant + inner.sum() + self._asked[1] @ (dry - inner)
-        family = company[abs(value - bound) <= _SAME * max(abs(bound), self._floor)]
+        family = waiting[abs(value - bound) <= _SAME * max(abs(bound), self._floor)]
         family = family[(family != labels).any(axis=1)]
         return family if len(family) else None
 

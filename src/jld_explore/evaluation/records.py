@@ -1,132 +1,197 @@
-"""The one record of a study: append-only, fsynced, repaired where it was torn.
+"""The record of a study: one SQLite file of evaluations, of what their solves prove, and of conflicts.
 
-The file is a header, one line of JSON, followed by records of fixed size that each carry a checksum. Tables,
-fronts and pictures are pure functions of it, so to resume is to replay.
+What belongs together is one transaction: a labelling is on record with all that its solve proved, or not at all, so a
+kill at any moment loses nothing that was finished and leaves nothing half-written. One process at a time has it open to
+write; anybody may read it meanwhile. Tables, fronts and pictures are pure functions of it, so to resume is to replay.
+
+Numbers are in scene units, blank (NULL) where not computed. Every row carries a checksum of its content, so that a
+flipped bit is found where SQLite itself would not look.
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+import sqlite3
+import sys
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import Status
+from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
 
-STORE_FILE = "evaluations.jld"
-SYNC = 0.2
+if sys.platform != "win32":
+    import fcntl
+
+RECORDS_FILE: Final = "records.sqlite3"
+SYNC: Final = 0.2
 """Seconds after which what was written is waited for until the disk has it: a wait costs as much as some solves."""
 
-_STATUSES = tuple(Status)
-_SETTLED = (SOLVE, CERTIFICATE, BOUND)
+_PATIENCE: Final = 5.0
+"""Seconds to wait for those who read: to begin a file anew they must be done."""
+
+_STATUSES: Final = tuple(Status)
+_SETTLED: Final = (SOLVE, CERTIFICATE, BOUND)
+_NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
+_FORMAT: Final = 2
+
+_TABLES: Final = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
+CREATE TABLE evaluations (
+  id INTEGER PRIMARY KEY /* in the order in which they were finished */,
+  labelling BLOB NOT NULL /* a bit for each face of faces.csv, the first the highest, 1 dry: see hex(labelling) */,
+  multiplicity INTEGER NOT NULL, status TEXT NOT NULL, settled TEXT NOT NULL,
+  low REAL, high REAL, associative REAL, zero_dilation REAL, seconds REAL,
+  governing INTEGER NOT NULL /* position of the load case that governs, -1 of one load alone */,
+  cases BLOB NOT NULL /* a float64 for each load case: its load factor */, checksum INTEGER NOT NULL);
+CREATE TABLE proofs (
+  evaluation INTEGER NOT NULL, number INTEGER NOT NULL,
+  kind TEXT NOT NULL /* forces, a mechanism, or one that falls under the dead load alone */,
+  value REAL NOT NULL /* scaled load of forces, constant of a mechanism */,
+  dry BLOB NOT NULL, inner BLOB NOT NULL /* of forces a bit, of mechanisms a float64 for each face under that label */,
+  checksum INTEGER NOT NULL, PRIMARY KEY (evaluation, number)) WITHOUT ROWID;
+CREATE TABLE conflicts (
+  id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL, checksum INTEGER NOT NULL);
+"""
 
 
-def record_type(faces: int) -> np.dtype[np.void]:
-    """Layout of one record for scenes of m faces: labelling packed to bits, numbers in scene units, checksum."""
-    return np.dtype(
-        [
-            ("labelling", "u1", ((faces + 7) // 8,)),
-            ("multiplicity", "<u4"),
-            ("status", "u1"),
-            ("settled", "u1"),
-            ("low", "<f8"),
-            ("high", "<f8"),
-            ("associative", "<f8"),
-            ("zero_dilation", "<f8"),
-            ("seconds", "<f8"),
-            ("checksum", "<u4"),
-        ]
-    )
+def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
+    """Layout of one evaluation for scenes of m faces and c load cases: labelling packed to bits, codes, numbers in
+    scene units."""
+    fields = [(name, "<f8") for name in _NUMBERS]
+    head = [("labelling", "u1", ((faces + 7) // 8,)), ("multiplicity", "<u4"), ("status", "u1"), ("settled", "u1")]
+    return np.dtype([*head, *fields, ("governing", "<i4"), ("cases", "<f8", (cases,))])
 
 
-class Store:
-    """Evaluations of one study on disk; written by the parent process alone.
+class Records:
+    """What is known of one study, on disk; written by the parent process alone.
 
-    first: called before records are waited for, to wait for what they rely on.
+    folder: made where it is not there. header: what a study that goes on must agree with. faces: m. cases: load cases.
+    Raises InputError: another process has it open, it is damaged, or of another study; OSError with the name of the
+    file where the disk does not do as asked.
     """
 
-    def __init__(self, folder: Path, header: dict[str, Any], faces: int) -> None:
-        self.path = folder / STORE_FILE
-        self.first: Callable[[], None] | None = None
-        self.faces = faces
-        self.type = record_type(faces)
+    def __init__(self, folder: Path, header: dict[str, Any], faces: int, cases: int = 0) -> None:
+        self.folder, self.path, self.faces, self.header = folder, folder / RECORDS_FILE, faces, header
+        self.type = record_type(faces, cases)
         self._table = np.empty(0, dtype=self.type)
         self._count = 0
+        self._index: dict[bytes, int] = {}
         self._synced = time.monotonic()
-        line = (
-            json.dumps({"jld": "evaluations", "format": 1, "faces": faces, **header}, sort_keys=True) + "\n"
-        ).encode()
-        self.repaired = 0
-        if self.path.exists() and self._read(line):
-            self._file = open(self.path, "r+b", buffering=0)  # noqa: SIM115 – open as long as the study
-            self._file.seek(0, os.SEEK_END)
-        else:
-            folder.mkdir(parents=True, exist_ok=True)
-            fresh = self.path.with_suffix(".new")
-            with open(fresh, "wb") as file:
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(fresh, self.path)
-            _sync_folder(folder)
-            self._file = open(self.path, "ab", buffering=0)  # noqa: SIM115
-        self._index = dict(zip(self._keys(self.rows), range(self._count), strict=True))
+        folder.mkdir(parents=True, exist_ok=True)
+        wanted = {"jld": "records", "format": _FORMAT, "faces": faces, **header}
+        self._file: Any = None
+        self._lock = _Lock(folder)
+        try:
+            with self._told():
+                self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
+                self._open(wanted)
+        except BaseException:
+            self.close()
+            raise
 
-    def _read(self, line: bytes) -> bool:
-        """Take in an existing file, cut off a torn tail; False where not even its header is whole."""
-        content = self.path.read_bytes()
-        end = content.find(b"\n") + 1
-        if end == 0:
-            return False
-        _compare_headers(str(self.path), content[:end], line)
-        size = self.type.itemsize
-        whole = np.frombuffer(content, dtype=self.type, offset=end, count=(len(content) - end) // size)
-        raw = memoryview(content)[end:]
-        sums = whole["checksum"].tolist()
-        good = next(
-            (n for n, known in enumerate(sums) if zlib.crc32(raw[n * size : (n + 1) * size - 4]) != known),
-            len(whole),
-        )
-        self._table, self._count = whole[:good].copy(), good
-        kept = end + good * size
-        self.repaired = len(content) - kept
-        if self.repaired:
-            with open(self.path, "r+b") as file:
-                file.truncate(kept)
-                os.fsync(file.fileno())
-        return True
+    def _open(self, wanted: dict[str, Any]) -> None:
+        """Make the tables of a file that has none, else take in what it holds."""
+        if sys.platform == "win32":
+            self._file.execute("PRAGMA locking_mode=EXCLUSIVE")
+        self._file.execute("PRAGMA journal_mode=WAL")
+        self._file.execute("PRAGMA synchronous=NORMAL")
+        names = {name for (name,) in self._file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not names:
+            with self._transaction():
+                for statement in _TABLES.split(";")[:-1]:
+                    self._file.execute(statement)
+                rows = [(key, json.dumps(value)) for key, value in wanted.items()]
+                self._file.executemany("INSERT INTO meta VALUES (?, ?)", rows)
+            return
+        if not names >= {"meta", "evaluations", "proofs", "conflicts"}:
+            raise self._damaged("it holds other tables")
+        found = {key: _parsed(value) for key, value in self._file.execute("SELECT key, value FROM meta")}
+        _compare(str(self.path), found, json.loads(json.dumps(wanted)))
+        self._read()
+
+    # --- evaluations ------------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        """Take in all evaluations. Raises InputError for one that is not as it was written."""
+        names = ("labelling", "multiplicity", "status", "settled", *_NUMBERS, "governing", "cases", "checksum")
+        content = self._file.execute(f"SELECT {', '.join(names)} FROM evaluations ORDER BY id").fetchall()
+        rows = np.zeros(len(content), dtype=self.type)
+        if content:
+            columns = dict(zip(names, zip(*content, strict=True), strict=True))
+            del content
+            try:
+                self._index = dict(zip(columns["labelling"], range(len(rows)), strict=True))
+                width = self.type["labelling"].itemsize
+                packed = np.frombuffer(b"".join(columns["labelling"]), np.uint8)
+                rows["labelling"] = packed.reshape(len(rows), width)
+                rows["multiplicity"] = columns["multiplicity"]
+                rows["status"] = [_CODES[name] for name in columns["status"]]
+                rows["settled"] = [_SETTLED_CODES[name] for name in columns["settled"]]
+                for name in _NUMBERS:
+                    rows[name] = np.array(columns[name], dtype=np.float64)
+                rows["governing"] = columns["governing"]
+                values = np.frombuffer(b"".join(columns["cases"]), "<f8")
+                rows["cases"] = values.reshape(rows["cases"].shape)
+                good = [a == b for a, b in zip(_checksums(rows), columns["checksum"], strict=True)]
+            except (KeyError, TypeError, ValueError, OverflowError):
+                raise self._damaged("a record holds what none can") from None
+            if not all(good) or len(self._index) < len(rows):
+                wrong = good.index(False) + 1 if not all(good) else "twice"
+                raise self._damaged(f"record {wrong} is not as it was written")
+        self._table, self._count = rows, len(rows)
 
     @property
     def rows(self) -> NDArray[np.void]:
-        """All records, in the order in which they were finished."""
+        """All evaluations, in the order in which they were finished, as `record_type` lays them out."""
         return self._table[: self._count]
 
-    def _keys(self, rows: NDArray[np.void]) -> list[bytes]:
-        """The packed labelling of each record."""
-        width = self.type["labelling"].itemsize
-        content = rows["labelling"].tobytes()
-        return [content[n : n + width] for n in range(0, len(content), width)]
-
     def __len__(self) -> int:
-        return len(self._index)
+        return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """What the store knows of a labelling (m,), or None."""
+        """What is known of a labelling (m,), its proofs apart; None where nothing is."""
         position = self._index.get(np.packbits(labelling).tobytes())
         return None if position is None else _evaluation(self._table[position])
 
+    def proofs(self, labelling: Bits) -> Proofs:
+        """What the solve of a labelling (m,) on record proved about others."""
+        position = self._index[np.packbits(labelling).tobytes()]
+        columns = "kind, value, dry, inner, checksum"
+        with self._told():
+            found = self._file.execute(
+                f"SELECT {columns} FROM proofs WHERE evaluation = ? ORDER BY number", (position + 1,)
+            ).fetchall()
+        forces, mechanisms = [], []
+        try:
+            for kind, value, dry, inner, checksum in found:
+                if _checksum(kind, value, dry, inner) != checksum:
+                    raise ValueError
+                if kind == "forces":
+                    masks = [np.unpackbits(np.frombuffer(x, np.uint8), count=self.faces) > 0 for x in (dry, inner)]
+                    forces.append(Forces(value, masks[0], masks[1]))
+                else:
+                    costs = [np.frombuffer(x, "<f8", self.faces) for x in (dry, inner)]
+                    mechanisms.append(Mechanism(value, costs[0], costs[1], kind == "falls"))
+        except (TypeError, ValueError):
+            raise self._damaged(f"a proof of record {position + 1} is not as it was written") from None
+        return Proofs(tuple(forces), tuple(mechanisms))
+
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write finished evaluations; they outlive this process at once, and the machine within SYNC seconds.
+        """Write finished evaluations with their proofs; they outlive this process at once, and the machine within SYNC
+        seconds. What is on record already stays.
 
         labellings: (k, m); multiplicities: k orbit sizes.
         """
@@ -135,77 +200,218 @@ class Store:
         rows["multiplicity"] = multiplicities
         rows["status"] = [_STATUSES.index(found.status) for found in evaluations]
         rows["settled"] = [_SETTLED.index(found.settled) for found in evaluations]
-        for name in ("low", "high", "associative", "zero_dilation", "seconds"):
-            rows[name] = [getattr(found, name) for found in evaluations]
-        raw, size = memoryview(rows.tobytes()), self.type.itemsize
-        rows["checksum"] = [zlib.crc32(raw[n : n + size - 4]) for n in range(0, len(raw), size)]
-        self._file.write(rows.tobytes())
-        now = time.monotonic()
-        if now - self._synced >= SYNC:
-            self._sync()
-            self._synced = now
-        start, end = self._count, self._count + len(rows)
+        for name in _NUMBERS:
+            values = np.array([getattr(found, name) for found in evaluations], dtype=np.float64)
+            # one zero and one NaN, as the file has them
+            rows[name] = np.where(np.isnan(values), np.nan, values + 0.0)
+        rows["governing"] = [found.governing for found in evaluations]
+        if width := rows["cases"].shape[1]:
+            rows["cases"] = [found.cases or (math.nan,) * width for found in evaluations]
+        named = self._keys(rows)
+        first = {key: n for n, key in reversed(list(enumerate(named))) if key not in self._index}
+        new = sorted(first.values())
+        rows, start = rows[new], self._count
+        end = start + len(rows)
+        content = zip(
+            range(start + 1, end + 1),
+            [named[n] for n in new],
+            rows["multiplicity"].tolist(),
+            [str(evaluations[n].status) for n in new],
+            [evaluations[n].settled for n in new],
+            *(rows[name].tolist() for name in _NUMBERS),
+            rows["governing"].tolist(),
+            (one.tobytes() for one in rows["cases"]),
+            _checksums(rows),
+            strict=True,
+        )
+        proofs = [
+            (start + place + 1, number, *proof)
+            for place, n in enumerate(new)
+            for number, proof in enumerate(_proof_rows(evaluations[n].proofs))
+        ]
+        with self._told(), self._transaction():
+            self._file.executemany(f"INSERT INTO evaluations VALUES ({', '.join('?' * 13)})", content)
+            if proofs:
+                self._file.executemany("INSERT INTO proofs VALUES (?, ?, ?, ?, ?, ?, ?)", proofs)
         if end > len(self._table):
             # room for as much again, so that a million appends copy the table twenty times, not a million
             self._table = np.concatenate([self._table[:start], np.empty(max(1024, end), dtype=self.type)])
         self._table[start:end] = rows
-        self._index.update(zip(self._keys(rows), range(start, end), strict=True))
+        self._index.update(zip((named[n] for n in new), range(start, end), strict=True))
         self._count = end  # last: an interruption before this leaves no half-written row in the tables
 
-    def keep_proven(self, holds: Callable[[bytes], bool]) -> None:
-        """Cut the records off from the first that was solved and whose packed labelling `holds` knows no proofs of.
+    def _keys(self, rows: NDArray[np.void]) -> list[bytes]:
+        """The packed labelling of each row."""
+        width = self.type["labelling"].itemsize
+        content = rows["labelling"].tobytes()
+        return [content[n : n + width] for n in range(0, len(content), width)]
 
-        Where power was lost the disk may have later pages of this file and not the earlier ones of another.
+    # --- conflicts --------------------------------------------------------------------------------------
+
+    def conflicts(self, key: str) -> tuple[Bits, Bits, Floats]:
+        """Conflicts on record: (k, m) faces decided, (k, m) their labels, (k,) bounds.
+
+        key: what they were proven of; those of another key are forgotten.
         """
-        solved = self.rows["settled"] == _SETTLED.index(SOLVE)
-        kept = next((n for key, n in self._index.items() if solved[n] and not holds(key)), self._count)
-        if kept == self._count:
-            return
-        size = (self._count - kept) * self.type.itemsize
-        self._file.truncate(self._file.seek(0, os.SEEK_END) - size)
-        self._file.seek(0, os.SEEK_END)
-        os.fsync(self._file.fileno())
-        self.repaired += size
-        self._count = kept
-        self._index = {key: n for key, n in self._index.items() if n < kept}
+        with self._told():
+            known = self._file.execute("SELECT value FROM meta WHERE key = 'conflicts of'").fetchone()
+            if known != (json.dumps(key),):
+                with self._transaction():
+                    self._file.execute("DELETE FROM conflicts")
+                    self._file.execute("INSERT OR REPLACE INTO meta VALUES ('conflicts of', ?)", (json.dumps(key),))
+            found = self._file.execute("SELECT decided, labels, bound, checksum FROM conflicts ORDER BY id").fetchall()
+        width = self.type["labelling"].itemsize
+        try:
+            if any(_checksum("", bound, decided, labels) != check for decided, labels, bound, check in found):
+                raise ValueError
+            masks = b"".join(part for decided, labels, _, _ in found for part in (decided, labels))
+            packed = np.frombuffer(masks, np.uint8).reshape(len(found), 2, width)
+        except (TypeError, ValueError):
+            raise self._damaged("a conflict is not as it was written") from None
+        bits = np.unpackbits(packed, axis=2, count=self.faces).astype(bool)
+        return bits[:, 0], bits[:, 1], np.array([bound for _, _, bound, _ in found], dtype=np.float64)
+
+    def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
+        """Write a conflict: (m,) faces decided, (m,) their labels, no labelling with which has a λ above the bound."""
+        masks = np.packbits(decided).tobytes(), np.packbits(labels).tobytes()
+        row = (*masks, bound, _checksum("", bound, *masks))
+        with self._told(), self._transaction():
+            self._file.execute("INSERT INTO conflicts (decided, labels, bound, checksum) VALUES (?, ?, ?, ?)", row)
+
+    # --- the file ---------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Wait until the disk has all that was appended, and close the file."""
-        if not self._file.closed:
-            self._sync()
-        self._file.close()
+        """Wait until the disk has all that was written, close the file and let go of it; once more does nothing."""
+        try:
+            with self._told():
+                if self._file is not None:
+                    self._file.close()
+        finally:
+            self._lock.release()
 
-    def _sync(self) -> None:
-        if self.first is not None:
-            self.first()
-        os.fsync(self._file.fileno())
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """All that is written within, or nothing; now and then the disk is waited for."""
+        now = time.monotonic()
+        late = now - self._synced >= SYNC
+        if late:
+            self._file.execute("PRAGMA synchronous=FULL")
+        self._file.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._file.execute("COMMIT")
+        except BaseException:
+            if self._file.in_transaction:
+                self._file.execute("ROLLBACK")
+            raise
+        if late:
+            self._file.execute("PRAGMA synchronous=NORMAL")
+            self._synced = now
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """What goes wrong with the file, in one line with its name."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+                raise _busy(self.folder) from None
+            if code in _DISK:
+                raise OSError(_DISK[code], os.strerror(_DISK[code]), str(self.path)) from None
+            raise self._damaged(str(error)) from None
+
+    def _damaged(self, how: str) -> InputError:
+        return InputError(str(self.path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
+
+
+class _Lock:
+    """Keeps other processes from writing into a folder, until it is released or this process is gone."""
+
+    def __init__(self, folder: Path) -> None:
+        self._handle: int | None = None
+        if sys.platform == "win32":
+            return  # there the file itself is locked
+        self._handle = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.release()
+            raise _busy(folder) from None
+
+    def release(self) -> None:
+        """Let others write; once more does nothing."""
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+
+def _busy(folder: Path) -> InputError:
+    return InputError(str(folder), "another process is at work in it", "a folder of its own for each study")
+
+
+_CODES: Final = {str(status): code for code, status in enumerate(_STATUSES)}
+_SETTLED_CODES: Final = {name: code for code, name in enumerate(_SETTLED)}
+_DISK: Final = {
+    sqlite3.SQLITE_FULL: errno.ENOSPC,
+    sqlite3.SQLITE_IOERR: errno.EIO,
+    sqlite3.SQLITE_READONLY: errno.EACCES,
+    sqlite3.SQLITE_CANTOPEN: errno.EACCES,
+    sqlite3.SQLITE_PERM: errno.EACCES,
+}
 
 
 def statuses(rows: NDArray[np.void]) -> NDArray[np.object_]:
-    """Status of each record by name, (k,)."""
+    """Status of each row by name, (k,)."""
     return np.asarray(np.array([str(status) for status in _STATUSES], dtype=object)[rows["status"]])
 
 
 def settled(rows: NDArray[np.void]) -> NDArray[np.object_]:
-    """How each record was settled, (k,): by a solve, a certificate or a bound."""
+    """How each row was settled, (k,): by a solve, a certificate or a bound."""
     return np.asarray(np.array(_SETTLED, dtype=object)[rows["settled"]])
 
 
+def _checksums(rows: NDArray[np.void]) -> list[int]:
+    raw, size = memoryview(rows.tobytes()), rows.dtype.itemsize
+    return [zlib.crc32(raw[n : n + size]) for n in range(0, len(raw), size)]
+
+
+def _checksum(kind: str, value: float, *parts: bytes) -> int:
+    return zlib.crc32(b"".join([kind.encode(), np.float64(value).tobytes(), *parts]))
+
+
+def _proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, bytes, int]]:
+    """Rows of a solve's proofs: kind, value, what is known under either label, checksum."""
+    if proofs is None:
+        return
+    for forces in proofs.forces:
+        parts = np.packbits(forces.dry).tobytes(), np.packbits(forces.inner).tobytes()
+        yield "forces", forces.load, *parts, _checksum("forces", forces.load, *parts)
+    for one in proofs.mechanisms:
+        kind = "falls" if one.falls else "mechanism"
+        parts = one.dry.astype("<f8").tobytes(), one.inner.astype("<f8").tobytes()
+        yield kind, one.constant, *parts, _checksum(kind, one.constant, *parts)
+
+
 def _evaluation(row: np.void) -> Evaluation:
-    low, high, associative, zero_dilation, seconds = (
-        float(row[name]) for name in ("low", "high", "associative", "zero_dilation", "seconds")
-    )
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
-    return Evaluation(status, low, high, associative, zero_dilation, settled_by, seconds)
+    low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
+    cases, governing = tuple(row["cases"].tolist()), int(row["governing"])
+    return Evaluation(
+        status, low, high, associative, zero_dilation, settled_by, seconds, cases=cases, governing=governing
+    )
 
 
-def _compare_headers(path: str, found: bytes, wanted: bytes) -> None:
-    """Raise InputError naming the first entry in which a store differs from the study that wants to go on."""
+def _parsed(value: object) -> Any:
     try:
-        old, new = json.loads(found), json.loads(wanted)
+        return json.loads(str(value))
     except ValueError:
-        raise InputError(path, "its header cannot be read", "a file written by jld explore") from None
-    for key in sorted(old.keys() | new.keys()):
+        return None
+
+
+def _compare(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
+    """Raise InputError naming the first entry in which a record differs from the study that wants to go on."""
+    for key in sorted((old.keys() | new.keys()) - {"conflicts of"}):
         if old.get(key) != new.get(key):
             raise InputError(
                 path,
@@ -219,11 +425,3 @@ def _shown(value: object) -> str:
         return "none"
     text = json.dumps(value)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

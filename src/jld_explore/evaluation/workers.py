@@ -79,12 +79,12 @@ def evaluate_batch(
     labellings: Bits,
     deadline: float | None = None,
     floors: Floats | None = None,
-    company: Bits | None = None,
+    waiting: Bits | None = None,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process, with the evaluator this thread keeps.
 
     labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. floors (k,)
-    and company (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
+    and waiting (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
     the deadline.
     """
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
@@ -92,7 +92,7 @@ def evaluate_batch(
     if getattr(_own, "digest", None) != recipe.digest:
         assembly, settings = pickle.loads(recipe.content)
         _own.evaluator, _own.digest = evaluator_of(assembly, settings), recipe.digest
-    return number, _own.evaluator.evaluate_all(labellings, floors, company, deadline)
+    return number, _own.evaluator.evaluate_all(labellings, floors, waiting, deadline)
 
 
 class Workers:
@@ -122,15 +122,15 @@ class Workers:
         labellings: Bits,
         deadline: float | None = None,
         floors: Floats | None = None,
-        company: Bits | None = None,
+        waiting: Bits | None = None,
     ) -> Run:
         """Begin to evaluate (k, m) labellings, behind those that were begun before.
 
-        deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and company (j, m):
+        deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and waiting (j, m):
         see `Evaluator.evaluate`. With one job, and on a cluster, evaluation waits until results are asked for.
         """
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
-        run = Run(self, labellings, deadline, floors, company)
+        run = Run(self, labellings, deadline, floors, waiting)
         if not self.here and not self.outside:
             run.begin()
         return run
@@ -180,10 +180,10 @@ class Run:
     """
 
     def __init__(
-        self, workers: Workers, labellings: Bits, deadline: float | None, floors: Floats, company: Bits | None
+        self, workers: Workers, labellings: Bits, deadline: float | None, floors: Floats, waiting: Bits | None
     ) -> None:
         self._workers, self._deadline = workers, deadline
-        self._labellings, self._floors, self._company = labellings, floors, company
+        self._labellings, self._floors, self._waiting = labellings, floors, waiting
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:
             # as few tasks as there are threads, so that these seldom wait
@@ -219,7 +219,7 @@ class Run:
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
         part = self._slices[number]
-        return self._workers.recipe, number, self._labellings[part], self._deadline, self._floors[part], self._company
+        return self._workers.recipe, number, self._labellings[part], self._deadline, self._floors[part], self._waiting
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
         for number in numbers:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +17,7 @@ from jld_core.exchange import blocks_csv
 from jld_core.limit import SolveOptions
 from jld_core.models import solve
 from jld_core.solvers import SOLVERS
-from jld_explore.drivers import Exact, front_of_all
-from jld_explore.drivers import front as proven_front
-from jld_explore.evaluation import STORE_FILE
+from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.exploration import Exploration
@@ -35,9 +35,9 @@ def check_folder(folder: Path, resume: bool) -> None:
         return
     if not resume:
         raise InputError(str(folder), "the folder is not empty", "an empty or new folder, or --resume to go on with it")
-    if not any(folder.glob(STORE_FILE.partition(".")[0] + ".*")):
+    if not (folder / RECORDS_FILE).exists():
         raise InputError(
-            str(folder), f"nothing to go on with: no {STORE_FILE} in it", "a folder written by jld explore"
+            str(folder), f"nothing to go on with: no {RECORDS_FILE} in it", "a folder written by jld explore"
         )
 
 
@@ -50,8 +50,9 @@ def check_writable(folder: Path) -> None:
         raise InputError(str(there), "it is not writable", "a folder that results may be written into")
 
 
-def write_tables(study: Study, driver: str, reason: StopReason, total: int | None) -> Exploration:
-    results = tables.results_table(study.store, study.assembly, study.space, driver)
+def write_tables(study: Study, reason: StopReason) -> Exploration:
+    """Write every table of a study that ended for a reason."""
+    results = tables.results_table(study.records, study.assembly, study.space, study.driver.name)
     front_of = study.scene.search.front
     front = tables.front_table(results, front_of.count, front_of.sense)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive
@@ -59,11 +60,11 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
         results,
         stop_reason=str(reason),
         complete=complete,
-        classes=len(results) if complete else total,
+        classes=len(results) if complete else study.total,
         solved=study.solved,
         seconds=study.elapsed,
-        driver=driver,
-        seed=study.seed,
+        driver=study.driver.name,
+        seed=study.settings.seed,
         versions=versions(),
         bound=study.driver.bound,
         proven=study.driver.finished,
@@ -74,20 +75,13 @@ def write_tables(study: Study, driver: str, reason: StopReason, total: int | Non
     if model.effective_area:
         # proven with the areas of each labelling frozen, which says nothing of other fixed points
         found |= {"proven": False, "bound": None, "gap": None}
-    if isinstance(study.driver, Exact):
-        found |= {"conflicts": study.driver.conflicts, "relaxations": study.driver.relaxations}
-        if study.driver.aim == "front":
-            known = study.driver.found.values()
-            everything = study.driver.exhaustive
-            count = study.space.search.front.count
-            found["front"] = front_of_all(results, count, complete) if everything else proven_front(known)
+    found |= study.driver.facts(results, complete)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
-    fresh = study.folder / "results.parquet.new"
-    results.to_parquet(fresh, index=False)
-    os.replace(fresh, study.folder / "results.parquet")
+    with whole_file(study.folder / "results.parquet") as fresh:
+        results.to_parquet(fresh, index=False)
     write_text(study.folder / "pareto.csv", csv_of(front))
-    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.store)))
+    write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.records)))
     write_text(study.folder / "columns.json", json.dumps(columns(study.assembly), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
     done = Exploration(study.scene, study.assembly, results, front, found, study.folder, reason, model)
@@ -124,7 +118,7 @@ def read_folder(folder: Path) -> Exploration:
     """A finished study read back from its folder. Raises InputError where a file is missing."""
     from jld_core.scene.reading import load_scene
 
-    for name in (STORE_FILE, "scene.json", "results.parquet", "summary.json"):
+    for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
         if not (folder / name).exists():
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")
@@ -153,6 +147,21 @@ def model_of(summary: dict[str, Any]) -> SolveOptions:
 
 def write_text(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
+    with whole_file(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A name to write under, which becomes the file's once all is written; where that fails nothing stays.
+
+    Raises OSError with the name of the file.
+    """
     fresh = path.with_name(path.name + ".new")
-    fresh.write_text(text, encoding="utf-8")
-    os.replace(fresh, path)
+    try:
+        yield fresh
+        os.replace(fresh, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
+    finally:
+        fresh.unlink(missing_ok=True)

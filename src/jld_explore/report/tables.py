@@ -1,4 +1,4 @@
-"""Result tables: pure functions of the store."""
+"""Result tables: pure functions of the records."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_core.limit import Status
-from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Store, settled, statuses
+from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, settled, statuses
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, to_strings, unpack
 
@@ -39,10 +39,10 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
     return table
 
 
-def results_table(store: Store, assembly: Assembly, space: SearchSpace, driver: str) -> pd.DataFrame:
+def results_table(records: Records, assembly: Assembly, space: SearchSpace, driver: str) -> pd.DataFrame:
     """results.csv: one row per class, collapse by λ, then locked, uncertified, unstable, failed; λ in scene units."""
-    rows = store.rows
-    labellings = unpack(rows["labelling"], store.faces)
+    rows = records.rows
+    labellings = unpack(rows["labelling"], records.faces)
     associative, zero = rows["associative"], rows["zero_dilation"]
     how = settled(rows)
     load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
@@ -79,13 +79,13 @@ def front_table(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:
     return results[on_front(value, results[count].to_numpy(dtype=float), sense)]
 
 
-def convergence_table(store: Store) -> pd.DataFrame:
+def convergence_table(records: Records) -> pd.DataFrame:
     """convergence.csv: best λ so far, at each step up and at the end.
 
     Columns solves and seconds, of solver time summed over all workers, up to there, and best, in the order in
     which evaluations were finished.
     """
-    rows = store.rows
+    rows = records.rows
     zero = rows["zero_dilation"]
     value = np.where(np.isnan(zero), rows["associative"], zero)
     value = np.where(statuses(rows) == str(Status.COLLAPSE), value, np.nan)

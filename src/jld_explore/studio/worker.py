@@ -13,7 +13,7 @@ from typing import Any, Final, NoReturn
 
 from jld_core.errors import InputError
 from jld_core.scene import load_scene
-from jld_explore.explore import ExploreSettings, explore
+from jld_explore import ExploreSettings, explore
 from jld_explore.study import Interrupted, Progress
 
 EVERY: Final = 0.2

@@ -1,7 +1,7 @@
 """When conflicts come from a tree of block choices, and what such a tree suggests on its way.
 
-A tree is planted where the relaxation by blocks closes a good part of the gap that relaxing face by face leaves at the
-root, which it does for blocks of a few cells, and felled where strengths are too large for its bounds to be accurate.
+A tree is begun where the relaxation by blocks closes a good part of the gap that relaxing face by face leaves at the
+root, which it does for blocks of a few cells, and given up where strengths are too large for its bounds to be accurate.
 """
 
 from __future__ import annotations
@@ -9,17 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
-from jld_explore.drivers.exact.block_tree import Node, Tree
+from jld_explore.drivers.exact.block_tree import BlockTree, Node
 from jld_explore.drivers.exact.conflicts import Conflict
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
+
+ByBlocks = Literal["auto", "on", "off"]
+"""Whether a tree of block choices is searched."""
 
 _CLOSER: Final = 0.25
 """Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
@@ -29,8 +32,8 @@ _LISTED: Final = 4
 of two to six on the beam on bearings a tree takes 20 s, where conflicts of faces take one."""
 
 _BLUNT: Final = 20
-"""Whole labellings left over by a tree and refuted by their own mechanism after which it is felled: its bounds are then
-less accurate than strengths a million times the forces ask for."""
+"""Whole labellings left over by a tree and refuted by their own mechanism after which it is given up: its bounds are
+then less accurate than strengths a million times the forces ask for."""
 
 
 @dataclass(frozen=True)
@@ -43,36 +46,44 @@ class Found:
 
 
 class BlockSearch:
-    """The tree of one space, if it has one. relaxation: face by face, to look at single labellings."""
+    """The tree of one space, if it has one. relaxation: face by face, to look at single labellings. wanted: whether
+    there is to be one; "auto": where it promises more than conflicts of faces.
+    """
 
     def __init__(
-        self, analysis: LimitAnalysis, space: SearchSpace, blocks: PossibleBlocks | None, relaxation: Relaxation
+        self,
+        analysis: LimitAnalysis,
+        space: SearchSpace,
+        blocks: PossibleBlocks | None,
+        relaxation: Relaxation,
+        wanted: ByBlocks = "auto",
     ) -> None:
+        self._wanted = wanted
         self._analysis, self._space, self._relaxation = analysis, space, relaxation
         self._blocks = blocks
         self._choices: BlockRelaxation | None = None
-        self._tree: Tree | None = None
+        self._tree: BlockTree | None = None
         self._seen: set[bytes] = set()
         self._blunt = 0
 
-    def plant(self, least: float, root: float) -> None:
-        """Begin a tree where it promises more than conflicts of faces. least, root: scaled λ to reach, and bound."""
+    def start(self, least: float, root: float) -> None:
+        """Begin a tree where there is to be one. least, root: scaled λ to reach, and bound."""
         blocks = self._blocks
-        if blocks is None or not math.isfinite(root) or not applies_to(self._analysis):
+        if self._wanted == "off" or blocks is None or not math.isfinite(root) or not applies_to(self._analysis):
             return
-        if len(blocks) > _LISTED * len(self._space.assembly.elements.free):
+        if self._wanted == "auto" and len(blocks) > _LISTED * len(self._space.assembly.elements.free):
             return
         self._choices = BlockRelaxation(self._analysis, blocks.members, blocks.inside)
-        tree = Tree(self._choices, self._space, blocks, least, root)
-        if root - tree.root.bound >= _CLOSER * (root - least):
+        tree = BlockTree(self._choices, self._space, blocks, least, root)
+        if self._wanted == "on" or root - tree.root.bound >= _CLOSER * (root - least):
             self._tree = tree
 
-    def fell(self) -> None:
+    def abandon(self) -> None:
         """Give the tree up."""
         self._tree = None
 
     @property
-    def going(self) -> bool:
+    def active(self) -> bool:
         """There is a tree, and some of it is open."""
         return self._tree is not None and not self._tree.finished
 
@@ -95,13 +106,13 @@ class BlockSearch:
         promising = None if late() else self._rounded(self._tree, step.node, formula, threshold)
         return Found(step.conflicts, promising=promising)
 
-    def left_over(self) -> None:
+    def note_blunt(self) -> None:
         """Note that a labelling in which nothing was undecided fell by its own mechanism, not by the tree's."""
         self._blunt += 1
         if self._blunt >= _BLUNT:
-            self.fell()
+            self.abandon()
 
-    def _rounded(self, tree: Tree, node: Node, formula: Formula, threshold: float) -> Bits | None:
+    def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
         """A labelling that the shares of a node's blocks suggest, if no mechanism of its own rules it out."""
         labels = formula.next(*tree.rounded(node))
         if labels is None or labels.tobytes() in self._seen:

@@ -64,7 +64,7 @@ class Step:
     labelling: Bits | None = None
 
 
-class Tree:
+class BlockTree:
     """Partial choices of blocks, the one of highest bound first.
 
     space: of planar segmentations. blocks: its possible ones. threshold: scaled λ to be reached. most: scaled λ that

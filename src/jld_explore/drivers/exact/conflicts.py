@@ -8,6 +8,8 @@ together.
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +17,10 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit import DualBound, Relaxation
+from jld_core.program import Template
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.evaluation import Records
+from jld_explore.space import SearchSpace
 
 _TRIES: Final = 2
 """Single faces tried in vain, the most promising first, before a conflict is taken as it is."""
@@ -27,6 +33,44 @@ class Conflict:
     faces: Ints
     labels: Bits
     bound: float
+
+
+def key_of(template: Template, space: SearchSpace, blocks: PossibleBlocks | None) -> str:
+    """What conflicts depend on: the numbers of the programs, which faces are free, which blocks there can be."""
+    pattern = template.yield_set.pattern
+    numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
+    rows = (pattern.h_dry, pattern.h_inner, space.candidates, space.fixed, space.group)
+    names = repr(None if blocks is None else blocks.members).encode()
+    return hashlib.sha256(b"".join([*(part.tobytes() for part in (*numbers, *rows)), names])).hexdigest()
+
+
+class Conflicts:
+    """All conflicts of a proof, on the record of a study where there is one, so that it goes on where it was."""
+
+    def __init__(self, faces: int) -> None:
+        self._faces = faces
+        self._known: list[Conflict] = []
+        self._records: Records | None = None
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __iter__(self) -> Iterator[Conflict]:
+        return iter(self._known)
+
+    def keep(self, records: Records, key: str) -> None:
+        """Take in what is on record under a key, and put there what is added from now on."""
+        rows = zip(*records.conflicts(key), strict=True)
+        self._known = [Conflict(np.flatnonzero(on), labels[on], float(bound)) for on, labels, bound in rows]
+        self._records = records
+
+    def add(self, conflict: Conflict) -> None:
+        """Take a new one."""
+        self._known.append(conflict)
+        if self._records is not None:
+            decided, labels = np.zeros((2, self._faces), dtype=bool)
+            decided[conflict.faces], labels[conflict.faces] = True, conflict.labels
+            self._records.add_conflict(decided, labels, conflict.bound)
 
 
 def conflict_of(relaxation: Relaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:

@@ -21,51 +21,70 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
+from pydantic import Field
 
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Relaxation, Status, has_hull, load_floor
-from jld_explore.drivers.base import Driver
+from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.block_search import BlockSearch
-from jld_explore.drivers.exact.conflicts import Conflict, conflict_of
+from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
+from jld_explore.drivers.exact.conflicts import Conflict, Conflicts, conflict_of, key_of
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.optimum import Best
+from jld_explore.drivers.exact.optimum import Best, front, front_of_all
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.drivers.exact.record import Record, key_of
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace, canonical, count_named, registered, values_of
 
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
-_SEARCH: Final = 10
-"""Labellings evaluated before the proof, for each face that can change."""
-
-_DIRECT: Final = 1500
-"""Conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap."""
-
 _FINE: Final = 2e-3
 """Relative gap below which the last step is taken at once."""
 
 
+class ExactOptions(DriverOptions):
+    """Options of the exact driver."""
+
+    aim: Aim = Field("best", description="best, or front (the best for every count)")
+
+
 class Exact(Driver):
-    """Proof by conflicts. aim: "best", or "front": the best for every value of the scene's count."""
+    """Proof by conflicts.
+
+    aim: "best", or "front": the best for every value of the scene's count. search: labellings evaluated before the
+    proof, for each face that can change. by_blocks: search a tree of block choices first, "auto": where that promises
+    more than conflicts of faces. list_blocks: list the blocks there can be, where they are few enough. step_after:
+    conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap.
+    programs: solved at the most before it comes back as for lack of time.
+    """
 
     name = "exact"
     remembers = True
     modular = True
 
-    def __init__(self, space: SearchSpace, seed: int, aim: str = "best") -> None:
-        if aim not in ("best", "front"):
-            raise InputError("--aim", f"there is no aim {aim!r}", "best or front")
-        self.space, self.seed, self.aim = space, seed, aim
+    Options = ExactOptions
+
+    def __init__(
+        self,
+        space: SearchSpace,
+        seed: int = 0,
+        aim: Aim = "best",
+        *,
+        search: int = 10,
+        by_blocks: ByBlocks = "auto",
+        list_blocks: bool = True,
+        step_after: int = 1500,
+        programs: int | None = None,
+    ) -> None:
+        super().__init__(space, seed)
+        self.aim, self._step_after, self._programs = aim, step_after, programs
         self._count = count_named(space.search.front.count) if aim == "front" else None
         if self._count is not None and self._count.terms is None:
             known = " or ".join(count.name for count in registered() if count.terms)
@@ -73,24 +92,25 @@ class Exact(Driver):
         analysis = LimitAnalysis(space.assembly)
         self._template = analysis.template
         self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template.assembly)
-        self._blocks = possible_blocks(space)
+        self._blocks = possible_blocks(space) if list_blocks else None
         asked = [count for count, _ in space.limits.on_counts] + ([] if self._count is None else [self._count])
         terms = [count.terms(space.assembly) if count.terms else None for count in asked]
         listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
         covered = has_hull(analysis.template.yield_set) and listed
         self._everything = None if covered else Enumeration(space)
         self._relaxation = relaxation = Relaxation(analysis) if covered else None
-        self._by_blocks = None if relaxation is None else BlockSearch(analysis, space, self._blocks, relaxation)
+        self._by_blocks = None
+        if relaxation is not None:
+            self._by_blocks = BlockSearch(analysis, space, self._blocks, relaxation, by_blocks)
         self._free = space.candidates.copy()
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
             self._free &= np.isin(np.arange(len(self._free)), list(joined))
-        self._genetic = Genetic(space, seed, aims=2 if aim == "front" else 1)
-        self._left = _SEARCH * int(space.candidates.sum())
+        self._genetic = Genetic(space, seed, aim=aim)
+        self._left = search * int(space.candidates.sum())
         self._searching = True
         self._known: dict[bytes, tuple[float, float, int]] = {}
-        self._conflicts: list[Conflict] = []
-        self._record: Record | None = None
+        self._conflicts = Conflicts(len(space.fixed))
         self._formula: Formula | None = None
         self._passed: list[Bits] = []
         self._aimed = math.inf
@@ -100,7 +120,7 @@ class Exact(Driver):
         self._listed = aim == "best"
         self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf, self._floor)}
         self._deadline: float | None = None
-        self._pulse: Callable[[], None] = lambda: None
+        self._heartbeat: Callable[[], None] = lambda: None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -137,22 +157,24 @@ class Exact(Driver):
         """See `Driver.working`."""
         return self._everything is None and bool(self._targets)
 
-    def attend(self, deadline: float | None, pulse: Callable[[], None], folder: Path | None = None) -> None:
-        """See `Driver.attend`."""
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        """See `Driver.facts`: what the proof took, and the front where that was aimed at."""
+        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        if self._count is not None:
+            enumerated = self._everything is not None
+            rows = front_of_all(results, self._count.name, complete) if enumerated else front(self.found.values())
+            found["front"] = rows
+        return found
+
+    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        """See `Driver.start`."""
         # what was found last must still be evaluated
         self._deadline = None if deadline is None else deadline - 0.3
-        self._pulse = pulse
-        if folder is not None and self._everything is None:
-            self._record = Record(folder, len(self.space.fixed), key_of(self._template, self.space, self._blocks))
-            self._conflicts = list(self._record.known)
+        self._heartbeat = heartbeat
+        if records is not None and self._everything is None:
+            self._conflicts.keep(records, key_of(self._template, self.space, self._blocks))
 
-    def release(self) -> None:
-        """See `Driver.release`."""
-        if self._record is not None:
-            self._record.close()
-            self._record = None
-
-    def recall(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take incumbents (k, m) from a study that is gone on with."""
         self._learn(labellings, evaluations)
 
@@ -205,10 +227,12 @@ class Exact(Driver):
 
     @property
     def _late(self) -> bool:
+        if self._programs is not None and self.relaxations >= self._programs:
+            return True
         return self._deadline is not None and time.perf_counter() >= self._deadline
 
-    def _late_after_pulse(self) -> bool:
-        self._pulse()
+    def _late_after_heartbeat(self) -> bool:
+        self._heartbeat()
         return self._late
 
     # --- one target -------------------------------------------------------------------------------------
@@ -219,35 +243,35 @@ class Exact(Driver):
         if self._formula is None:
             if target is None:
                 self._lower(target, self._root())
-                self._by_blocks.plant(self._least(None) / self._scale, self.found[None].bound / self._scale)
+                self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
             self._began, self._stepping = self.conflicts, False
             self._begin(target)
         if self.found[target].proven:
             self._settle(target)
             return None
         while not self._late:
-            threshold = max(self._aimed, self._least(target))
+            threshold = max(self._aimed, self.least(target))
             assert self._formula is not None
-            if self._by_blocks.going:
+            if self._by_blocks.active:
                 proposed = self._choose(self._by_blocks, threshold)
                 self._began = self.conflicts
-                self._pulse()
+                self._heartbeat()
                 if proposed is not None:
                     return proposed
                 continue
             labels = self._formula.next()
             if labels is None:
                 self._lower(target, threshold)
-                if threshold <= self._least(target):
+                if threshold <= self.least(target):
                     self._settle(target)
                     return None
                 self._begin(target)
                 continue
             proposed = self._examine(labels, threshold)
-            self._pulse()
+            self._heartbeat()
             if proposed is not None:
                 return proposed
-            if not self._stepping and self.conflicts - self._began >= _DIRECT:
+            if not self._stepping and self.conflicts - self._began >= self._step_after:
                 self._stepping = True
                 self._begin(target)
         return None
@@ -264,9 +288,7 @@ class Exact(Driver):
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
-        self._conflicts.append(conflict)
-        if self._record is not None:
-            self._record.append(conflict)
+        self._conflicts.add(conflict)
         self._formula.forbid(conflict.faces, conflict.labels)
 
     def _offer(self, labels: Bits) -> Bits | None:
@@ -281,7 +303,7 @@ class Exact(Driver):
     def _choose(self, search: BlockSearch, threshold: float) -> Bits | None:
         """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or None."""
         assert self._formula is not None
-        step = search.step(self._formula, threshold / self._scale, self._late_after_pulse)
+        step = search.step(self._formula, threshold / self._scale, self._late_after_heartbeat)
         for conflict in step.conflicts:
             self._add(conflict)
         if step.whole is not None and not self._formula.possible(np.arange(len(step.whole)), step.whole):
@@ -290,12 +312,12 @@ class Exact(Driver):
             before = self.conflicts
             proposed = self._examine(step.whole, threshold)
             if self.conflicts > before:
-                search.left_over()
+                search.note_blunt()
             return proposed
         self._lower(None, max(threshold, search.bound * self._scale))
         return None if step.promising is None else self._offer(step.promising)
 
-    def _least(self, target: int | None) -> float:
+    def least(self, target: int | None) -> float:
         """λ that a labelling must exceed to be worth finding, scene units."""
         low = self._incumbent(target)
         return low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
@@ -317,7 +339,7 @@ class Exact(Driver):
         """A formula of what is left: at the incumbent, or half-way to the bound once that has proved to be long."""
         if self._formula is not None:
             self._formula.close()
-        low, best = self._least(target), self.found[target]
+        low, best = self.least(target), self.found[target]
         self._aimed = low
         if self._stepping and self._far(target):
             self._aimed = 0.5 * (low + best.bound)
@@ -346,7 +368,7 @@ class Exact(Driver):
             self.found[target] = best = replace(best, bound=-math.inf)
         self._targets.remove(target)
         if self._by_blocks is not None:
-            self._by_blocks.fell()
+            self._by_blocks.abandon()
         if self._formula is not None:
             self._formula.close()
             self._formula = None

@@ -1,0 +1,324 @@
+"""The record of a study: what was written is found, whatever becomes of the process; damage and company are named."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from jld_core.arrays import Bits
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import Status
+from jld_core.scene import load_scene, parse_scene
+from jld_explore.evaluation import CERTIFICATE, RECORDS_FILE, Evaluation, Forces, Mechanism, Proofs, Records
+from jld_explore.report import tables
+from jld_explore.space import block_sizes, blocks_of, connectivity, counts, search_space, unpack
+from paths import SCENES
+
+HEADER = {"scene": "a", "seed": 1}
+FACES = 11
+
+
+def labellings(count: int, faces: int = FACES) -> Bits:
+    return ((np.arange(count)[:, None] >> np.arange(faces)) & 1).astype(bool)
+
+
+def evaluations(count: int) -> list[Evaluation]:
+    nan = float("nan")
+    kinds = [
+        lambda n: Evaluation(Status.COLLAPSE, n - 0.5, n + 0.5, float(n), seconds=0.001),
+        lambda n: Evaluation(Status.LOCKED, float(n), nan, nan),
+        lambda n: Evaluation(Status.UNSTABLE, nan, nan, nan, settled=CERTIFICATE),
+        lambda n: Evaluation(Status.COLLAPSE, nan, float("inf"), n + 1.0, zero_dilation=float(n)),
+    ]
+    return [kinds[n % 4](n) for n in range(count)]
+
+
+def filled(folder: Path, count: int = 6) -> Path:
+    records = Records(folder, HEADER, FACES)
+    records.append(labellings(count)[:2], [1, 2], evaluations(count)[:2])
+    records.append(labellings(count)[2:], [1] * (count - 2), evaluations(count)[2:])
+    records.close()
+    return folder / RECORDS_FILE
+
+
+def change(path: Path, statement: str, *values: object) -> None:
+    file = sqlite3.connect(path)
+    with file:
+        file.execute(statement, values)
+    file.close()
+
+
+def test_what_was_written_is_found(tmp_path: Path) -> None:
+    filled(tmp_path)
+    records = Records(tmp_path, HEADER, FACES)
+    for labels, expected in zip(labellings(6), evaluations(6), strict=True):
+        assert repr(records.find(labels)) == repr(expected)
+    assert records.find(labellings(7)[6]) is None
+    assert len(records) == 6
+    assert records.rows["multiplicity"].tolist() == [1, 2, 1, 1, 1, 1]
+    records.close()
+    assert [path.name for path in tmp_path.iterdir()] == [RECORDS_FILE]
+
+
+def test_anybody_can_read_it(tmp_path: Path) -> None:
+    """With nothing but SQLite, also while the study runs."""
+    records = Records(tmp_path, HEADER, FACES)
+    records.append(labellings(3), [1, 1, 1], evaluations(3))
+    file = sqlite3.connect(f"file:{tmp_path / RECORDS_FILE}?mode=ro", uri=True)
+    rows = file.execute("SELECT hex(labelling), status, low, settled FROM evaluations ORDER BY id").fetchall()
+    assert rows == [
+        ("0000", "collapse", -0.5, "solve"),
+        ("8000", "locked", 1.0, "solve"),
+        ("4000", "unstable", None, "certificate"),
+    ]
+    assert dict(file.execute("SELECT key, value FROM meta"))["seed"] == "1"
+    file.close()
+    records.close()
+
+
+def test_what_is_on_record_stays(tmp_path: Path) -> None:
+    filled(tmp_path)
+    records = Records(tmp_path, HEADER, FACES)
+    twice = labellings(8)[[7, 1, 7]]
+    records.append(twice, [9, 9, 9], [Evaluation(Status.COLLAPSE, 7.0, 7.0, 7.0)] * 3)
+    assert len(records) == 7
+    assert repr(records.find(twice[1])) == repr(evaluations(2)[1])
+    records.close()
+    records = Records(tmp_path, HEADER, FACES)
+    assert len(records) == 7
+    records.close()
+
+
+def test_another_header_is_refused_by_name(tmp_path: Path) -> None:
+    filled(tmp_path)
+    before = (tmp_path / RECORDS_FILE).read_bytes()
+    with pytest.raises(InputError, match="seed 1, not 2"):
+        Records(tmp_path, HEADER | {"seed": 2}, FACES)
+    with pytest.raises(InputError, match="faces 11, not 12"):
+        Records(tmp_path, HEADER, 12)
+    assert (tmp_path / RECORDS_FILE).read_bytes() == before
+
+
+def said_or_held(folder: Path) -> str | list[str]:
+    """What is said of a file that is refused, or what one that is taken says of six labellings."""
+    try:
+        records = Records(folder, HEADER, FACES)
+    except InputError as error:
+        return str(error)
+    assert len(records) == 6
+    found = [repr(records.find(labels)) for labels in labellings(6)]
+    records.close()
+    return found
+
+
+def test_cut_anywhere_or_full_of_garbage(tmp_path: Path) -> None:
+    """Every damaged file is named in one line, or holds what it held: never other numbers."""
+    content = filled(tmp_path / "whole").read_bytes()
+    rng = np.random.default_rng(5)
+    damaged = [content[:cut] for cut in rng.integers(1, len(content), 40).tolist()]
+    for place in rng.integers(0, len(content), 400).tolist():
+        damaged.append(content[:place] + bytes([content[place] ^ 0x55]) + content[place + 1 :])
+    damaged += [b"\0" * 4096, b"no database at all", content[:100] + rng.bytes(len(content) - 100)]
+    refused = 0
+    folder = tmp_path / "damaged"
+    folder.mkdir()
+    for text in damaged:
+        (folder / RECORDS_FILE).write_bytes(text)
+        found = said_or_held(folder)
+        if isinstance(found, str):
+            refused += 1
+            assert found.startswith(f"{folder / RECORDS_FILE}: ")
+            assert "\n" not in found
+        else:
+            assert found == [repr(expected) for expected in evaluations(6)]
+    assert refused > 40
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE evaluations SET low = 0.25 WHERE id = 3",
+        "UPDATE evaluations SET status = 'splendid' WHERE id = 2",
+        "UPDATE evaluations SET labelling = x'ff' WHERE id = 2",
+        "UPDATE evaluations SET labelling = 'text' WHERE id = 2",
+        "UPDATE evaluations SET multiplicity = -1",
+        "UPDATE evaluations SET labelling = (SELECT labelling FROM evaluations WHERE id = 1)",
+        "DROP TABLE proofs",
+    ],
+)
+def test_forged_records_are_refused(statement: str, tmp_path: Path) -> None:
+    change(filled(tmp_path), statement)
+    with pytest.raises(InputError, match="it is damaged") as error:
+        Records(tmp_path, HEADER, FACES)
+    assert "\n" not in str(error.value)
+
+
+def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> None:
+    """Whoever can compute the checksum still cannot make a status that is none."""
+    path = filled(tmp_path)
+    for value in ("200", "", 200):
+        change(path, "UPDATE evaluations SET status = ?", value)
+        with pytest.raises(InputError, match="holds what none can"):
+            Records(tmp_path, HEADER, FACES)
+
+
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    records = Records(tmp_path, HEADER, FACES)
+    with pytest.raises(InputError, match="another process is at work in it") as error:
+        Records(tmp_path, HEADER, FACES)
+    assert str(error.value).startswith(str(tmp_path))
+    records.close()
+    records.close()
+    Records(tmp_path, HEADER, FACES).close()
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    """What was finished before stays; what does not fit is not there at all."""
+    filled(tmp_path)
+    records = Records(tmp_path, HEADER, FACES)
+    file = records._file
+    file.execute(f"PRAGMA max_page_count={file.execute('PRAGMA page_count').fetchone()[0]}")
+    rows = labellings(2000)
+    with pytest.raises(OSError, match="No space left on device") as error:
+        records.append(rows, [1] * 2000, evaluations(2000))
+    assert error.value.filename == str(tmp_path / RECORDS_FILE)
+    assert len(records) == 6
+    records.close()
+    records = Records(tmp_path, HEADER, FACES)
+    assert len(records) == 6
+    records.close()
+
+
+WRITER = """
+import sys
+from pathlib import Path
+sys.path[:0] = {paths!r}
+from test_records import FACES, HEADER, evaluations, labellings
+from jld_explore.evaluation import Proofs, Forces, Records
+from dataclasses import replace
+records, rows = Records(Path(sys.argv[1]), HEADER, FACES), labellings(2048)
+for n, found in enumerate(evaluations(2048)):
+    proofs = Proofs((Forces(float(n), rows[n], ~rows[n]),))
+    if records.find(rows[n]) is None:
+        records.append(rows[n : n + 1], [1], [replace(found, proofs=proofs)])
+        records.add_conflict(rows[n], rows[n], float(n))
+        print(n, flush=True)
+"""
+
+
+def test_a_kill_loses_nothing_that_was_finished(tmp_path: Path) -> None:
+    """Every labelling that was told to be finished is on record with its proofs, and none without."""
+    rng, rows = np.random.default_rng(2), labellings(2048)
+    told = 0
+    for wait in rng.integers(1, 120, 6).tolist():
+        code = WRITER.format(paths=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
+        run = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+        assert run.stdout is not None
+        for _ in range(wait):
+            told = int(run.stdout.readline())
+        os.kill(run.pid, signal.SIGKILL)
+        rest = run.stdout.read().split()
+        run.stdout.close()
+        told = int(rest[-1]) if rest and rest[-1].isdigit() else told
+        run.wait()
+        records = Records(tmp_path, HEADER, FACES)
+        count = len(records)
+        assert count in (told, told + 1, told + 2)
+        for n in range(count):
+            assert repr(records.find(rows[n])) == repr(evaluations(n + 1)[n])
+            assert records.proofs(rows[n]).forces[0].load == float(n)
+        records.close()
+
+
+def test_proofs_come_back(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    labels = rng.random((3, FACES)) < 0.5
+    proofs = [
+        Proofs(),
+        Proofs((Forces(1.5, labels[0], ~labels[0]),)),
+        Proofs((), (Mechanism(-2.0, np.full(FACES, np.inf), np.arange(FACES, dtype=float), True),)),
+    ]
+    records = Records(tmp_path, HEADER, FACES)
+    made = [Evaluation(Status.COLLAPSE, 1.0, 1.0, 1.0, proofs=proof) for proof in proofs]
+    records.append(labels, [1, 1, 1], made)
+    records.close()
+    records = Records(tmp_path, HEADER, FACES)
+    for row, proof in zip(labels, proofs, strict=True):
+        back = records.proofs(row)
+        assert len(back.forces) == len(proof.forces)
+        for one, other in zip(back.forces + back.mechanisms, proof.forces + proof.mechanisms, strict=True):
+            for name, value in vars(other).items():
+                assert np.array_equal(getattr(one, name), value)
+    records.close()
+    change(tmp_path / RECORDS_FILE, "UPDATE proofs SET value = 1.25 WHERE kind = 'forces'")
+    records = Records(tmp_path, HEADER, FACES)
+    with pytest.raises(InputError, match="it is damaged"):
+        records.proofs(labels[1])
+    records.close()
+
+
+def test_conflicts_are_those_of_one_proof(tmp_path: Path) -> None:
+    records = Records(tmp_path, HEADER, FACES)
+    rows = labellings(9)
+    assert len(records.conflicts("one scene")[0]) == 0
+    for n in range(3):
+        records.add_conflict(rows[n], rows[n + 1], 0.5 + n)
+    records.close()
+    records = Records(tmp_path, HEADER, FACES)
+    decided, labels, bounds = records.conflicts("one scene")
+    assert np.array_equal(decided, rows[:3])
+    assert np.array_equal(labels, rows[1:4])
+    assert bounds.tolist() == [0.5, 1.5, 2.5]
+    assert len(records.conflicts("another scene")[0]) == len(records.conflicts("one scene")[0]) == 0
+    records.close()
+
+
+def test_counts_agree_with_the_blocks() -> None:
+    """The fast count and the general one, on random labellings with supports that touch and that do not."""
+    for rows in (["abc", "aab", "#.#"], ["aab", "###"], ["#ab#", "#cd#"]):
+        assembly = build_assembly(parse_scene(grid_document(rows, candidates="all+supports")))
+        rng = np.random.default_rng(0)
+        some = rng.random((9000, len(assembly.interfaces))) < rng.random((9000, 1))
+        cells = block_sizes(assembly, blocks_of(connectivity(assembly), some))["block_cells"]
+        found = counts(assembly, some)
+        assert np.array_equal(found["blocks"], (cells > 0).sum(axis=1))
+        assert np.array_equal(found["largest_block_cells"], cells.max(axis=1))
+
+
+def test_a_million_rows(tmp_path: Path) -> None:
+    """Opened, and its table and front made, in seconds."""
+    scene = load_scene(SCENES / "flat_beam_arch.json")
+    assembly = build_assembly(scene)
+    space, faces, count = search_space(scene, assembly), len(assembly.interfaces), 1_000_000
+    records = Records(tmp_path, HEADER, faces)
+    part, rng = 50_000, np.random.default_rng(0)
+    every = labellings(count, faces)
+    for low in range(0, count, part):
+        values = rng.random(part)
+        found = [Evaluation(Status.COLLAPSE, value, value, value) for value in values.tolist()]
+        records.append(every[low : low + part], [1] * part, found)
+    records.close()
+    start = time.process_time()
+    records = Records(tmp_path, HEADER, faces)
+    assert len(records) == count
+    table = tables.results_table(records, assembly, space, "any")
+    front = tables.front_table(table, "dry_faces", "max")
+    seconds = time.process_time() - start
+    records.close()
+    assert len(table) == count
+    assert table["rank"].iloc[-1] == count
+    assert table["load_factor"].is_monotonic_decreasing
+    assert front["dry_faces"].is_unique
+    assert table["labelling"].iloc[0] in set(front["labelling"])
+    assert np.array_equal(unpack(records.rows["labelling"][:100], faces), every[:100])
+    assert seconds < 30.0  # about 8 on one core of its own
