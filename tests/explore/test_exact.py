@@ -12,10 +12,11 @@ import pytest
 from cases import DOWN, grid_document
 from cases_spatial import box, scene
 from jld_core.build import build_assembly
-from jld_core.limit import SolveOptions
+from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Conflict, Enumeration, Exact, Formula, Record, possible_blocks
+from jld_explore.drivers import Enumeration, Exact, Formula, possible_blocks
+from jld_explore.evaluation import Evaluation, Records
 from jld_explore.report import Exploration
 from jld_explore.space import canonical, feasible, search_space
 
@@ -36,10 +37,16 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
 }
 
 
+OWN = ("aim", "search", "by_blocks", "list_blocks", "step_after", "programs")
+
+
 def search(rows: list[str], options: dict[str, Any], folder: Path, driver: str, **settings: Any) -> Exploration:
     scene = parse_scene(grid_document(rows, **options))
-    own = {"aim": settings.pop("aim")} if "aim" in settings else {}
-    return explore(scene, folder, ExploreSettings(pictures=False, driver=driver, options=own, **settings))
+    own = {name: settings.pop(name) for name in OWN if name in settings}
+    if own.keys() <= {"aim"}:
+        return explore(scene, folder, ExploreSettings(pictures=False, driver=driver, options=own, **settings))
+    space = search_space(scene, build_assembly(scene))
+    return explore(scene, folder, ExploreSettings(pictures=False, **settings), driver=Exact(space, **own))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -120,13 +127,12 @@ def test_exact_is_enumeration_in_space(
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_blocks_need_not_be_listed(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_need_not_be_listed(name: str, tmp_path: Path) -> None:
     rows, options = SCENES[name]
     if "blocks" in options:
         pytest.skip("blocks are counted where they are listed")
-    monkeypatch.setattr("jld_explore.drivers.exact.driver.possible_blocks", lambda space: None)
     every = search(rows, options, tmp_path / "every", "enumeration")
-    found = search(rows, options, tmp_path / "exact", "exact")
+    found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
 
@@ -168,16 +174,13 @@ def test_segmentations_are_exact_covers(options: dict[str, Any]) -> None:
     assert covers(frozenset(free)) == Enumeration(space).count().labellings
 
 
-def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stopped_it_reports_its_gap_and_goes_on(tmp_path: Path) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2], "tension": 5e3, "shear": 5e3}
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 0)  # conflicts of faces alone
-    monkeypatch.setattr(Exact, "_late", property(lambda self: self.relaxations >= 60))
-    first = search(rows, options, tmp_path, "exact", seconds=60.0)
+    # conflicts of faces alone
+    first = search(rows, options, tmp_path, "exact", by_blocks="off", programs=60)
     assert first.summary["stop_reason"] in ("time", "proven")
     assert first.summary["bound"] >= first.summary["best"] * (1.0 - 1e-9)
-    monkeypatch.undo()
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 0)
-    last = search(rows, options, tmp_path, "exact", resume=True)
+    last = search(rows, options, tmp_path, "exact", by_blocks="off", resume=True)
     assert last.summary["stop_reason"] == "proven"
     assert first.summary["conflicts"] > 0
     assert last.summary["conflicts"] > first.summary["conflicts"]
@@ -198,27 +201,6 @@ def test_without_dilation_the_associative_optimum_bounds_what_was_found(tmp_path
     assert found.summary["bound"] >= table["load_factor_zero_dilation"].max()
 
 
-def test_conflicts_survive_a_torn_file_and_no_other_scene(tmp_path: Path) -> None:
-    conflicts = [Conflict(np.array([1, 4]), np.array([True, False]), 0.5 + k) for k in range(3)]
-    record = Record(tmp_path, 9, b"key of one scene")
-    for conflict in conflicts:
-        record.append(conflict)
-    record.close()
-    content = (tmp_path / "conflicts.jld").read_bytes()
-    for torn in range(16, len(content)):
-        (tmp_path / "conflicts.jld").write_bytes(content[:torn])
-        again = Record(tmp_path, 9, b"key of one scene")
-        whole = (torn - 16) // 16
-        assert [c.bound for c in again.known] == [0.5 + k for k in range(whole)]
-        assert all(c.faces.tolist() == [1, 4] and c.labels.tolist() == [True, False] for c in again.known)
-        again.close()
-        assert len((tmp_path / "conflicts.jld").read_bytes()) == 16 + 16 * whole
-    other = Record(tmp_path, 9, b"key of the other")
-    assert other.known == []
-    other.close()
-    assert (tmp_path / "conflicts.jld").read_bytes() == b"key of the other"
-
-
 @pytest.mark.parametrize(
     ("rows", "cell", "options"),
     [
@@ -232,39 +214,32 @@ def test_conflicts_survive_a_torn_file_and_no_other_scene(tmp_path: Path) -> Non
     ],
 )
 def test_faces_no_block_contains_are_dry_in_every_bound(
-    rows: list[str], cell: list[float], options: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    rows: list[str], cell: list[float], options: dict[str, Any], tmp_path: Path
 ) -> None:
     """The limit on extent leaves faces across which no block can reach; the scene's own label there is inner."""
     document = grid_document(rows, **options, block_extent=[None, 0.2])
     document["grid"]["cell"] = cell
     scene = parse_scene(document)
     every = explore(scene, tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration")).summary
-    monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", 0)  # the proof alone finds it
-    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact")).summary
+    alone = Exact(search_space(scene, build_assembly(scene)), search=0)  # the proof alone finds it
+    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False), driver=alone).summary
     assert found["proven"] is True
     assert found["best"] == pytest.approx(every["best"], rel=1e-6)
     assert found["bound"] >= every["best"] * (1.0 - 1e-9)
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", 0)
+def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path) -> None:
     rows, options = SCENES[name]
     every = search(rows, options, tmp_path / "every", "enumeration")
-    found = search(rows, options, tmp_path / "exact", "exact", aim="front")
+    found = search(rows, options, tmp_path / "exact", "exact", aim="front", search=0)
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
 
 
 @pytest.mark.parametrize("searched", [0, 10])
 @pytest.mark.parametrize("name", [*SCENES, "very strong", "no friction", "overhang"])
-def test_the_tree_of_blocks_leaves_nothing_stronger(
-    name: str, searched: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact.driver._SEARCH", searched)
-    # planted wherever there is a relaxation by blocks
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._LISTED", 1e9)
+def test_the_tree_of_blocks_leaves_nothing_stronger(name: str, searched: int, tmp_path: Path) -> None:
     rows, options = {
         **SCENES,
         # bounds are too blunt there, and the tree is given up
@@ -273,7 +248,8 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(
         "overhang": (["aaa", "aa.", "#.."], {"block_cells": [1, 3], "live": [{"body": [-1, 1]}]}),
     }[name]
     every = search(rows, options, tmp_path / "every", "enumeration").summary
-    found = search(rows, options, tmp_path / "exact", "exact").summary
+    # a tree wherever there is a relaxation by blocks
+    found = search(rows, options, tmp_path / "exact", "exact", search=searched, by_blocks="on").summary
     assert found["proven"] is True
     if every["best"] is None:
         assert found["best"] is None
@@ -300,42 +276,45 @@ def test_the_tree_offers_nothing_outside_the_limits_on_counts(
     assert found["evaluated"] <= every["evaluated"]
 
 
-def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    # a threshold over the scale of a scene three cells wide, times that scale, is often more than the threshold
+def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: Path) -> None:
+    """A threshold over the scale of a scene three cells wide, times that scale, is often more than the threshold."""
     scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]))
-    driver = Exact(search_space(scene, build_assembly(scene)), 0)
-    faces, labels = np.flatnonzero(driver.space.candidates)[:2], np.array([False, True])
-    rng = np.random.default_rng(4)
-    for least in rng.random(50):
-        monkeypatch.setattr(driver, "_least", lambda target, least=least: least)
-        driver._conflicts = [Conflict(faces, labels, least / driver._scale)]
-        driver._begin(None)
-        assert driver._formula is not None
-        assert not driver._formula.possible(faces, labels)
+    space = search_space(scene, build_assembly(scene))
+    faces, labels = np.flatnonzero(space.candidates)[:2], np.array([False, True])
+    decided, values = np.zeros((2, len(space.fixed)), dtype=bool)
+    decided[faces], values[faces] = True, labels
+    images = np.argsort(space.group, axis=1)[:, faces]
+    known = next(rows for rows, _ in Enumeration(space).batches())[:1]
+    scale = LimitAnalysis(space.assembly).template.scaling.load
+    for number, best in enumerate((1e-3 * np.random.default_rng(4).random(30)).tolist()):
+        records = Records(tmp_path / str(number), {}, len(space.fixed))
+        Exact(space, search=0).start(None, lambda: None, records)
+        driver = Exact(space, search=0)
+        driver.restore(known, [Evaluation(Status.COLLAPSE, best, best, best)])
+        records.add_conflict(decided, values, driver.least(None) / scale)
+        driver.start(None, lambda: None, records)
+        row = driver.ask()
+        assert len(row) == 1
+        assert not any((row[0, image] == labels).all() for image in images)
+        records.close()
 
 
-def test_a_tree_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
+def test_a_tree_that_was_stopped_goes_on(tmp_path: Path) -> None:
     rows, options = [*["aaaa"] * 4, "####"], {"block_cells": [1, 2]}
-    whole = search(rows, options, tmp_path / "whole", "exact").summary
-    ticks = iter(range(10_000))
-    monkeypatch.setattr(Exact, "_late", property(lambda self: self._by_blocks.going and next(ticks) > 6))
+    whole = search(rows, options, tmp_path / "whole", "exact", by_blocks="on").summary
     folder = tmp_path / "part"
-    part = search(rows, options, folder, "exact").summary
+    part = search(rows, options, folder, "exact", by_blocks="on", programs=12).summary
     assert part["proven"] is False
     assert part["bound"] >= whole["best"] * (1.0 - 1e-9)
-    monkeypatch.undo()
-    monkeypatch.setattr("jld_explore.drivers.exact.block_search._CLOSER", -1e9)
-    rest = search(rows, options, folder, "exact", resume=True).summary
+    rest = search(rows, options, folder, "exact", by_blocks="on", resume=True).summary
     assert rest["proven"] is True
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
 
-def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("jld_explore.drivers.exact.driver._DIRECT", 2)
+def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path) -> None:
     rows, options = SCENES["weak"]
     every = search(rows, options, tmp_path / "every", "enumeration")
-    found = search(rows, options, tmp_path / "exact", "exact", aim="front")
+    found = search(rows, options, tmp_path / "exact", "exact", aim="front", step_after=2)
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
 
