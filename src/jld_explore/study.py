@@ -32,12 +32,14 @@ from jld_explore.evaluation import (
     Evaluation,
     EvaluatorSettings,
     IncumbentFront,
+    MakeEvaluator,
     Pool,
     RecordedEvaluator,
     Records,
     Sent,
     Workers,
     WorkerSpec,
+    evaluator_of,
     is_small,
     kernel_settles,
 )
@@ -110,7 +112,8 @@ class Study:
     """One search over labellings of a scene.
 
     scene, assembly, space, driver: they belong together. total: classes there are, where that is known. report: called
-    after every batch. The same scene, driver, seed and budget give the same rows on record whatever `jobs` is.
+    after every batch. make: makes what evaluates labellings in each worker. The same scene, driver, seed and budget
+    give the same rows on record whatever `jobs` is.
     """
 
     def __init__(
@@ -124,9 +127,11 @@ class Study:
         *,
         total: int | None = None,
         report: Callable[[Progress], None] | None = None,
+        make: MakeEvaluator = evaluator_of,
     ) -> None:
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
+        self._make = make
         self.certificates = self.settings.certificates and self.settings.model.modular
         self.started = time.perf_counter()
         self.evaluated = self.asked = self.solved = 0
@@ -160,7 +165,7 @@ class Study:
         template = Template(self.assembly) if self.certificates else None
         settings = EvaluatorSettings(self.settings.model, prove=self.certificates)
         workers = Workers(
-            WorkerSpec.of(self.assembly, settings),
+            WorkerSpec.of(self.assembly, settings, self._make),
             self.settings.jobs,
             faces,
             quick=template is not None and is_small(template),

@@ -152,8 +152,9 @@ def test_nobody_else_names_a_count() -> None:
     """The names stand in the registry, and in the keys of scenes."""
     names = {count.name for count in registered()}
     owners = {SOURCES / "jld_explore" / "space" / "counts.py", SOURCES / "jld_core" / "scene" / "schema.py"}
+    wings = ("space", "evaluation", "drivers", "report")
     for path in sorted(SOURCES.rglob("jld_explore/**/*.py")):
-        if path in owners:
+        if path in owners or not set(wings) & set(path.parts):
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant):

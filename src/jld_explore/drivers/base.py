@@ -93,8 +93,8 @@ class Driver(ABC):
 
     @property
     def exhaustive(self) -> bool:
-        """Whether a driver with nothing more to propose has proposed every class of its space."""
-        return True
+        """Whether a driver with nothing more to propose has proposed every class of its space: a proof."""
+        return False
 
     @property
     def working(self) -> bool:

@@ -109,6 +109,11 @@ class Enumeration(Driver):
         self._portions = self.batches()
         self._held = np.empty((0, len(space.fixed)), dtype=bool)
 
+    @property
+    def exhaustive(self) -> bool:
+        """See `Driver.exhaustive`."""
+        return True
+
     def ask(self, limit: int | None = None) -> Bits:
         """The next classes, (k, m), in portions that do not keep evaluation waiting for the whole limit."""
         wanted = PORTION if limit is None else min(limit, PORTION)

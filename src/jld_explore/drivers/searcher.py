@@ -64,6 +64,11 @@ class Searcher(Driver):
         self._rest: Iterator[Bits] | None = None
 
     @property
+    def exhaustive(self) -> bool:
+        """See `Driver.exhaustive`: what is left in the end is enumerated."""
+        return True
+
+    @property
     def _none(self) -> Bits:
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 

@@ -38,6 +38,7 @@
 
 from __future__ import annotations
 
+from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
@@ -47,7 +48,7 @@ from jld_explore.evaluation.ranking import ORDER, front_counts, objectives, plac
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records, record_type, settled, statuses
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
-from jld_explore.evaluation.workers import Run, Workers, WorkerSpec, batch_size
+from jld_explore.evaluation.workers import MakeEvaluator, Run, Workers, WorkerSpec, batch_size
 
 __all__ = [
     "BOUND",
@@ -64,6 +65,7 @@ __all__ = [
     "ForceMethod",
     "Forces",
     "IncumbentFront",
+    "MakeEvaluator",
     "Mechanism",
     "Pool",
     "Proofs",
@@ -75,6 +77,7 @@ __all__ = [
     "WorkerSpec",
     "Workers",
     "batch_size",
+    "evaluator_of",
     "front_counts",
     "is_small",
     "kernel_settles",

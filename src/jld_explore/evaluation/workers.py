@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
@@ -51,17 +51,21 @@ _THREADS: Final = 2
 _own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
 
 
+MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
+"""Makes what evaluates labellings in a worker; of a module's own names, so that it can be sent there."""
+
+
 @dataclass(frozen=True)
 class WorkerSpec:
-    """What a worker needs to make its evaluator: a pickle of assembly and settings, and its digest."""
+    """What a worker needs to make its evaluator: a pickle of its maker, assembly and settings, and its digest."""
 
     content: bytes
     digest: str
     parent: int
 
     @classmethod
-    def of(cls, assembly: Assembly, settings: EvaluatorSettings) -> WorkerSpec:
-        content = pickle.dumps((assembly, settings))
+    def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
+        content = pickle.dumps((make, assembly, settings))
         # what an evaluator answers with is part of what it is
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
@@ -90,8 +94,8 @@ def evaluate_batch(
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     if getattr(_own, "digest", None) != recipe.digest:
-        assembly, settings = pickle.loads(recipe.content)
-        _own.evaluator, _own.digest = evaluator_of(assembly, settings), recipe.digest
+        make, assembly, settings = pickle.loads(recipe.content)
+        _own.evaluator, _own.digest = make(assembly, settings), recipe.digest
     return number, _own.evaluator.evaluate_all(labellings, floors, waiting, deadline)
 
 
