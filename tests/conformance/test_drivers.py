@@ -76,11 +76,21 @@ class Table:
             return Evaluation(status, np.nan, np.nan, np.nan)
         return Evaluation(Status.COLLAPSE, value, value, value)
 
+    def evaluate_all(
+        self, labellings: Bits, floors: object = None, waiting: object = None, deadline: float | None = None
+    ) -> list[Evaluation]:
+        """One after the other, up to the deadline."""
+        found = []
+        for labels in labellings:
+            if deadline is not None and study_module.time.time() >= deadline:
+                break
+            found.append(self.evaluate(labels))
+        return found
+
 
 @pytest.fixture(autouse=True)
-def table(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Table]]:
+def table() -> Iterator[type[Table]]:
     """Workers make a Table where they would make an evaluator."""
-    monkeypatch.setattr("jld_explore.evaluation.workers.Evaluator", Table)
     Table.calls, Table.after = 0, None
     yield Table
     Table.after = None
@@ -89,7 +99,9 @@ def table(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Table]]:
 def explored(found: Case, name: str, folder: Path, *, seed: int = 1, **limits: Any) -> tuple[Study, StopReason]:
     # a digest of its own for each run, so that no evaluator is left over from another
     driver = driver_of(name, found.space, seed)
-    study = Study(found.scene, found.assembly, found.space, driver, folder, ExploreSettings(seed=seed, **limits))
+    study = Study(
+        found.scene, found.assembly, found.space, driver, folder, ExploreSettings(seed=seed, **limits), make=Table
+    )
     return study, study.run()
 
 
