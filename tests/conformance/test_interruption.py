@@ -25,11 +25,20 @@ import pytest
 
 from cases import grid_document
 from command import Outcome, call, command, environment, process
+from jld_core.lanes.library import SWITCH
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import RECORDS_FILE
 from paths import SCENES
 
 FACES, CLASSES = 21, 1340  # 4×3 cells on a support row, blocks of 2 to 6 cells, counted by enumeration
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_by_one() -> Iterator[None]:
+    """Without the kernel, which finishes hundreds at once: the moments between are what is tested."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(SWITCH, "off")
+        yield
 
 
 @pytest.fixture(scope="module")

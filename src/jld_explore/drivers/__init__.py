@@ -2,25 +2,23 @@
 
 - `DRIVERS`: drivers by name
 - `MEMORY`: labellings the surrogate learns from
-- `OPTIONS`: options that drivers take
 - `BufferedRandom`: random choices, drawn in blocks
 - `Conflict`: labels that no labelling worth finding has together
 - `Driver`: one strategy of search
+- `DriverOptions`: what a driver takes besides, described
 - `Enumeration`: all classes, in one order
 - `Exact`: proof by conflicts
 - `Formula`: labellings that nothing rules out yet
 - `Genetic`: a population that is crossed and varied
 - `PossibleBlocks`: all blocks there can be
-- `Record`: conflicts on disk
 - `Register`: what was proposed before
 - `Segmentations`: how a segmentation is changed
 - `Surrogate`: learns λ and guesses at the rest
 - `Tally`: labellings and classes of a space
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
-- `front`: the proven front
-- `front_of_all`: the front of a space that was enumerated
 - `make_driver`: a driver by its name
 - `operators`: how labellings of a space are changed
+- `owners`: the drivers that take an option
 - `possible_blocks`: the possible blocks of a space
 - `size_up_to`: the number of classes, if soon found
 """

@@ -2,29 +2,33 @@
 
 - `BOUND`: settled by an upper bound alone
 - `CERTIFICATE`: settled by what other solves prove
-- `CERTIFICATES_FILE`: name of the file of certificates
 - `FAILED`: an evaluation that broke down
 - `ORDER`: statuses, the best first
-- `STORE_FILE`: name of the file of evaluations
-- `Archive`: proofs on disk
+- `RECORDS_FILE`: name of the file of records
 - `Bounds`: what the pool knows of labellings
 - `CertificateEvaluator`: evaluates with a pool of certificates
+- `Evaluating`: what a study asks for evaluations
 - `Evaluation`: what is known of one labelling
 - `Evaluator`: evaluates labellings of one assembly
 - `EvaluatorSettings`: what an evaluator is asked for
 - `ForceMethod`: both sides of λ at a vertex
 - `Forces`: a certificate from below
 - `IncumbentFront`: the largest λ known for each count
+- `MakeEvaluator`: makes what evaluates in a worker
 - `Mechanism`: a certificate from above
 - `Pool`: certificates that are worth their place
 - `Proofs`: what one solve leaves behind
+- `RecordedEvaluator`: workers with a record
+- `Records`: evaluations, proofs and conflicts on disk
 - `Run`: labellings under evaluation
-- `Store`: evaluations on disk
+- `Sent`: labellings on their way
 - `Vertex`: what was found at a vertex
 - `WorkerSpec`: what a worker needs
 - `Workers`: a pool of processes
 - `batch_size`: labellings per task
+- `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
+- `is_small`: whether a solve takes less than to send it
 - `kernel_settles`: whether nearly all labellings are the kernel's to settle
 - `objectives`: what is minimised
 - `places`: place of each status

@@ -31,9 +31,7 @@ from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
-
-if sys.platform != "win32":
-    import fcntl
+from jld_explore.evaluation.lock import FolderLock, busy
 
 RECORDS_FILE: Final = "records.sqlite3"
 SYNC: Final = 0.2
@@ -93,7 +91,7 @@ class Records:
         folder.mkdir(parents=True, exist_ok=True)
         wanted = {"jld": "records", "format": _FORMAT, "faces": faces, **header}
         self._file: Any = None
-        self._lock = _Lock(folder)
+        self._lock = FolderLock(folder)
         try:
             with self._told():
                 self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
@@ -316,38 +314,13 @@ class Records:
         except sqlite3.Error as error:
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
             if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                raise _busy(self.folder) from None
+                raise busy(self.folder) from None
             if code in _DISK:
                 raise OSError(_DISK[code], os.strerror(_DISK[code]), str(self.path)) from None
             raise self._damaged(str(error)) from None
 
     def _damaged(self, how: str) -> InputError:
         return InputError(str(self.path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
-
-
-class _Lock:
-    """Keeps other processes from writing into a folder, until it is released or this process is gone."""
-
-    def __init__(self, folder: Path) -> None:
-        self._handle: int | None = None
-        if sys.platform == "win32":
-            return  # there the file itself is locked
-        self._handle = os.open(folder, os.O_RDONLY)
-        try:
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self.release()
-            raise _busy(folder) from None
-
-    def release(self) -> None:
-        """Let others write; once more does nothing."""
-        if self._handle is not None:
-            os.close(self._handle)
-            self._handle = None
-
-
-def _busy(folder: Path) -> InputError:
-    return InputError(str(folder), "another process is at work in it", "a folder of its own for each study")
 
 
 _CODES: Final = {str(status): code for code, status in enumerate(_STATUSES)}

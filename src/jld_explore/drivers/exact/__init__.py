@@ -4,10 +4,7 @@
 - `Exact`: proof by conflicts
 - `Formula`: labellings that nothing rules out yet
 - `PossibleBlocks`: all blocks there can be
-- `Record`: conflicts on disk
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
-- `front`: the proven front
-- `front_of_all`: the front of a space that was enumerated
 - `possible_blocks`: the possible blocks of a space
 """
 
