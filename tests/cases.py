@@ -19,6 +19,8 @@ def grid_document(
     live: list[Document] | None = None,
     crush_dry: float | None = None,
     crush_inner: float | None = None,
+    cohesion: float = 0.0,
+    inner_friction: float = 0.0,
     **search: Any,
 ) -> Document:
     """A scene document: cells of 0.1 m, 1400 kg/m³, horizontal body load unless said otherwise."""
@@ -28,6 +30,10 @@ def grid_document(
         dry["compressive_strength"] = crush_dry
     if crush_inner is not None:
         inner["compressive_strength"] = crush_inner
+    if cohesion:
+        dry["cohesion"] = cohesion
+    if inner_friction:
+        inner["friction_coefficient"] = inner_friction
     document: Document = {
         "name": "grid",
         "grid": {"cell": [ROOT_CELL, ROOT_CELL], "thickness": 0.1, "rows": rows},
@@ -65,5 +71,8 @@ CASES: dict[str, tuple[list[str], Document]] = {
     "lifted": (["aaa", "aaa", "###"], {"live": [{"body": [0, 1]}]}),
     "pressed": (["aaa", "aaa", "###"], {"live": [{"body": [0, -1]}]}),
     "very strong": (["aaa", "aaa", "###"], {"tension": 1e9, "shear": 1e9}),
+    "mortar": (["aaa", "aaa", "###"], {"cohesion": 2e3, "friction": 0.4, "live": [{"body": [1, 0.4]}]}),
+    "rough cracks": (["aaaa", "aaaa", "####"], {"inner_friction": 1.1, "tension": 4e3, "shear": 6e3, "friction": 0.5}),
+    "rough arch": (["#aaaaa#", "#aaaaa#"], {"inner_friction": 0.6, "cohesion": 1e3, "crush_inner": 5e5, "live": DOWN}),
     "cantilever": (["#aaa", "#aaa"], {"tension": 3e5, "shear": 3e5, "live": [{"body": [0, -1]}]}),
 }

@@ -44,7 +44,9 @@ def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.
         half = length / 2 / reach
         if labels[k]:
             mu, crush = s.friction[k], s.crush_dry[k] * area / unit
-            constraints.append(cp.abs(v[k]) <= mu * n[k])
+            stuck = s.cohesion[k] * area / unit
+            constraints.append(cp.abs(v[k]) <= stuck + mu * n[k])
+            constraints.append(n[k] >= 0)  # which friction alone says of itself
             if np.isfinite(crush):
                 constraints.append(cp.abs(m[k]) / half + cp.square(n[k]) / crush <= n[k])
             else:
@@ -52,7 +54,7 @@ def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.
         else:
             tension, shear = s.tension[k] * area / unit, s.shear[k] * area / unit
             constraints.append(cp.abs(m[k]) <= half / 3 * (n[k] + tension))
-            constraints.append(cp.abs(v[k]) <= shear)
+            constraints.append(cp.abs(v[k]) <= shear + s.inner_friction[k] * n[k])
             if np.isfinite(s.crush_inner[k]):
                 constraints.append(cp.abs(m[k]) <= half / 3 * (s.crush_inner[k] * area / unit - n[k]))
     return cp.Problem(cp.Maximize(load), constraints), load

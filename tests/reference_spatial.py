@@ -86,7 +86,7 @@ def face_constraints(
 ) -> list[Any]:
     """Constraints on f = (N, V1, V2, M1, M2, MT), forces over `unit`, moments in force × length.
 
-    material: friction; tension, shear (stresses); crush (a stress, if any).
+    material: friction, cohesion (a stress); tension, shear (stresses); crush (a stress, if any).
     """
     n, v, m1, m2, twist = f[0], f[1:3], f[3], f[4], f[5]
     constraints = []
@@ -99,7 +99,7 @@ def face_constraints(
             face.corners[:, 0] @ weight == -m2,
             face.corners[:, 1] @ weight == m1,
         ]
-        capacity = material["friction"] * n
+        capacity = material.get("cohesion", 0.0) * face.area / unit + material["friction"] * n
         if crush is not None:
             # effective rectangle (l1 − 2|x1|)(l2 − 2|x2|) σc ≥ N, multiplied out
             one = size[0] * n - 2.0 * cp.abs(m2)
@@ -107,7 +107,8 @@ def face_constraints(
             stress = cp.Constant(crush / unit)
             constraints.append(cp.geo_mean(cp.hstack([one, two, stress])) >= n)
     else:
-        strength, capacity = material["tension"] * face.area / unit, material["shear"] * face.area / unit
+        strength = material["tension"] * face.area / unit
+        capacity = material["shear"] * face.area / unit + material.get("friction", 0.0) * n
         limit = None if crush is None else crush * face.area / unit
         if face.rectangle and not kern:
             for moment, length in ((m1, size[1]), (m2, size[0])):
@@ -164,6 +165,7 @@ def load_factor(document: dict[str, Any], concave: bool = False, kern: bool = Fa
             "friction": named.get("friction_coefficient", 0.0),
             "tension": named.get("tensile_strength", 0.0),
             "shear": named.get("shear_strength", 0.0),
+            "cohesion": named.get("cohesion", 0.0),
         }
         if named.get("compressive_strength") is not None:
             material["crush"] = named["compressive_strength"]

@@ -97,13 +97,19 @@ class Interfaces:
     def __len__(self) -> int:
         return len(self.a)
 
+    def take(self, rows: Ints) -> Interfaces:
+        """Some of them (k,), in that order."""
+        arrays = {name: values[rows] for name, values in vars(self).items() if name != "polygon"}
+        return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
+
 
 @dataclass(frozen=True)
 class Strengths:
     """Struct of arrays over m interfaces: what each would be made of as dry and as inner, scene units.
 
-    friction: coefficient μ. tension, shear: σt and τ, stress. crush_dry, crush_inner: compressive
-    strength, stress, inf where none is given. A material the scene does not name is NaN.
+    friction: coefficient μ of dry faces. tension, shear: σt and τ of inner ones, stress. crush_dry, crush_inner:
+    compressive strength, stress, inf where none is given. cohesion: of dry faces, stress; inner_friction: μ of inner
+    ones; both 0 where none is given. A material the scene does not name is NaN.
     """
 
     friction: Floats
@@ -111,6 +117,12 @@ class Strengths:
     shear: Floats
     crush_dry: Floats
     crush_inner: Floats
+    cohesion: Floats
+    inner_friction: Floats
+
+    def take(self, rows: Ints) -> Strengths:
+        """Those of some interfaces (k,), in that order."""
+        return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
 
 Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]

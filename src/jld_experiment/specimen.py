@@ -180,8 +180,8 @@ def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
     """(m, 8) the law of every face; tension is cut where the cone of friction ends."""
     strengths = assembly.strengths
-    friction = np.where(labels, strengths.friction, 0.0)
-    cohesion = np.where(labels, 0.0, strengths.shear)
+    friction = np.where(labels, strengths.friction, strengths.inner_friction)
+    cohesion = np.where(labels, strengths.cohesion, strengths.shear)
     tension = np.where(labels, 0.0, strengths.tension)
     crushing = np.where(labels, strengths.crush_dry, strengths.crush_inner)
     lacking = np.flatnonzero(np.isnan(friction + cohesion + tension))

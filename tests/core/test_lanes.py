@@ -25,6 +25,13 @@ PLANAR = [name for name, (_, options) in CASES.items() if "crush_dry" not in opt
 SPATIAL = {
     "stools": lambda: cases_spatial.stools([cases_spatial.OBLONG, cases_spatial.OBLONG[::-1] * 0.9]),
     "running bond": lambda: cases_spatial.assembly(cases_spatial.wall(2, 2)),
+    "rough bond": lambda: cases_spatial.assembly(
+        cases_spatial.wall(2, 1),
+        materials={
+            "dry": {"friction_coefficient": 0.4, "cohesion": 0.2},
+            "inner": {"tensile_strength": 0.3, "shear_strength": 0.5, "friction_coefficient": 0.8},
+        },
+    ),
     "turned bond": lambda: cases_spatial.assembly(
         cases_spatial.wall(3, 1, 1, turn=cases_spatial.rotation(0.3, -0.2, 0.5)),
         loads={"live": [{"body": [0.3, 1, 0.2]}]},

@@ -128,7 +128,7 @@ def stack_of_boxes() -> Assembly:
         units=("m", "N"),
         elements=elements,
         interfaces=faces,
-        strengths=Strengths(np.full(2, 0.5), nothing, nothing, np.full(2, np.inf), np.full(2, np.inf)),
+        strengths=Strengths(np.full(2, 0.5), nothing, nothing, *np.full((2, 2), np.inf), *np.zeros((2, 2))),
         dead=six,
         live=live,
         labels=np.array([True, True]),

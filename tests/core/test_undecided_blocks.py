@@ -23,6 +23,11 @@ CASES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "no friction": (["aaa", "aaa", "###"], {"friction": 0.0, "block_cells": [1, 3]}),
     "no tension": (["aaa", "aaa", "###"], {"tension": 0.0, "block_cells": [1, 3]}),
     "no shear strength": (["aaa", "aaa", "###"], {"shear": 0.0, "block_cells": [1, 3]}),
+    "mortar": (["aaa", "aaa", "###"], {"cohesion": 2e3, "friction": 0.4, "block_cells": [1, 3]}),
+    "rough cracks": (
+        ["aaa", "aaa", "###"],
+        {"inner_friction": 0.9, "tension": 2e3, "shear": 4e3, "friction": 0.5, "block_cells": [1, 3]},
+    ),
     "strong": (["aaa", "aaa", "###"], {"tension": 2e6, "shear": 2e6, "block_cells": [1, 3]}),
     # some of these stand for no λ, or only while the live load holds them
     "overhang": (["aaa", "a#a"], {"block_cells": [1, 3], "tension": 3e3, "shear": 3e3}),

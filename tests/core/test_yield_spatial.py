@@ -38,6 +38,19 @@ MATERIALS: dict[str, dict[str, dict[str, float]]] = {
         "dry": {"friction_coefficient": 0.7, "compressive_strength": 2.0},
         "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 3.0},
     },
+    "rough": {
+        "dry": {"friction_coefficient": 0.4, "cohesion": 0.3},
+        "inner": {"tensile_strength": 0.5, "shear_strength": 0.8, "friction_coefficient": 0.9},
+    },
+    "rough, crushable": {
+        "dry": {"friction_coefficient": 0.0, "cohesion": 0.3},
+        "inner": {
+            "tensile_strength": 0.2,
+            "shear_strength": 0.4,
+            "friction_coefficient": 0.7,
+            "compressive_strength": 3.0,
+        },
+    },
     "no shear": {
         "dry": {"friction_coefficient": 0.0},
         "inner": {"tensile_strength": 0.5, "shear_strength": 0.0},
@@ -159,6 +172,7 @@ def test_dissipation_is_the_support_function(name: str, bending: InnerBending) -
         named = materials["dry" if dry else "inner"]
         material = {
             "friction": named.get("friction_coefficient", 0.0),
+            "cohesion": named.get("cohesion", 0.0),
             "tension": named.get("tensile_strength", 0.0),
             "shear": named.get("shear_strength", 0.0),
         }

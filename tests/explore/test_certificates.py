@@ -35,6 +35,10 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
     "crushing arch": (["#aaaaa#"], {"live": DOWN, "crush_dry": 5e5, "crush_inner": 5e5}),
     "no friction": (["aaa", "aaa", "###"], {"friction": 0.0}),
     "slits": (["aaa", "aa.", "###"], {"segmentation": False}),
+    "mortar and rough cracks": (
+        ["aaa", "aaa", "###"],
+        {"cohesion": 1e3, "inner_friction": 0.8, "tension": 2e3, "shear": 3e3, "friction": 0.5},
+    ),
     "overhang": (["aaaa", "aa..", "#..."], {"live": [{"body": [0, -1]}]}),
 }
 

@@ -33,6 +33,11 @@ SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"block_cells": [1, 3], "keep": {"dry": [["c0r0", "c1r0"]], "inner": [["c1r1", "c2r1"]]}},
     ),
     "bridge": (["aaaa", "a..a", "#..#"], {"live": DOWN, "block_cells": [1, 3], "shear": 2e5, "tension": 2e5}),
+    "mortar": (["aaa", "aaa", "###"], {"cohesion": 1e3, "tension": 5e3, "shear": 5e3, "friction": 0.4}),
+    "rough cracks": (
+        ["aaa", "aaa", "###"],
+        {"block_cells": [1, 3], "inner_friction": 0.9, "cohesion": 5e2, "tension": 2e3, "shear": 3e3, "friction": 0.5},
+    ),
     "crushing blocks": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "crush_inner": 1e5}),
 }
 

@@ -9,14 +9,16 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Strengths
 from jld_core.errors import InputError
-from jld_core.scene import Contact, Dry, Element, Materials, Scene
+from jld_core.scene import Contact, Dry, Element, Inner, Materials, Scene, lies_within_apex
 
 
-def friction(source: Dry | Contact) -> float | None:
+def friction(source: Dry | Inner | Contact) -> float | None:
     """Friction coefficient, from either key; None where neither is given."""
-    if source.friction_angle is not None:
-        return math.tan(math.radians(source.friction_angle))
-    return source.friction_coefficient
+    return _coefficient(source.friction_coefficient, source.friction_angle)
+
+
+def _coefficient(coefficient: float | None, angle: float | None) -> float | None:
+    return coefficient if angle is None else math.tan(math.radians(angle))
 
 
 def gravity_vector(materials: Materials, dimension: int) -> Floats:
@@ -61,32 +63,37 @@ def strengths(materials: Materials, contacts: list[Contact | None]) -> Strengths
     """What each interface would be made of under either label, (m,) arrays, NaN where not named.
 
     contacts: per interface the scene's own entry with its overriding keys, or None.
+    Raises InputError for an interface whose own keys put its tensile strength beyond the apex of its friction.
     """
     dry, inner = materials.dry, materials.inner
-    nan = math.nan
-    base_mu = friction(dry) if dry is not None else None
+    usual = {
+        "friction": friction(dry) if dry else None,
+        "tension": inner.tensile_strength if inner else None,
+        "shear": inner.shear_strength if inner else None,
+        "crush_dry": dry.compressive_strength if dry else None,
+        "crush_inner": inner.compressive_strength if inner else None,
+        "cohesion": dry.cohesion if dry else None,
+        "inner_friction": friction(inner) if inner else None,
+    }
+    absent = {"crush_dry": math.inf, "crush_inner": math.inf, "cohesion": 0.0, "inner_friction": 0.0}
     rows = []
     for contact in contacts:
-        mu = base_mu
-        tension = inner.tensile_strength if inner else None
-        shear = inner.shear_strength if inner else None
-        crush_dry = dry.compressive_strength if dry else None
-        crush_inner = inner.compressive_strength if inner else None
+        own = dict(usual)
         if contact is not None:
-            own = friction(contact)
-            mu = own if own is not None else mu
-            tension = contact.tensile_strength if contact.tensile_strength is not None else tension
-            shear = contact.shear_strength if contact.shear_strength is not None else shear
-            if contact.compressive_strength is not None:
-                crush_dry = crush_inner = contact.compressive_strength
-        rows.append(
-            [
-                nan if mu is None else mu,
-                nan if tension is None else tension,
-                nan if shear is None else shear,
-                math.inf if crush_dry is None else crush_dry,
-                math.inf if crush_inner is None else crush_inner,
-            ]
-        )
-    table = np.array(rows, dtype=float).reshape(-1, 5)
-    return Strengths(*(np.ascontiguousarray(column) for column in table.T))
+            inner_friction = _coefficient(contact.inner_friction_coefficient, contact.inner_friction_angle)
+            given = {
+                "friction": friction(contact),
+                "tension": contact.tensile_strength,
+                "shear": contact.shear_strength,
+                "crush_dry": contact.compressive_strength,
+                "crush_inner": contact.compressive_strength,
+                "cohesion": contact.cohesion,
+                "inner_friction": inner_friction,
+            }
+            own |= {name: value for name, value in given.items() if value is not None}
+            lies_within_apex(
+                own["tension"], own["shear"], own["inner_friction"], f"interface {'–'.join(contact.elements)}"
+            )
+        rows.append([absent.get(name, math.nan) if value is None else value for name, value in own.items()])
+    table = np.array(rows, dtype=float).reshape(-1, len(usual))
+    return Strengths(**{name: np.ascontiguousarray(column) for name, column in zip(usual, table.T, strict=True)})

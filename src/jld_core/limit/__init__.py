@@ -36,7 +36,6 @@
 - `flow_rule`: how well every face obeys its flow rule
 - `governing`: the governing factor of a labelling from what is known of its load cases
 - `governing_result`: results of load cases → the result of the structure
-- `has_hull`: whether undecided faces have rows
 - `load_floor`: λ below which differences are no matter
 - `number`: a JSON number, or null
 - `relative_width`: width of a bracket, relative
@@ -62,7 +61,7 @@ from jld_core.limit.mechanism import (
 )
 from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
-from jld_core.limit.relaxation import DualBound, Relaxation, has_hull
+from jld_core.limit.relaxation import DualBound, Relaxation
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, element_velocities, governing_result, number, result_of
 from jld_core.limit.status import Status
@@ -104,7 +103,6 @@ __all__ = [
     "flow_rule",
     "governing",
     "governing_result",
-    "has_hull",
     "load_floor",
     "number",
     "relative_width",

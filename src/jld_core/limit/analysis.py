@@ -22,7 +22,7 @@ from jld_core.limit.proof import Proof
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.limit.status import Status
-from jld_core.mechanics import InnerBending, require_materials, scaling_of, spatial_yield
+from jld_core.mechanics import InnerBending, require_materials, scaling_of, yield_set
 from jld_core.program import Template
 from jld_core.solvers import (
     ClarabelSolver,
@@ -262,10 +262,10 @@ class LimitAnalysis:
         start = time.perf_counter()
         self.assembly, self.gap = assembly, gap
         self.options = SolveOptions(inner_bending=inner_bending, condense="off", solver=solver, gap=gap)
-        if template is None and assembly.dimension == 3 and inner_bending != "paper":
+        if template is None:
             scaling = scaling_of(assembly)
-            template = Template(assembly, scaling, spatial_yield(assembly, scaling, inner_bending))
-        self.template = template or Template(assembly)
+            template = Template(assembly, scaling, yield_set(assembly, scaling, inner_bending))
+        self.template = template
         self.prover = Prover(self.template)
         precision = self.template.precision
         self.route = make_solver(solver, tolerance=precision.residual, structure=self.template.structure)

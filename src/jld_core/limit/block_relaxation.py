@@ -2,14 +2,14 @@
 
 Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one.
 The **relaxation by blocks** gives every block forces of its own: on the faces around it in x_p times the dry set, on
-those inside in x_p times the inner one, in equilibrium under x_p times its weight and its share of λ; the forces on a
-face agree on both sides, and the shares agree on all elements (docs/method.md (6.5), (6.6)). It is much tighter than
-face by face (`undecided`) where blocks are of a few elements, as it knows that a block is one body.
+those inside in x_p times the inner one (`YieldSet.wedge`), in equilibrium under x_p times its weight and its share of
+λ; the forces on a face agree on both sides, and the shares agree on all elements (docs/method.md (6.5), (6.6)). It is
+much tighter than face by face (`relaxation`) where blocks are of a few elements, as it knows that a block is one body.
 
 Its dual is a mechanism for every block: velocities u of each element of each block, and a velocity w of each face,
 that the blocks on either side open against. For a load factor θ a block then has an **excess**
 
-    e_p = θ b_λ·u_p + b·u_p − Σ_{inside} D_inner(J),     where every half jump around it opens,
+    e_p = θ b_λ·u_p + b·u_p − Σ_{inside} D_inner(J) − Σ_{around} D_dry(half jump),
 
 and a segmentation whose blocks have Σ e_p > 0 does not reach θ. Numbers v on elements bound Σ e_p from below for all
 choices at once: Σ e_p ≥ Σ v + Σ_p min(0, e_p − Σ_{e ∈ p} v_e). All of it is computed here from whatever the solver
@@ -29,7 +29,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
-from jld_core.mechanics import PlanarYield
+from jld_core.mechanics import Wedge
 from jld_core.program import ConicProgram, pack
 from jld_core.solvers import ClarabelSolver, Solver
 
@@ -90,6 +90,7 @@ class BlockRelaxation:
         if not applies_to(analysis) or opening is None:
             raise TypeError("no relaxation by blocks is known of this assembly")
         self.template = analysis.template
+        self._dry, self._inner = _wedges(analysis)
         self.solves = 0
         self._count = len(members)
         self._lay_out(members, inside)
@@ -149,21 +150,23 @@ class BlockRelaxation:
 
     def _state_program(self) -> None:
         """min −λ over all blocks: columns x, rays of dry sets, (two rays, V) of inner ones, own λ, λ."""
-        sets = self.template.yield_set
-        assert isinstance(sets, PlanarYield)
+        dry, glued = self._dry, self._inner
         p, k, s, j = self._count, len(self._part_block), len(self._side_part), len(self._joint_block)
         elements, shared = len(self.template.assembly.elements.free), int((self._shared >= 0).sum())
-        ray, bend, own, load = p, p + 4 * s, p + 4 * s + 3 * j, 2 * p + 4 * s + 3 * j
+        stuck = self._stuck = np.flatnonzero(dry.cohesion[self._side_face] > 0.0)
+        c = len(stuck)
+        ray, bend, stick, own = p, p + 4 * s, p + 4 * s + 3 * j, p + 4 * s + 3 * j + c
+        load = own + p
         cover, share = 0, elements
         agree, balance = 2 * elements, 2 * elements + _Q * shared
         shear = balance + _Q * k
-        limit = shear + 2 * j
+        limit = shear + 2 * j + 2 * c
         entries = _Entries()
         entries.add(cover + self._part_place, self._part_block, 1.0)
         entries.add(share + self._part_place, own + self._part_block, 1.0)
         entries.add(share + np.arange(elements), np.full(elements, load), -1.0)
         # rays (1, ±μ, ±1) of dry faces, over their size
-        mu = sets.friction[self._side_face]
+        mu = dry.friction[self._side_face]
         size = np.maximum(1.0, mu)
         meets = self._shared[self._side_face]
         for turn, (slip, tip) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
@@ -172,28 +175,43 @@ class BlockRelaxation:
             entries.add_vectors(balance + _Q * self._side_part, column, np.einsum("kij,kj->ki", self._arm, vector))
             known = meets >= 0
             entries.add_vectors(agree + _Q * meets[known], column[known], (self._sign[:, None] * vector)[known])
+        # cohesion: V₀ besides, |V₀| ≤ c x
+        entries.add_vectors(balance + _Q * self._side_part[stuck], stick + np.arange(c), self._arm[stuck, :, 1])
+        known = meets[stuck] >= 0
+        across = self._sign[stuck, None] * np.eye(_Q)[1]
+        entries.add_vectors(agree + _Q * meets[stuck][known], stick + np.flatnonzero(known), across[known])
         # N = N' − σtA x with N' = r + r', m = (r − r')/3
         for part, arm in ((self._joint_a, self._arm_a), (self._joint_b, self._arm_b)):
             row = balance + _Q * part
-            for turn, vector in enumerate((np.array([1.0, 0.0, 1 / 3]), np.array([1.0, 0.0, -1 / 3]), np.eye(3)[1])):
+            lean = 1.0 / glued.bending
+            for turn, vector in enumerate((np.array([1.0, 0.0, lean]), np.array([1.0, 0.0, -lean]), np.eye(3)[1])):
                 entries.add_vectors(row, bend + 3 * np.arange(j) + turn, arm @ vector)
-            pull = -sets.tension[self._joint_face][:, None] * arm[:, :, 0]
+            pull = -glued.tension[self._joint_face][:, None] * arm[:, :, 0]
             entries.add_vectors(row, self._joint_block, pull)
         entries.add_vectors(balance + _Q * np.arange(k), self._part_block, self._dead)
         entries.add_vectors(balance + _Q * np.arange(k), own + self._part_block, self._live)
-        strength = sets.shear[self._joint_face]
+        # |V| ≤ τA x + μN: with N' − σtA x for N what is left of τA
+        mu = glued.friction[self._joint_face]
+        strength = glued.cohesion[self._joint_face] - mu * glued.tension[self._joint_face]
         scale = np.maximum(1.0, strength)
+        rubs = np.flatnonzero(mu > 0.0)
         for turn, sign in enumerate((1.0, -1.0)):
             row = shear + 2 * np.arange(j) + turn
             entries.add(row, bend + 3 * np.arange(j) + 2, sign / scale)
             entries.add(row, self._joint_block, -strength / scale)
+            for bent in (0, 1):
+                entries.add(row[rubs], bend + 3 * rubs + bent, -(mu / scale)[rubs])
+            row = shear + 2 * j + 2 * np.arange(c) + turn
+            entries.add(row, stick + np.arange(c), sign)
+            entries.add(row, self._side_block[stuck], -dry.cohesion[self._side_face[stuck]])
         entries.add(limit + np.arange(p), own + np.arange(p), 1.0)
         self._limits = entries.add(limit + np.arange(p), np.arange(p), -1.0)
         entries.add(limit + p + np.arange(p), own + np.arange(p), -1.0)
         self._floors = entries.add(limit + p + np.arange(p), np.arange(p), 1.0)
         limit += p
         bounded = np.ones(load, dtype=bool)
-        bounded[bend + 2 : own : 3] = False
+        bounded[bend + 2 : stick : 3] = False
+        bounded[stick:own] = False
         positive = np.flatnonzero(bounded)
         entries.add(limit + p + np.arange(len(positive)), positive, -1.0)
         self._equalities = shear
@@ -202,7 +220,14 @@ class BlockRelaxation:
         self._rhs[cover : cover + elements] = 1.0
         self._entries, self._shape = entries.finished(), (rows, load + 1)
         owner = np.concatenate(
-            [np.arange(p), np.repeat(self._side_block, 4), np.repeat(self._joint_block, 3), np.arange(p), [-1]]
+            [
+                np.arange(p),
+                np.repeat(self._side_block, 4),
+                np.repeat(self._joint_block, 3),
+                self._side_block[stuck],
+                np.arange(p),
+                [-1],
+            ]
         )
         self._column_block = owner
         self._row_block = np.concatenate(
@@ -210,6 +235,7 @@ class BlockRelaxation:
                 np.full(balance, -1),
                 np.repeat(self._part_block, _Q),
                 np.repeat(self._joint_block, 2),
+                np.repeat(self._side_block[stuck], 2),
                 np.tile(np.arange(p), 2),
                 owner[positive],
             ]
@@ -310,10 +336,8 @@ class BlockRelaxation:
         return float(margins.min(initial=np.inf))
 
     def _opens(self, half: Floats, inner: Floats) -> Floats:
-        """By how much the jumps are ones of finite dissipation: δ ≥ |θ| + μ|s| dry, δ ≥ |θ|/3 inner."""
-        friction = self.template.yield_set.friction[self._side_face]  # type: ignore[attr-defined]
-        dry = half[:, 0] - abs(half[:, 2]) - friction * abs(half[:, 1])
-        return np.concatenate([dry, inner[:, 0] - abs(inner[:, 2]) / 3.0])
+        """By how much the jumps are ones of finite dissipation."""
+        return np.concatenate([self._dry.margin(half, self._side_face), self._inner.margin(inner, self._joint_face)])
 
     def _repair(self, dual: Floats, allowed: Bools, most: float) -> _Mechanism | None:
         """Velocities from multipliers, opened until every dissipation is finite, and their sums for each block."""
@@ -326,23 +350,26 @@ class BlockRelaxation:
             velocity, wall = velocity + more * self._opening[0], wall + more * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:
                 return None
-        _, inner = self._jumps(velocity, wall)
-        sets = self.template.yield_set
-        assert isinstance(sets, PlanarYield)
-        slip = np.where(inner[:, 1] != 0.0, sets.shear[self._joint_face] * abs(inner[:, 1]), 0.0)
-        spent = sets.tension[self._joint_face] * inner[:, 0] + slip
+        half, inner = self._jumps(velocity, wall)
+        spent = self._inner.dissipation(inner, self._joint_face)
         live, dead, size = np.zeros(self._count), np.zeros(self._count), np.zeros(self._count)
         np.add.at(live, self._part_block, (self._live * velocity).sum(axis=1))
         np.add.at(dead, self._part_block, (self._dead * velocity).sum(axis=1))
         cost = -dead
         np.add.at(cost, self._joint_block, spent)
+        stuck = self._stuck
+        cohesion, block = self._dry.cohesion[self._side_face[stuck]], self._side_block[stuck]
+        np.add.at(cost, block, cohesion * abs(half[stuck, 1]))
         # what rounding may take counts before terms cancel; a jump is six products, far fewer than ROUNDING allows for
         work = (abs(self._dead) + most * abs(self._live)) * abs(velocity)
         np.add.at(size, self._part_block, work.sum(axis=1))
-        strength = sets.tension[self._joint_face] + sets.shear[self._joint_face]
+        strength = self._inner.tension[self._joint_face] + self._inner.cohesion[self._joint_face]
         speed = np.einsum("kij,ki->k", abs(self._arm_a), abs(velocity[self._joint_a]))
         speed += np.einsum("kij,ki->k", abs(self._arm_b), abs(velocity[self._joint_b]))
         np.add.at(size, self._joint_block, 1e-2 * strength * speed)
+        speed = np.einsum("kij,ki->k", abs(self._arm[stuck]), abs(velocity[self._side_part[stuck]]))
+        still = np.append(abs(wall).sum(axis=1), 0.0)
+        np.add.at(size, block, 1e-2 * cohesion * (speed + still[self._shared[self._side_face[stuck]]]))
         return _Mechanism(live, cost, size, dual[cover:share], -dual[share:agree])
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
@@ -358,12 +385,18 @@ class BlockRelaxation:
 
 
 def applies_to(analysis: LimitAnalysis) -> bool:
-    """Whether there is a relaxation by blocks: planar faces without compressive strength, joints that can all open."""
+    """Whether there is a relaxation by blocks: faces are wedges under either label, and joints can all open."""
     sets = analysis.template.yield_set
-    if not isinstance(sets, PlanarYield):
-        return False
-    endless = np.isinf(sets.crush_dry).all() and np.isinf(sets.crush_inner).all()
-    return bool(endless) and analysis.interior.opening() is not None
+    wedges = sets.wedge(True) is not None and sets.wedge(False) is not None
+    return wedges and analysis.interior.opening() is not None
+
+
+def _wedges(analysis: LimitAnalysis) -> tuple[Wedge, Wedge]:
+    """Faces as dry and as inner ones. Raises TypeError where they are no wedges."""
+    dry, inner = (analysis.template.yield_set.wedge(label) for label in (True, False))
+    if dry is None or inner is None:
+        raise TypeError("no relaxation by blocks is known of these yield sets")
+    return dry, inner
 
 
 class _Entries:

@@ -21,9 +21,8 @@ from jld_core.mechanics import (
     YieldSet,
     equilibrium_matrix,
     load_vectors,
-    planar_yield,
     scaling_of,
-    spatial_yield,
+    yield_set,
 )
 
 SMALL: Final = 0.01
@@ -161,15 +160,13 @@ def yield_set_of(
     """
     assembly = result.assembly
     scaling = scaling_of(assembly)
-    base = (
-        planar_yield(assembly, scaling) if assembly.dimension == 2 else spatial_yield(assembly, scaling, inner_bending)
-    )
+    base = yield_set(assembly, scaling, inner_bending)
     none = np.zeros(len(assembly.interfaces))
     if result.friction == "associative":
         return base if contact is None else PrescribedFriction(base, 1.0, none, contact)
     if result.forces is None:
         raise ValueError("the result holds no forces")
-    return PrescribedFriction(base, 0.0, np.maximum(result.forces[:, 0] / scaling.face[:, 0], 0.0), contact)
+    return PrescribedFriction(base, 0.0, result.forces[:, 0] / scaling.face[:, 0], contact)
 
 
 def flow_rule(result: LimitAnalysisResult, sets: YieldSet | None = None) -> FlowRule:

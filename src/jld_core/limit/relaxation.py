@@ -1,8 +1,7 @@
 """Faces whose label is not decided: what bounds λ over all labellings that agree on the faces that are.
 
-The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3). Without a
-bound on N that is their sum, and the sum is the dry set moved to N = −σtA and widened in shear by τA: the rows of a dry
-face with other right-hand sides. With compressive strengths the rows enclose the hull.
+The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3), which the
+yield set knows (`YieldSet.hull`); a set that does not leaves no relaxation.
 
 What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the
 rows were: a bound is right for every labelling it speaks of, however loose the program that it came from.
@@ -10,7 +9,7 @@ rows were: a bound is right for every labelling it speaks of, however loose the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -19,7 +18,6 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
-from jld_core.mechanics import PlanarYield, RowPattern, Rows, SpatialYield, YieldSet
 from jld_core.program import ConicProgram
 from jld_core.solvers import make_solver
 
@@ -56,7 +54,10 @@ class Relaxation:
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template = analysis.template
         self._prover, self._interior = analysis.prover, analysis.interior
-        self._open = self.template.with_rows(_hull(self.template.yield_set))
+        hull = self.template.yield_set.hull()
+        if hull is None:
+            raise TypeError("no hull is known of these yield sets")
+        self._open = self.template.with_rows(hull)
         self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
@@ -136,73 +137,3 @@ class Relaxation:
         motion = self._prover.motion(motion.velocity + share * opening.velocity, every, normalise=False)
         sets = self.template.yield_set
         return motion, np.array([sets.margin(motion.jumps, every), sets.margin(motion.jumps, ~every)])
-
-
-def _hull(sets: YieldSet) -> Rows:
-    if not has_hull(sets):
-        raise TypeError("no hull is known of these yield sets")
-    assert isinstance(sets, PlanarYield | SpatialYield)
-    every = np.ones(len(sets.friction), dtype=bool)
-    either = sets.active(every) | sets.active(~every)
-    return _Hull(_hull_rows(sets), np.asarray(either))
-
-
-@dataclass(frozen=True)
-class _Hull:
-    """Rows of the closed hull in the place of those of a dry face, and the resultants that either label keeps."""
-
-    pattern: RowPattern
-    either: Bools
-
-    def active(self, labels: Bits) -> Bools:
-        return self.either
-
-
-def has_hull(sets: YieldSet) -> bool:
-    """Whether undecided faces of these sets have rows; compressive strengths of dry faces in space have none."""
-    return isinstance(sets, PlanarYield) or (isinstance(sets, SpatialYield) and not np.isfinite(sets.crush_dry).any())
-
-
-def _hull_rows(sets: PlanarYield | SpatialYield) -> RowPattern:
-    """The pattern with the numbers of undecided faces in the place of those of dry ones.
-
-    A row g·(N, V, …) ≤ h of a dry face becomes g·(N + σtA, V, …) ≤ h + |g_V| τA.
-    """
-    pattern, planar = sets.pattern, isinstance(sets, PlanarYield)
-    q, shear = (3, 1) if planar else (6, 5)
-    data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
-    inside = pattern.column < q * len(sets.friction)
-    linear = pattern.row < pattern.linear
-    normal = inside & (pattern.column % q == 0)
-    across = inside & linear & (pattern.column % q == shear) & (data != 0.0)
-    # where only the inner set has shear resistance, V is back in equilibrium and its rows must bound it
-    held = (sets.friction == 0.0) & (sets.shear > 0.0)
-    rhs[pattern.row[across & held[pattern.face]]] = 0.0
-    if planar:
-        _widen_crushing(sets, data, rhs)
-    else:
-        rhs[pattern.linear :][held[pattern.row_face[pattern.linear :]]] = 0.0
-    np.subtract.at(rhs, pattern.row[normal], data[normal] * sets.tension[pattern.face[normal]])
-    np.add.at(rhs, pattern.row[across], abs(data[across]) * sets.shear[pattern.face[across]])
-    return replace(pattern, dry=data, h_dry=rhs)
-
-
-def _widen_crushing(sets: PlanarYield | SpatialYield, data: Floats, rhs: Floats) -> None:
-    """The parabola |m| ≤ N (1 − N/C) about N = −σtA with C as large as holds both sets; none where inner has no σc.
-
-    With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, and
-    N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.
-    """
-    pattern = sets.pattern
-    old = np.where(np.isfinite(sets.crush_dry), sets.crush_dry, 1.0)
-    new = np.maximum(sets.crush_dry, sets.crush_inner) + sets.tension
-    ratio = np.where(
-        np.isfinite(new), np.maximum(1.0, old) / np.maximum(1.0, np.where(np.isfinite(new), new, 1.0)), 0.0
-    )
-    cones = pattern.row >= pattern.linear
-    data[cones] *= ratio[pattern.face[cones]]
-    rows = np.arange(pattern.linear, len(rhs))
-    face, offset = pattern.row_face[rows], (rows - pattern.linear) % 3
-    size = np.maximum(1.0, np.where(np.isfinite(new), new, 1.0))[face]
-    limit = np.where(np.isfinite(new), new, 1.0)[face] / size
-    rhs[rows] = np.where(np.isfinite(new[face]), np.where(offset == 1, 0.0, limit), np.where(offset == 0, 1.0, 0.0))

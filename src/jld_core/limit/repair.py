@@ -179,25 +179,31 @@ class Repair:
     def opening(self) -> Motion | None:
         """A motion that strictly opens every face taken as dry: it does for every labelling. None if confined.
 
-        A dry face asks more of a jump than an inner one (δ ≥ |θ| l/2 + μ|s| against δ ≥ |θ| l/6), so one such
-        motion serves all labellings of the assembly.
+        A dry face asks more of a jump than an inner one (δ ≥ |θ| l/2 + μ|s| against δ ≥ |θ| l/6, with the larger μ
+        of both), so one such motion serves all labellings of the assembly.
         """
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
-            template = self._without_crushing()
+            template = self._steepest()
             rows = np.ones(len(tips_of(template.structure)), dtype=bool)
             self._opening = self._relative_interior(template.program(every), rows, every)
             self._opening_known = True
         return self._opening
 
-    def _without_crushing(self) -> Template:
-        """This template without compressive strengths: a crushing face has finite dissipation and opens nothing."""
+    def _steepest(self) -> Template:
+        """This template with faces that open wherever those of either label do: no crushing, the larger friction.
+
+        A crushing face has finite dissipation and opens nothing, and a dry face must ask no less of a jump than an
+        inner one.
+        """
         assembly, scaling = self.template.assembly, self.template.scaling
         strengths = assembly.strengths
-        if np.all(np.isinf(strengths.crush_dry)) and np.all(np.isinf(strengths.crush_inner)):
+        crushes = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
+        friction = np.fmax(strengths.friction, strengths.inner_friction)
+        if not crushes and not (strengths.inner_friction > np.nan_to_num(strengths.friction)).any():
             return self.template
         endless = np.full(len(assembly.interfaces), np.inf)
-        strengths = replace(strengths, crush_dry=endless, crush_inner=endless)
+        strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=endless)
         return Template(replace(assembly, strengths=strengths), scaling)
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:

@@ -1,6 +1,7 @@
 """Equilibrium, scaling, and what a yield set is.
 
 - `Contact`: effective rectangles, as they enter torsion
+- `FrictionSet`: a yield set of cohesion and friction, of which friction may be prescribed
 - `InnerBending`: "paper" or "kern"
 - `PlanarYield`: yield sets of planar faces
 - `PrescribedFriction`: a yield set whose friction does not follow the present N
@@ -8,6 +9,7 @@
 - `Rows`: what a program asks of yield sets
 - `Scaling`: scene values ↔ scaled values
 - `SpatialYield`: yield sets of spatial faces
+- `Wedge`: planar faces of one label that nothing crushes
 - `YieldSet`: what a proof asks of yield sets
 - `equilibrium_matrix`: A_eq
 - `load_vectors`: b and b_λ
@@ -16,6 +18,7 @@
 - `require_materials`: refuse labellings whose material is missing
 - `scaling_of`: the scales of an assembly
 - `spatial_yield`: the yield sets of a spatial assembly
+- `yield_set`: the yield sets of an assembly of either dimension
 """
 
 from __future__ import annotations
@@ -25,11 +28,12 @@ from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.mechanics.prescribed_friction import Contact, PrescribedFriction
 from jld_core.mechanics.scaling import Scaling, scaling_of
 from jld_core.mechanics.yield_planar import PlanarYield, planar_yield
-from jld_core.mechanics.yield_set import RowPattern, Rows, YieldSet, require_materials
-from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield
+from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge, YieldSet, require_materials
+from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield, yield_set
 
 __all__ = [
     "Contact",
+    "FrictionSet",
     "InnerBending",
     "PlanarYield",
     "PrescribedFriction",
@@ -37,6 +41,7 @@ __all__ = [
     "Rows",
     "Scaling",
     "SpatialYield",
+    "Wedge",
     "YieldSet",
     "equilibrium_matrix",
     "load_vectors",
@@ -45,4 +50,5 @@ __all__ = [
     "require_materials",
     "scaling_of",
     "spatial_yield",
+    "yield_set",
 ]

@@ -1,7 +1,7 @@
 """Yield sets with part of their state frozen: friction that does not know of the present N, effective areas.
 
 The conic programs of associative limit analysis stay what they are; only the numbers of the rows that say
-|V| + |MT|/c_T ≤ μN on dry faces change. Whatever takes a yield set — programs, bounds, repairs — takes these.
+|V| + |MT|/c_T ≤ c + μN change. Whatever takes a yield set — programs, bounds, repairs — takes these.
 """
 
 from __future__ import annotations
@@ -11,10 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.mechanics.yield_set import RowPattern
-from jld_core.mechanics.yield_spatial import SpatialYield
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge
 
 
 @dataclass(frozen=True)
@@ -30,44 +28,48 @@ class Contact:
 
 @dataclass(frozen=True)
 class PrescribedFriction:
-    """A yield set whose dry friction is μ (α N + (1 − α) N_prev), with torsion about frozen effective areas.
+    """A yield set whose friction is μ (α N + (1 − α) N_prev), with torsion about frozen effective areas.
 
     base: the set of associative friction. alpha: α, share of the present N; 1 leaves the friction as it is, 0
-    leaves none of its dilation. previous: (m,) N_prev ≥ 0, scaled. contact: None leaves torsion as it is.
-    Inner faces and bending are those of the base. Source: Gilbert et al. 2006; docs/method.md (4.1).
+    leaves none of its dilation. previous: (m,) N_prev, scaled, taken as no less than a face can carry. contact: None
+    leaves torsion of dry faces as it is. Bending and cohesion are those of the base. Faces of either label rub.
+    Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 
-    base: PlanarYield | SpatialYield
+    base: FrictionSet
     alpha: float
     previous: Floats
     contact: Contact | None = None
 
+    @property
+    def associative(self) -> FrictionSet:
+        return self.base
+
     @cached_property
     def pattern(self) -> RowPattern:
-        """Rows of the base with the shear rows of dry faces changed; with a contact, V enters them too."""
+        """Rows of the base with what limits shear changed; with a contact, V enters those of dry faces too."""
         base = self.base.pattern
-        head = base.row[self._capacity_entries]
-        dry, h_dry = base.dry.copy(), base.h_dry.copy()
-        face = base.face[self._capacity_entries]
-        h_dry[head] -= (1.0 - self.alpha) * dry[self._capacity_entries] * self.previous[face]
-        dry[self._capacity_entries] *= self.alpha
-        changed = replace(base, dry=dry, h_dry=h_dry)
+        entries = base.capacity
+        head, face = base.row[entries], base.face[entries]
+        dry, h_dry, inner, h_inner = base.dry.copy(), base.h_dry.copy(), base.inner, base.h_inner
+        h_dry[head] -= (1.0 - self.alpha) * dry[entries] * self._previous[0][face]
+        dry[entries] *= self.alpha
+        if inner[entries].any():
+            inner, h_inner = inner.copy(), h_inner.copy()
+            h_inner[head] -= (1.0 - self.alpha) * inner[entries] * self._previous[1][face]
+            inner[entries] *= self.alpha
+        changed = replace(base, dry=dry, h_dry=h_dry, inner=inner, h_inner=h_inner)
         return changed if self.contact is None else self._with_contact(changed, self.contact)
 
     @cached_property
-    def _capacity_entries(self) -> Ints:
-        """Entries of the pattern that hold −μN in a shear row of a dry face with friction."""
-        p, q, own = self.base.pattern, self._freedoms, self._freedoms * len(self.previous)
-        resultant = np.where(p.column < own, p.column % q, q)
-        sheared = np.zeros(len(p.h_dry), dtype=bool)
-        if isinstance(self.base, PlanarYield):
-            sheared[p.row[(resultant == 1) & (p.dry != 0.0)]] = True
-        else:
-            sheared[p.row[(resultant == 5) & (p.dry != 0.0)]] = True
-            # at a point the head of the cone holds μN itself, and nothing else there holds N in a cone
-            sheared[p.row[(resultant == 0) & self.base.point[p.face] & (p.row >= p.linear)]] = True
-        slides = self.base.friction[p.face] > 0.0
-        return np.flatnonzero(sheared[p.row] & (resultant == 0) & slides)
+    def _previous(self) -> tuple[Floats, Floats]:
+        """N_prev of faces as dry and as inner."""
+        return np.maximum(self.previous, 0.0), np.maximum(self.previous, -self.base.tension)
+
+    def _frozen(self, labels: Bits) -> Floats:
+        """(m,) (1 − α) μ N_prev."""
+        previous = np.where(self.base.is_dry(labels), *self._previous)
+        return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_contact(self, pattern: RowPattern, contact: Contact) -> RowPattern:
         """Torsion rows t ± e ≤ capacity, divided by ρ so that no coefficient exceeds order one."""
@@ -89,66 +91,59 @@ class PrescribedFriction:
             h_dry=h_dry,
         )
 
-    @property
-    def _freedoms(self) -> int:
-        return 3 if isinstance(self.base, PlanarYield) else 6
+    @cached_property
+    def _smooth(self) -> FrictionSet:
+        """The base in bending alone."""
+        return self.base.bending_alone()
 
     @cached_property
-    def _smooth(self) -> PlanarYield | SpatialYield:
-        """The base without friction: its bending alone."""
-        return replace(self.base, friction=np.zeros(len(self.previous)))
-
-    @cached_property
-    def _associated(self) -> PlanarYield | SpatialYield:
+    def _associated(self) -> FrictionSet:
         """The base with the share of friction that follows the present N."""
-        return replace(self.base, friction=self.alpha * self.base.friction)
+        return self.base.with_friction(self.alpha)
 
-    def dry(self, labels: Bits) -> Bools:
-        """(m,) faces with dry friction: points have it under either label."""
-        return np.asarray(labels if isinstance(self.base, PlanarYield) else labels | self.base.point)
+    def rubs(self, labels: Bits) -> Bools:
+        """(m,) faces with friction."""
+        return np.asarray(self.base.friction_of(labels) > 0.0)
 
-    def _rubs(self, labels: Bits) -> Bools:
-        return np.asarray(self.dry(labels) & (self.base.friction > 0.0))
+    def slides(self, labels: Bits) -> Bools:
+        """(m,) faces that may slide without opening: dry ones, and inner ones with friction."""
+        return np.asarray(self.base.is_dry(labels) | self.rubs(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
         """(m,) |V| + |e| of scaled resultants (m, q), to be held against the capacity."""
-        forces = self._forces_about(forces, labels)
-        if isinstance(self.base, PlanarYield):
-            return np.abs(forces[:, 1])
-        twist = np.where(self.base.point, 0.0, np.abs(forces[:, 5]))
-        return np.asarray(np.hypot(forces[:, 1], forces[:, 2]) + twist)
+        return self.base.shear_of(self._forces_about(forces, labels))
 
     def slip(self, jumps: Floats, labels: Bits) -> Floats:
         """(m,) rate at which friction works per unit of capacity: max(|s|, c_T,e |ω|) at the effective area."""
-        jumps = self._jumps_about(jumps, labels)
-        if isinstance(self.base, PlanarYield):
-            return np.abs(jumps[:, 1])
-        turn = np.where(self.base.point, 0.0, np.abs(jumps[:, 5]))
-        return np.asarray(np.maximum(np.hypot(jumps[:, 1], jumps[:, 2]), turn))
+        return self.base.slip(self._jumps_about(jumps, labels))
+
+    def price(self, jumps: Floats, labels: Bits) -> Floats:
+        """(m,) what one unit of N costs in friction that sliding without dilation overcomes: μ times slip."""
+        return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
     def excess(self, forces: Floats, labels: Bits) -> Floats:
-        """(m,) how far shear exceeds μN for the present N on dry faces, ≤ 0 where it does not; −inf elsewhere."""
-        over = self.shear(forces, labels) - self.base.friction * forces[:, 0]
-        return np.where(self._rubs(labels), over, -np.inf)
+        """(m,) how far shear exceeds c + μN for the present N, ≤ 0 where it does not; −inf where nothing rubs."""
+        capacity = self.base.cohesion_of(labels) + self.base.friction_of(labels) * forces[:, 0]
+        return np.where(self.rubs(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) δ beyond what bending opens on dry faces (docs/method.md (4.5)), 0 elsewhere and where they crush."""
+        """(m,) δ beyond what bending opens, docs/method.md (4.5), where faces slide; else 0, and where they crush."""
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
-        return np.where(self.dry(labels) & np.isfinite(beyond), beyond, 0.0)
+        return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
         if self.contact is None:
             return forces
         about = forces.copy()
         push = np.einsum("ij,ij->i", self.contact.arm, forces[:, 1:3])
-        about[:, 5] = np.where(self.dry(labels), self.contact.ratio * (forces[:, 5] + push), forces[:, 5])
+        about[:, 5] = np.where(self.base.is_dry(labels), self.contact.ratio * (forces[:, 5] + push), forces[:, 5])
         return about
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
         """Jumps dual to (V, e): the slip at the centre of pressure, and the turn over ρ."""
         if self.contact is None:
             return jumps
-        about, dry = jumps.copy(), self.dry(labels)
+        about, dry = jumps.copy(), self.base.is_dry(labels)
         moved = jumps[:, 1:3] - self.contact.arm * jumps[:, 5:6]
         about[:, 1:3] = np.where(dry[:, None], moved, jumps[:, 1:3])
         about[:, 5] = np.where(dry, jumps[:, 5] / self.contact.ratio, jumps[:, 5])
@@ -160,13 +155,14 @@ class PrescribedFriction:
         return self.base.active(labels)
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        capacity = self.base.friction * (self.alpha * forces[:, 0] + (1.0 - self.alpha) * self.previous)
-        room = capacity - self.shear(forces, labels)
+        follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
+        room = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.contact is not None:
             # a change of the resultants by one changes e by up to ρ (1 + |a|)
-            room = room / (self.contact.ratio * (1.0 + np.abs(self.contact.arm).sum(axis=1)))
-        dry = np.minimum(self._smooth.slack(forces, labels), np.where(self._rubs(labels), room, np.inf))
-        return np.where(self.dry(labels), dry, self.base.slack(forces, labels))
+            steep = self.contact.ratio * (1.0 + np.abs(self.contact.arm).sum(axis=1))
+            room = np.where(self.base.is_dry(labels), room / steep, room)
+        holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
+        return np.minimum(self._smooth.slack(forces, labels), np.where(holds, room, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
@@ -175,9 +171,20 @@ class PrescribedFriction:
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        frozen = (1.0 - self.alpha) * self.base.friction * self.previous * self.slip(jumps, labels)
-        rest = self._associated.dissipation(self._jumps_about(jumps, labels), labels)
-        return np.asarray(rest + np.where(self._rubs(labels), frozen, 0.0))
+        frozen = self._frozen(labels) * self.slip(jumps, labels)
+        return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
+
+    def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
+        return None  # of a capacity that is not that of these forces
+
+    def hull(self) -> Rows | None:
+        return None
+
+    def wedge(self, dry: bool) -> Wedge | None:
+        return None
+
+    def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        return None

@@ -15,25 +15,20 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.mechanics.frictional import Frictional, scaled_strengths
+from jld_core.mechanics.hull import hull_rows
 from jld_core.mechanics.scaling import Scaling
-from jld_core.mechanics.yield_set import RowPattern
+from jld_core.mechanics.yield_set import Hull, RowPattern, Rows, Wedge, used
 
 
 @dataclass(frozen=True)
-class PlanarYield:
+class PlanarYield(Frictional):
     """Planar yield sets of m faces, scaled by `Scaling.face`.
 
-    friction: μ. tension, shear: σt A and τ A; crush_dry, crush_inner: σc A (inf where none); all over the
-    force scale. Dry: |m| ≤ N(1 − N/N_c), |V| ≤ μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA.
+    Dry: |m| ≤ N(1 − N/N_c), |V| ≤ c + μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA + μN, μ of the inner
+    face. Under friction a jump (δ, s, θ) works as (δ − μ|s|, θ) does in bending, and c|s| besides.
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).
     """
-
-    friction: Floats
-    tension: Floats
-    shear: Floats
-    crush_dry: Floats
-    crush_inner: Floats
-    pattern: RowPattern
 
     @cached_property
     def _endless(self) -> bool:
@@ -44,13 +39,13 @@ class PlanarYield:
 
     def active(self, labels: Bits) -> Bools:
         mask = np.ones((len(labels), 3), dtype=bool)
-        mask[:, 1] = np.where(labels, self.friction, self.shear) > 0.0
+        mask[:, 1] = self._holds(labels)
         return mask
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Rows C F + d ≥ 0 of each face, (m, 4, 3) and (m, 4): two of bending, then two of shear; None with crushing.
+        """Dry: N ∓ m, c + μN ∓ V. Inner: N + σtA ∓ 3m, τA + μN ∓ V. None with crushing.
 
-        Dry: N ∓ m, μN ∓ V. Inner: N + σtA ∓ 3m, τA ∓ V: every coefficient is a number given or a small integer.
+        Every coefficient is a number given or a small integer.
         """
         if np.isfinite(np.where(labels, self.crush_dry, self.crush_inner)).any():
             return None
@@ -58,86 +53,114 @@ class PlanarYield:
         rows[:, :2, 0] = 1.0
         rows[:, 1, 2] = np.where(labels, 1.0, 3.0)
         rows[:, 0, 2] = -rows[:, 1, 2]
-        rows[:, 2:, 0] = np.where(labels, self.friction, 0.0)[:, None]
+        rows[:, 2:, 0] = self.friction_of(labels)[:, None]
         rows[:, 2:, 1] = (-1.0, 1.0)
         constants[:, :2] = np.where(labels, 0.0, self.tension)[:, None]
-        constants[:, 2:] = np.where(labels, 0.0, self.shear)[:, None]
+        constants[:, 2:] = self.cohesion_of(labels)[:, None]
         return rows, constants
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
-        # a resultant that a label drops is zero by construction and limits nothing
-        slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
+        slide, hold = self._capacity(n)
         dry = np.minimum(n - n * n / self.crush_dry - m, slide - v)
         rest = np.minimum(n + self.tension, self.crush_inner - n) / 3.0 - m
-        inner = np.minimum(rest, np.where(self.shear > 0.0, self.shear, np.inf) - v)
-        return np.where(labels, dry, inner)
+        return np.where(labels, dry, np.minimum(rest, hold - v))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, np.minimum(n - m, slide - v))
-        inner = np.where(np.isfinite(self.crush_inner), np.inf, n / 3.0 - m)
+        lean = n / 3.0 - m
+        if self.rough:
+            lean = np.minimum(lean, np.where(self.inner_friction > 0.0, self.inner_friction * n, np.inf) - v)
+        inner = np.where(np.isfinite(self.crush_inner), np.inf, lean)
         return np.where(labels, dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
-        mask = self.active(labels)
-        mask[~labels, 1] = False
+        mask = np.ones((len(labels), 3), dtype=bool)
+        mask[:, 1] = self.friction_of(labels) > 0.0
         mask[np.isfinite(np.where(labels, self.crush_dry, self.crush_inner))] = False
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
         opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
+        cracked = opening - self.inner_friction * slip if self.rough else opening
+        stuck: Floats | float = self.cohesion * slip if self.cohesive else 0.0
         if self._endless:
-            return np.where(labels, 0.0, self.tension * opening + self.shear * slip)
+            return np.where(labels, stuck, self.tension * cracked + self.shear * slip)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             p = turn + self.friction * slip - opening
             q = turn / self.crush_dry
             crushed = np.where(
                 p < 2.0 * q * self.crush_dry, p * p / (4.0 * q), self.crush_dry * (p - q * self.crush_dry)
             )
-            dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed)
-            corner = 0.5 * (self.tension - self.crush_inner) * opening + (self.crush_inner + self.tension) * turn / 6.0
-            bent = np.maximum(-self.crush_inner * opening, corner)
+            dry = np.where((p <= 0.0) | np.isinf(self.crush_dry), 0.0, crushed) + stuck
+            corner = 0.5 * (self.tension - self.crush_inner) * cracked + (self.crush_inner + self.tension) * turn / 6.0
+            bent = np.maximum(-self.crush_inner * cracked, corner)
             normal = np.where(np.isinf(self.crush_inner), -np.inf, bent)
-        inner = np.maximum(self.tension * opening, normal) + np.where(slip > 0.0, self.shear * slip, 0.0)
+        inner = np.maximum(self.tension * cracked, normal) + np.where(slip > 0.0, self.shear * slip, 0.0)
         return np.where(labels, dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
-        inner = np.where(np.isinf(self.crush_inner), opening - turn / 3.0, np.inf)
+        cracked = opening - self.inner_friction * slip if self.rough else opening
+        inner = np.where(np.isinf(self.crush_inner), cracked - turn / 3.0, np.inf)
         return np.where(labels, dry, inner)
+
+    def shear_of(self, forces: Floats) -> Floats:
+        return np.abs(forces[:, 1])
+
+    def slip(self, jumps: Floats) -> Floats:
+        return np.abs(jumps[:, 1])
+
+    def utilisation(self, forces: Floats, labels: Bits) -> Floats:
+        n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
+        least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(v.max(initial=0.0)), 1e-300)
+        capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
+        dry = used(m, n * (1.0 - n / self.crush_dry), least)
+        inner = used(3.0 * m, np.minimum(n + self.tension, self.crush_inner - n), least)
+        pulled = np.where(labels, 0.0, used(-n, self.tension, least))
+        pressed = used(n, np.where(labels, self.crush_dry, self.crush_inner), least)
+        shares = [np.where(labels, dry, inner), used(v, capacity, least), pulled, pressed]
+        return np.asarray(np.clip(np.max(shares, axis=0), 0.0, 1.0))
+
+    def hull(self) -> Rows:
+        every = np.ones(len(self.friction), dtype=bool)
+        either = self.active(every) | self.active(~every)
+        return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
+
+    def wedge(self, dry: bool) -> Wedge | None:
+        """None where a compressive strength is given for any face, under either label."""
+        if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
+            return None
+        if dry:
+            return Wedge(np.zeros(len(self.friction)), 1.0, self.friction, self.cohesion)
+        return Wedge(self.tension, 3.0, self.inner_friction, self.shear)
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
-    """Planar yield sets of all faces of an assembly, both labels, and their row pattern.
-
-    A material the scene does not name becomes a face without strength: `require_materials` has refused the
-    labellings that would need it.
-    """
-    unit = assembly.interfaces.area / scaling.force
-    strengths = assembly.strengths
-    sets = {
-        "friction": np.nan_to_num(strengths.friction, nan=0.0),
-        "tension": np.nan_to_num(strengths.tension, nan=0.0) * unit,
-        "shear": np.nan_to_num(strengths.shear, nan=0.0) * unit,
-        "crush_dry": strengths.crush_dry * unit,
-        "crush_inner": strengths.crush_inner * unit,
-    }
+    """Planar yield sets of all faces of an assembly, both labels, and their row pattern."""
+    sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
     return PlanarYield(**sets, pattern=_planar_rows(**sets))
 
 
 def _planar_rows(
-    friction: Floats, tension: Floats, shear: Floats, crush_dry: Floats, crush_inner: Floats
+    friction: Floats,
+    tension: Floats,
+    shear: Floats,
+    crush_dry: Floats,
+    crush_inner: Floats,
+    cohesion: Floats,
+    inner_friction: Floats,
 ) -> RowPattern:
     """Rows per face: ±m against N, ±V against N; ±m against σc where an inner σc is given; then, where a dry σc is
     given, the cones N² ≤ N_c (N ∓ m)."""
     count = len(friction)
     every = np.arange(count)
     zero, one = np.zeros(count), np.ones(count)
-    size_v = np.maximum(1.0, friction)
-    size_t, size_s = np.maximum(1.0, tension / 3.0), np.maximum(1.0, shear)
+    size_v = np.maximum(np.maximum(1.0, friction), cohesion)
+    size_t, size_s = np.maximum(1.0, tension / 3.0), np.maximum(np.maximum(1.0, shear), inner_friction)
     # (resultant, coefficient dry, coefficient inner) twice per row, right-hand sides dry and inner
     kinds = []
     for sign in (1.0, -1.0):
@@ -150,9 +173,13 @@ def _planar_rows(
             )
         )
     # where a label has no shear resistance at all V is dropped from equilibrium, and its rows idle
-    idle = np.where(friction > 0.0, 0.0, 1.0), np.where(shear > 0.0, shear / size_s, 1.0)
+    idle = (
+        np.where(friction + cohesion > 0.0, cohesion / size_v, 1.0),
+        np.where(shear + inner_friction > 0.0, shear / size_s, 1.0),
+    )
     for sign in (1.0, -1.0):
-        kinds.append((every, [(0, -friction / size_v, zero), (1, sign / size_v, sign / size_s)], *idle))
+        normal = (0, -friction / size_v, zero - inner_friction / size_s)
+        kinds.append((every, [normal, (1, sign / size_v, sign / size_s)], *idle))
     some = np.flatnonzero(np.isfinite(crush_inner))
     if some.size:
         size_c = np.maximum(1.0, crush_inner[some] / 3.0)
@@ -194,4 +221,5 @@ def _planar_rows(
         row_face=np.concatenate(row_face),
         linear=linear,
         cones=(3,) * (2 * len(crushed)),
+        capacity=np.concatenate([4 * count + np.arange(count), 6 * count + np.arange(count)]),
     )

@@ -19,6 +19,7 @@ class RowPattern:
     row, column, face: (nnz,) place of each coefficient (columns as in A_eq; face it belongs to).
     dry, inner: (nnz,) its value under either label. h_dry, h_inner: (rows,). row_face: (rows,).
     linear: how many rows are linear; cones: sizes of the second-order cones that follow.
+    capacity: (k,) which entries hold −μN in a row that limits shear.
     extra: columns beyond the resultants (bounds on shear of spatial faces).
     """
 
@@ -32,6 +33,7 @@ class RowPattern:
     row_face: Ints
     linear: int
     cones: tuple[int, ...]
+    capacity: Ints
     extra: int = 0
 
 
@@ -46,8 +48,47 @@ class Rows(Protocol):
         """(m, q) False where a resultant is zero in every admissible state (no friction, no shear strength)."""
 
 
+@dataclass(frozen=True)
+class Hull:
+    """Rows of faces that may have either label, in the place of those of a dry face; either: (m, q) resultants kept."""
+
+    pattern: RowPattern
+    either: Bools
+
+    def active(self, labels: Bits) -> Bools:
+        return self.either
+
+
+@dataclass(frozen=True)
+class Wedge:
+    """Planar faces of one label that nothing crushes: bending |m| ≤ N + tension, |V| ≤ cohesion + friction N, scaled.
+
+    tension, friction, cohesion: (m,). bending: 1 or 3, of all faces. Directions of recession are N (1, ±μ, ±1/bending).
+    """
+
+    tension: Floats
+    bending: float
+    friction: Floats
+    cohesion: Floats
+
+    def margin(self, jumps: Floats, faces: Ints) -> Floats:
+        """(k,) δ − μ|s| − |θ|/bending of jumps (k, 3) at faces (k,): not negative where D is finite."""
+        slip, turn = abs(jumps[:, 1]), abs(jumps[:, 2])
+        return np.asarray(jumps[:, 0] - turn / self.bending - self.friction[faces] * slip)
+
+    def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
+        """(k,) D = σt (δ − μ|s|) + c|s| of jumps (k, 3) whose margin is not negative."""
+        slip = abs(jumps[:, 1])
+        return np.asarray(
+            self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.cohesion[faces] * slip
+        )
+
+
 class YieldSet(Rows, Protocol):
-    """What a proof needs to know besides."""
+    """What a proof needs to know besides.
+
+    The last four may answer None: then what needs them is not to be had for this set, and nobody may guess.
+    """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         """(m,) least distance of scaled resultants (m, q) to the boundary, negative outside."""
@@ -66,6 +107,65 @@ class YieldSet(Rows, Protocol):
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
         """(m,) least slack of the conditions for D(J) to be finite; +inf where it always is."""
+
+    def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
+        """(m,) share of its strength that each face uses under scaled resultants (m, q): 1 on the boundary."""
+
+    def hull(self) -> Rows | None:
+        """Rows that hold whatever either label admits, with the sparsity of `pattern`."""
+
+    def wedge(self, dry: bool) -> Wedge | None:
+        """All faces under one label, as wedges with recession directions."""
+
+    def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        """Rows C F + d ≥ 0 of each face, (m, 4, 3) and (m, 4): two of bending, then two of shear."""
+
+    @property
+    def associative(self) -> FrictionSet:
+        """The set whose friction follows N, of which this one is or was made. TypeError where there is none."""
+
+
+class FrictionSet(YieldSet, Protocol):
+    """A yield set of cohesion and friction, (m,) for either label, of which friction may be prescribed."""
+
+    @property
+    def tension(self) -> Floats:
+        """(m,) σtA of inner faces."""
+
+    @property
+    def rough(self) -> bool:
+        """Have any inner faces friction?"""
+
+    @property
+    def cohesive(self) -> bool:
+        """Have any dry faces cohesion?"""
+
+    def is_dry(self, labels: Bits) -> Bools:
+        """(m,) faces with the strengths of a dry one."""
+
+    def friction_of(self, labels: Bits) -> Floats:
+        """(m,) μ under the labels."""
+
+    def cohesion_of(self, labels: Bits) -> Floats:
+        """(m,) scaled shear capacity at N = 0 under the labels."""
+
+    def shear_of(self, forces: Floats) -> Floats:
+        """(m,) |V|, in space |V| + |mT|, of scaled resultants: to be held against c + μN."""
+
+    def slip(self, jumps: Floats) -> Floats:
+        """(m,) rate at which shear works per unit of capacity."""
+
+    def with_friction(self, share: float) -> FrictionSet:
+        """The same with a share of all friction, for proofs: `pattern` stays as it is."""
+
+    def bending_alone(self) -> FrictionSet:
+        """The same without any limit on shear, for proofs: `pattern` stays as it is."""
+
+
+def used(demand: Floats, capacity: Floats, least: float) -> Floats:
+    """demand / capacity, 0 where hardly anything is asked (at most `least`), 1 where there is no capacity for it."""
+    safe = np.where(capacity > 0.0, capacity, 1.0)
+    return np.where(demand <= least, 0.0, np.where(capacity > 0.0, demand / safe, 1.0))
 
 
 def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:

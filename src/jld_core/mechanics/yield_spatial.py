@@ -17,106 +17,143 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.mechanics.bending import Bending, InnerBending, bending_of
+from jld_core.mechanics.frictional import Frictional, scaled_strengths
+from jld_core.mechanics.hull import hull_rows
 from jld_core.mechanics.scaling import Scaling
-from jld_core.mechanics.yield_set import RowPattern
+from jld_core.mechanics.yield_planar import planar_yield
+from jld_core.mechanics.yield_set import FrictionSet, Hull, Rows, Wedge, used
 from jld_core.mechanics.yield_spatial_rows import spatial_rows
 
 
 @dataclass(frozen=True)
-class SpatialYield:
+class SpatialYield(Frictional):
     """Spatial yield sets of m faces, scaled by `Scaling.face`.
 
-    friction: μ. tension, shear: σtA and τA; crush_dry, crush_inner: σcA (inf where none); all over the force
-    scale. point: faces that are points and have no moments (`point_contact_assembly`), always dry.
-    Dry: centre of pressure within the hull, |V| + |mT| ≤ μN; with σc N³ ≤ N_c (N − |m1|)(N − |m2|)
-    (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA.
+    point: faces that are points and have no moments (`point_contact_assembly`), always dry.
+    Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc N³ ≤ N_c (N − |m1|)(N − |m2|)
+    (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, μ of the inner face.
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12); support functions (3.4), (3.5), (3.8).
     """
 
-    friction: Floats
-    tension: Floats
-    shear: Floats
-    crush_dry: Floats
-    crush_inner: Floats
     point: Bools
     bending: Bending
-    pattern: RowPattern
 
     def active(self, labels: Bits) -> Bools:
         mask = np.ones((len(labels), 6), dtype=bool)
-        mask[:, [1, 2, 5]] = (np.where(self._dry(labels), self.friction, self.shear) > 0.0)[:, None]
+        mask[:, [1, 2, 5]] = self._holds(labels)[:, None]
         mask[:, 3:] &= ~self.point[:, None]
         return mask
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        n, shear = forces[:, 0], self._shear(forces)
-        dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), self._slide(n) - shear)
+        n, shear = forces[:, 0], self.shear_of(forces)
+        slide, hold = self._capacity(n)
+        dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         if crushed.size:
             dry[crushed] = np.minimum(dry[crushed], _crush_slack(forces[crushed], self.crush_dry[crushed]))
         lean = self.bending.most(self.bending.inner, forces[:, 3:5])
         other = self.bending.most(-self.bending.inner, forces[:, 3:5])
         rest = np.minimum(n + self.tension - lean, self.crush_inner - n - other) / 3.0
-        inner = np.minimum(rest, np.where(self.shear > 0.0, self.shear, np.inf) - shear)
-        return np.where(self._dry(labels), dry, inner)
+        return np.where(self.is_dry(labels), dry, np.minimum(rest, hold - shear))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        n = forces[:, 0]
-        dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), self._slide(n) - self._shear(forces))
+        n, shear = forces[:, 0], self.shear_of(forces)
+        slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
+        dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
         inner = (n - self.bending.most(self.bending.inner, forces[:, 3:5])) / 3.0
+        if self.rough:
+            inner = np.minimum(inner, np.where(self.inner_friction > 0.0, self.inner_friction * n, np.inf) - shear)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, dry)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, inner)
-        return np.where(self._dry(labels), dry, inner)
+        return np.where(self.is_dry(labels), dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
-        mask, dry = self.active(labels), self._dry(labels)
-        for resultant in (1, 2, 5):
-            mask[:, resultant] &= dry
+        mask, dry = np.ones((len(labels), 6), dtype=bool), self.is_dry(labels)
+        mask[:, [1, 2, 5]] = (self.friction_of(labels) > 0.0)[:, None]
+        mask[:, 3:] &= ~self.point[:, None]
         mask[np.isfinite(np.where(dry, self.crush_dry, self.crush_inner))] = False
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        opening, slip = jumps[:, 0], self._slip(jumps)
-        dry = np.zeros(len(jumps))
+        opening, slip = jumps[:, 0], self.slip(jumps)
+        dry = self.cohesion * slip if self.cohesive else np.zeros(len(jumps))
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         if crushed.size:
-            dry[crushed] = _crush_dissipation(
+            dry[crushed] += _crush_dissipation(
                 self.friction[crushed] * slip[crushed] - opening[crushed],
                 jumps[crushed],
                 self.crush_dry[crushed],
             )
-        inner = self.tension * opening + self.shear * slip
+        cracked = opening - self.inner_friction * slip if self.rough else opening
+        inner = self.tension * cracked + self.shear * slip
         crushed = self.bending.crushed
         if crushed.size:
             owner = np.repeat(crushed, np.diff(self.bending.crush_start))
-            work = -np.einsum("ej,ej->e", self.bending.crush_corners, jumps[owner][:, [0, 3, 4]])
+            along = np.column_stack([cracked, jumps[:, 3:5]])[owner]
+            work = -np.einsum("ej,ej->e", self.bending.crush_corners, along)
             most = np.maximum.reduceat(work, self.bending.crush_start[:-1])
             inner[crushed] += (self.crush_inner[crushed] + self.tension[crushed]) * most
-        return np.where(self._dry(labels), dry, inner)
+        return np.where(self.is_dry(labels), dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        opening, turn = jumps[:, 0], -jumps[:, 3:5]
-        dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * self._slip(jumps)
+        opening, turn, slip = jumps[:, 0], -jumps[:, 3:5], self.slip(jumps)
+        dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * slip
         inner = opening - self.bending.most(self.bending.inner_corners, turn)
+        if self.rough:
+            inner = inner - self.inner_friction * slip
         dry = np.where(np.isfinite(self.crush_dry), np.inf, dry)
         inner = np.where(np.isfinite(self.crush_inner), np.inf, inner)
-        return np.where(self._dry(labels), dry, inner)
+        return np.where(self.is_dry(labels), dry, inner)
 
-    def _dry(self, labels: Bits) -> Bools:
+    def is_dry(self, labels: Bits) -> Bools:
         return np.asarray(labels | self.point)
 
-    def _slide(self, normal: Floats) -> Floats:
-        # resultants that a label drops are zero by construction and limit nothing
-        return np.asarray(np.where(self.friction > 0.0, self.friction * normal, np.inf))
-
-    def _shear(self, forces: Floats) -> Floats:
+    def shear_of(self, forces: Floats) -> Floats:
         twist = np.where(self.point, 0.0, np.abs(forces[:, 5]))
         return np.asarray(np.hypot(forces[:, 1], forces[:, 2]) + twist)
 
-    def _slip(self, jumps: Floats) -> Floats:
+    def slip(self, jumps: Floats) -> Floats:
         """max(|s|, c_T |ω|): what a cone with |V| + |mT| on its left makes of a slip and a turn."""
         turn = np.where(self.point, 0.0, np.abs(jumps[:, 5]))
         return np.asarray(np.maximum(np.hypot(jumps[:, 1], jumps[:, 2]), turn))
+
+    def utilisation(self, forces: Floats, labels: Bits) -> Floats:
+        n, shear, dry = forces[:, 0], self.shear_of(forces), self.is_dry(labels)
+        least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(shear.max(initial=0.0)), 1e-300)
+        capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
+        edge = used(self.bending.most(self.bending.dry, forces[:, 3:5]), n, least)
+        crushed = np.flatnonzero(np.isfinite(self.crush_dry))
+        edge[crushed] = _crush_use(forces[crushed], self.crush_dry[crushed], least)
+        lean = used(self.bending.most(self.bending.inner, forces[:, 3:5]), n + self.tension, least)
+        other = used(self.bending.most(-self.bending.inner, forces[:, 3:5]), self.crush_inner - n, least)
+        pulled = np.where(dry, 0.0, used(-n, self.tension, least))
+        pressed = used(n, np.where(dry, self.crush_dry, self.crush_inner), least)
+        bent = np.where(dry, edge, np.maximum(lean, other))
+        return np.asarray(np.clip(np.max([bent, used(shear, capacity, least), pulled, pressed], axis=0), 0.0, 1.0))
+
+    def hull(self) -> Rows | None:
+        """None with compressive strengths of dry faces."""
+        if np.isfinite(self.crush_dry).any():
+            return None
+        every = np.ones(len(self.friction), dtype=bool)
+        either = self.active(every) | self.active(~every)
+        return Hull(hull_rows(self, freedoms=6, shear=5, parabolas=False), np.asarray(either))
+
+    def wedge(self, dry: bool) -> Wedge | None:
+        return None
+
+    def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        return None
+
+
+def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
+    """(k,) 1/q, q the factor by which moments may grow: N³ = N_c (N − q|m1|)(N − q|m2|), the first q that has it."""
+    n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half, room = 0.5 * n * (one + two), n * n * (1.0 - n / crush)
+        root = np.sqrt(np.maximum(half * half - one * two * room, 0.0))
+        share = (half + root) / room
+    return np.where(np.maximum(one, two) <= least, 0.0, np.where(room > 0.0, share, 1.0))
 
 
 def _crush_slack(forces: Floats, crush: Floats) -> Floats:
@@ -161,9 +198,8 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     """Spatial yield sets of all faces of an assembly, both labels, and their row pattern.
 
     inner_bending: "paper" takes the uncoupled form for rectangles, "kern" the elastic edge stress for all;
-    faces that are no rectangles have the kern form in either case. A material the scene does not name becomes
-    a face without strength: `require_materials` has refused the labellings that would need it. Concave
-    contact is this on `point_contact_assembly`.
+    faces that are no rectangles have the kern form in either case. Concave contact is this on
+    `point_contact_assembly`.
     Raises InputError: a dry compressive strength on a face that is no rectangle.
     """
     faces, strengths = assembly.interfaces, assembly.strengths
@@ -172,25 +208,15 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     if odd.size:
         pair = f"{assembly.elements.ids[faces.a[odd[0]]]}–{assembly.elements.ids[faces.b[odd[0]]]}"
         raise InputError("compressive_strength of dry faces", f"face {pair} is no rectangle", "rectangles only")
-    unit = faces.area / scaling.force
-    sets = {
-        "friction": np.nan_to_num(strengths.friction, nan=0.0),
-        "tension": np.nan_to_num(strengths.tension, nan=0.0) * unit,
-        "shear": np.nan_to_num(strengths.shear, nan=0.0) * unit,
-        "crush_dry": _bounded(strengths.crush_dry, unit),
-        "crush_inner": _bounded(strengths.crush_inner, unit),
-    }
+    sets = scaled_strengths(strengths, faces.area / scaling.force)
     bending = bending_of(faces, point, inner_bending, np.isfinite(sets["crush_inner"]))
     return SpatialYield(
         **sets, point=point, bending=bending, pattern=spatial_rows(**sets, point=point, bending=bending)
     )
 
 
-def _bounded(strength: Floats, unit: Floats) -> Floats:
-    return np.asarray(
-        np.where(
-            np.isfinite(strength) & (unit > 0.0),
-            np.where(np.isfinite(strength), strength, 0.0) * unit,
-            np.inf,
-        )
-    )
+def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "paper") -> FrictionSet:
+    """The yield sets of an assembly's faces, planar or spatial. inner_bending: of spatial ones."""
+    if assembly.dimension == 2:
+        return planar_yield(assembly, scaling)
+    return spatial_yield(assembly, scaling, inner_bending)

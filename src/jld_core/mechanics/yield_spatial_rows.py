@@ -27,6 +27,8 @@ class _Sheet:
     extra: int = 0
     entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = field(default_factory=list)
     sides: list[tuple[Floats, Ints, Ints]] = field(default_factory=list)
+    length: int = 0
+    capacity: list[Ints] = field(default_factory=list)
 
     def column(self, face: Ints, resultant: int) -> Ints:
         return 6 * face + resultant
@@ -44,21 +46,32 @@ class _Sheet:
         h_dry: Floats,
         h_inner: Floats,
         place: Ints | None = None,
+        *,
+        limits_shear: bool = False,
     ) -> None:
-        """Rows of one family; place: where they stand, else one after another at the end."""
+        """Rows of one family; place: where they stand, else one after another at the end.
+
+        limits_shear: the first of the coefficients is −μ.
+        """
         if place is None:
             place = self.rows + np.arange(len(face))
             self.rows += len(face)
-        for column, dry, inner in coefficients:
+        for number, (column, dry, inner) in enumerate(coefficients):
             used = (dry != 0.0) | (inner != 0.0)
             self.entries.append((place[used], column[used], face[used], dry[used], inner[used]))
+            if limits_shear and number == 0:
+                self.capacity.append(self.length + np.arange(int(used.sum())))
+            self.length += int(used.sum())
         self.sides.append((np.column_stack([h_dry, h_inner]), place, face))
 
-    def cones(self, face: Ints, rows: list[tuple[list[Coefficient], Floats, Floats]]) -> int:
-        """A cone per face with one row per entry of `rows`. Returns how many."""
+    def cones(
+        self, face: Ints, rows: list[tuple[list[Coefficient], Floats, Floats]], *, limits_shear: bool = False
+    ) -> int:
+        """A cone per face with one row per entry of `rows`. Returns how many. limits_shear: its head is μN."""
         size = len(rows)
         for offset, (coefficients, h_dry, h_inner) in enumerate(rows):
-            self.add(face, coefficients, h_dry, h_inner, self.rows + size * np.arange(len(face)) + offset)
+            place, limits = self.rows + size * np.arange(len(face)) + offset, limits_shear and offset == 0
+            self.add(face, coefficients, h_dry, h_inner, place, limits_shear=limits)
         self.rows += size * len(face)
         return len(face)
 
@@ -78,6 +91,7 @@ class _Sheet:
             row_face=row_face[order],
             linear=linear,
             cones=cones,
+            capacity=np.concatenate(self.capacity).astype(np.int64),
             extra=self.extra,
         )
 
@@ -88,13 +102,15 @@ def spatial_rows(
     shear: Floats,
     crush_dry: Floats,
     crush_inner: Floats,
+    cohesion: Floats,
+    inner_friction: Floats,
     point: Bools,
     bending: Bending,
 ) -> RowPattern:
     """Rows of m spatial faces, columns as in A_eq, then the extra variables.
 
     Arguments: as in SpatialYield. Extra columns: t per face with moments, a bound on shear; then p, q, a, b
-    per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against μN or τA;
+    per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against c + μN of either label;
     inner σc per hull edge; p, q ≤ N ∓ m. Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b,
     which say N³ ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
     """
@@ -103,12 +119,14 @@ def spatial_rows(
     _bending_rows(sheet, tension, crush_dry, point, bending)
     plane, points = np.flatnonzero(~point), np.flatnonzero(point)
     bound = sheet.fresh(len(plane))
-    _torsion_rows(sheet, plane, bound, friction, shear)
+    _torsion_rows(sheet, plane, bound, (friction, cohesion), (inner_friction, shear))
     _inner_crush_rows(sheet, crush_inner, bending)
     some = _Crush(crushed, *(sheet.fresh(crushed.size) for _ in range(4)))
     _effective_rows(sheet, some)
     linear = sheet.rows
-    cones = _shear_cones(sheet, plane, bound, points, friction, shear) + _crush_cones(sheet, some, crush_dry)
+    cones = _shear_cones(sheet, plane, bound, points, friction, cohesion, shear + inner_friction) + _crush_cones(
+        sheet, some, crush_dry
+    )
     return sheet.pattern(linear, (3,) * cones)
 
 
@@ -134,19 +152,23 @@ def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bool
     sheet.add(face, coefficients, 1.0 - used, np.where(point[face], 0.0, tension[face] * third))
 
 
-def _torsion_rows(sheet: _Sheet, face: Ints, bound: Ints, friction: Floats, shear: Floats) -> None:
-    mu, cap = friction[face], shear[face]
-    size_v, size_s = np.maximum(1.0, mu), np.maximum(1.0, cap)
+def _torsion_rows(
+    sheet: _Sheet, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
+) -> None:
+    """t ± mT ≤ c + μN. of_dry, of_inner: friction and cohesion of either label."""
+    (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
+    size_v, size_s = np.maximum(np.maximum(1.0, mu), stuck), np.maximum(np.maximum(1.0, cap), inner_mu)
     # where a label has no shear resistance V and MT are dropped from equilibrium, and these rows only hold
     # them
-    h_dry, h_inner = np.where(mu > 0.0, 0.0, 1.0), np.where(cap > 0.0, cap / size_s, 1.0)
+    h_dry = np.where(mu + stuck > 0.0, stuck / size_v, 1.0)
+    h_inner = np.where(cap + inner_mu > 0.0, cap / size_s, 1.0)
     for sign in (1.0, -1.0):
         coefficients = [
-            (sheet.column(face, 0), -mu / size_v, np.zeros(len(face))),
+            (sheet.column(face, 0), -mu / size_v, -inner_mu / size_s),
             (sheet.column(face, 5), sign / size_v, sign / size_s),
             (bound, 1.0 / size_v, 1.0 / size_s),
         ]
-        sheet.add(face, coefficients, h_dry, h_inner)
+        sheet.add(face, coefficients, h_dry, h_inner, limits_shear=True)
 
 
 def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
@@ -171,9 +193,13 @@ def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
             sheet.add(crush.face, coefficients, nothing, one)
 
 
-def _shear_cones(sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, shear: Floats) -> int:
+def _shear_cones(
+    sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
+) -> int:
+    """inner: more than zero where an inner face resists shear."""
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
-    idle = np.where(friction[plane] > 0.0, 0.0, 1.0), np.where(shear[plane] > 0.0, 0.0, 1.0)
+    held = friction[plane] + cohesion[plane]
+    idle = np.where(held > 0.0, 0.0, 1.0), np.where(inner[plane] > 0.0, 0.0, 1.0)
     rows: list[tuple[list[Coefficient], Floats, Floats]] = [([(bound, -one, -one)], *idle)]
     rows += [([(sheet.column(plane, j), -one, -one)], nothing, nothing) for j in (1, 2)]
     count = sheet.cones(plane, rows)
@@ -182,7 +208,7 @@ def _shear_cones(sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction
     smooth = np.where(mu > 0.0, 0.0, 1.0)
     rows = [([(sheet.column(points, 0), -mu / size, -mu / size)], smooth, smooth)]
     rows += [([(sheet.column(points, j), -1.0 / size, -1.0 / size)], nothing, nothing) for j in (1, 2)]
-    return count + sheet.cones(points, rows)
+    return count + sheet.cones(points, rows, limits_shear=True)
 
 
 def _crush_cones(sheet: _Sheet, crush: _Crush, crush_dry: Floats) -> int:

@@ -19,7 +19,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.limit import LimitAnalysis, Proof, State, Status, number, relative_width
-from jld_core.mechanics import Contact, PlanarYield, PrescribedFriction, SpatialYield
+from jld_core.mechanics import Contact, PrescribedFriction
 from jld_core.program import Template
 from jld_core.solvers import ProximalSolver
 
@@ -30,18 +30,8 @@ _SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the face
 
 
-def base_yield(template: Template) -> PlanarYield | SpatialYield:
-    """The yield set of associative friction under a template's. Raises TypeError for any other kind."""
-    found = template.yield_set
-    if isinstance(found, PrescribedFriction):
-        return found.base
-    if isinstance(found, PlanarYield | SpatialYield):
-        return found
-    raise TypeError(f"no friction to freeze in {type(found).__name__}")
-
-
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError where effective areas are asked for on planar scenes or dry faces that are no rectangles."""
+    """Raise InputError for effective areas on planar scenes, on dry faces that are no rectangles or have cohesion."""
     if assembly.dimension == 2:
         raise InputError("--effective-area", "the scene is planar", "a spatial scene")
     faces, ids = assembly.interfaces, assembly.elements.ids
@@ -49,6 +39,10 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     if odd.size:
         pair = f"{ids[faces.a[odd[0]]]}–{ids[faces.b[odd[0]]]}"
         raise InputError("--effective-area", f"dry face {pair} is no rectangle", "rectangles only")
+    stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
+    if stuck.size:
+        pair = f"{ids[faces.a[stuck[0]]]}–{ids[faces.b[stuck[0]]]}"
+        raise InputError("--effective-area", f"dry face {pair} has cohesion", "friction alone, which acts where N does")
 
 
 def contact_of(assembly: Assembly, forces: Floats, labels: Bits) -> Contact:
@@ -73,7 +67,7 @@ def change(old: Contact, new: Contact) -> float:
 
 def frozen_contact(template: Template, contact: Contact) -> Template:
     """The template of associative friction with torsion about given effective areas."""
-    base = base_yield(template)
+    base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
     return template.renumbered(PrescribedFriction(base, 1.0, none, contact))
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import DRY, INNER, Assembly, Interfaces, Strengths
+from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Proof, State, element_velocities
 from jld_core.mechanics import local_hulls
@@ -20,7 +20,7 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     rest, and the face each of its faces comes from, sorted. Point faces have no area and no moments, a
     polygon of one point, and the sizes of their parent (scales of moments that are never used).
     Corners within the hull add nothing: their cones are sums of those of the hull's corners.
-    Raises InputError: a compressive strength on a dry face, since a point has no area to be crushed.
+    Raises InputError: a compressive strength or cohesion on a dry face, since a point has no area.
     Source: Livesley 1992; docs/method.md (2.13).
     """
     faces = assembly.interfaces
@@ -28,6 +28,10 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     if hard.size:
         pair = f"{assembly.elements.ids[faces.a[hard[0]]]}–{assembly.elements.ids[faces.b[hard[0]]]}"
         raise InputError("--contact concave", f"dry face {pair} has a compressive strength", "convex contact there")
+    stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
+    if stuck.size:
+        pair = f"{assembly.elements.ids[faces.a[stuck[0]]]}–{assembly.elements.ids[faces.b[stuck[0]]]}"
+        raise InputError("--contact concave", f"dry face {pair} has cohesion", "convex contact there")
     points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
     dry = np.flatnonzero(labels)
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):
@@ -35,23 +39,15 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     parent = np.repeat(np.arange(len(faces)), [len(p) for p in points])
     place = np.concatenate(points) if points else np.zeros((0, 3))
     is_point = labels[parent]
-    polygon = tuple(place[[k]] if is_point[k] else faces.polygon[parent[k]] for k in range(len(parent)))
-    spread = Interfaces(
-        a=faces.a[parent],
-        b=faces.b[parent],
-        origin=np.where(is_point[:, None], place, faces.origin[parent]),
-        normal=faces.normal[parent],
-        e1=faces.e1[parent],
-        e2=faces.e2[parent],
-        l1=faces.l1[parent],
-        l2=faces.l2[parent],
-        area=np.where(is_point, 0.0, faces.area[parent]),
-        c_t=faces.c_t[parent],
-        rectangle=faces.rectangle[parent] & ~is_point,
-        polygon=polygon,
+    spread = faces.take(parent)
+    spread = replace(
+        spread,
+        origin=np.where(is_point[:, None], place, spread.origin),
+        area=np.where(is_point, 0.0, spread.area),
+        rectangle=spread.rectangle & ~is_point,
+        polygon=tuple(place[[k]] if is_point[k] else outline for k, outline in enumerate(spread.polygon)),
     )
-    s = assembly.strengths
-    strengths = Strengths(*(v[parent] for v in (s.friction, s.tension, s.shear, s.crush_dry, s.crush_inner)))
+    strengths = assembly.strengths.take(parent)
     expanded = replace(
         assembly, interfaces=spread, strengths=strengths, labels=np.where(is_point, DRY, INNER).astype(bool)
     )

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
+from jld_core.assembly import Assembly, Elements
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status, element_velocities
 from jld_core.program import Template, pack
 from jld_core.solvers import ClarabelSolver, is_large
@@ -109,21 +109,8 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
         weight=weight,
         shape=shape,
     )
-    joints = Interfaces(
-        a=group[faces.a[kept]],
-        b=group[faces.b[kept]],
-        origin=faces.origin[kept],
-        normal=faces.normal[kept],
-        e1=faces.e1[kept],
-        e2=faces.e2[kept],
-        l1=faces.l1[kept],
-        l2=faces.l2[kept],
-        area=faces.area[kept],
-        c_t=faces.c_t[kept],
-        rectangle=faces.rectangle[kept],
-        polygon=tuple(faces.polygon[k] for k in kept),
-    )
-    strengths = Strengths(s.friction[kept], s.tension[kept], s.shear[kept], s.crush_dry[kept], s.crush_inner[kept])
+    joints = replace(faces.take(kept), a=group[faces.a[kept]], b=group[faces.b[kept]])
+    strengths = s.take(kept)
     return replace(
         assembly,
         elements=blocks,

@@ -19,7 +19,6 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import PrescribedFriction
-from jld_core.models.effective_area import base_yield
 from jld_core.models.zero_dilation_certificate import Certifier
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import Region, Relaxed, relax
@@ -136,14 +135,14 @@ class FloorSearch:
 
     def _frozen(self, bounds: _Bounds, none: Bools) -> _Bounds:
         """λ with friction frozen at the least N of each face: every solution has more, and it rises with them."""
-        base = base_yield(self.analysis.template)
+        base = self.analysis.template.yield_set.associative
         for turn in range(_CHEAP):
             statics = Statics(self.modes, bounds.proven, self._above(bounds.proven), none, self._size)
             least = np.zeros(self.modes.faces)
             for face in range(self.modes.faces):
                 pressed = np.zeros(self.modes.matrix.shape[1] + 2)
                 pressed[3 * face] = 1.0
-                least[face] = max(statics.least(pressed), 0.0)
+                least[face] = statics.least(pressed)
             self.programs += self.modes.faces
             template = self.analysis.template.renumbered(PrescribedFriction(base, 0.0, least))
             known = LimitAnalysis(

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.mechanics import PlanarYield
-from jld_core.models.effective_area import base_yield
 from jld_core.program import Template
 
 
@@ -79,8 +77,7 @@ class Modes:
 
 def modes_of(template: Template, labels: Bits) -> Modes | None:
     """The complementarity problem of a labelling; None where it is not one of linear rows (spatial, crushing)."""
-    base = base_yield(template)
-    facets = base.facets(labels) if isinstance(base, PlanarYield) else None
+    facets = template.yield_set.associative.facets(labels)
     if facets is None:
         return None
     of_face, constants = facets

@@ -32,7 +32,8 @@ def load_range(
     further step of the bound begins; 0 leaves the bound out. enough: λ, scene units: once a solution is found at or
     below it the search ends. The proof is that of the lowest solution found; `extra` also holds `lowest_found` and
     `highest_found` (λ, None where no solution was certified), `solutions_found`, `highest` (the evidence of the
-    highest: λ, violation, dilation, gap, forces, mechanism) and of the bound, planar scenes without crushing:
+    highest: λ, violation, dilation, gap, forces, mechanism) and of the bound, planar scenes without crushing,
+    cohesion of dry faces or friction of inner ones:
 
     - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None where
       there is none above zero.
@@ -69,6 +70,8 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
     found, modes = side.found, side.modes
     if found.lowest is None or modes is None or not seconds > 0.0:
         return None
+    if side.run.base.rough or side.run.base.cohesive:
+        return None  # its certificates were derived for friction of dry faces alone
 
     def offer(states: Floats) -> float:
         for state in states[:_TRIED]:

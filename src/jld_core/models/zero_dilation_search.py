@@ -14,7 +14,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_floor
 from jld_core.mechanics import Contact, PrescribedFriction
-from jld_core.models.effective_area import base_yield, change, contact_of
+from jld_core.models.effective_area import change, contact_of
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, ProximalSolver, RawSolution, RawStatus
 
@@ -123,7 +123,7 @@ class Run:
         template = analysis.template
         self.count = template.matrix.shape[1]
         self.margin = analysis.margin
-        self.base = base_yield(template)
+        self.base = template.yield_set.associative
         residual = template.precision.residual
         # the quadratic programs do not reach what linear ones do, and only the last of them must be exact
         self.walk = ProximalSolver(self.count, scheme.damping, max(_WALK, residual))
@@ -155,7 +155,7 @@ class Run:
 
     def frozen(self, alpha: float, previous: Floats, contact: Contact | None) -> tuple[Template, PrescribedFriction]:
         """The template with friction μ(αN + (1 − α)N_prev); previous: (m,)."""
-        sets = PrescribedFriction(self.base, alpha, np.maximum(previous, 0.0), contact)
+        sets = PrescribedFriction(self.base, alpha, previous, contact)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
 
@@ -191,10 +191,10 @@ class Run:
         jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
         work = float(template.live @ velocity)
         # multipliers of the program have b_λ·u = 1 up to the multiplier of λ ≥ −floor
-        rate = sets.base.friction * sets.slip(jumps, self.labels) / (work if work > 0.0 else 1.0)
+        rate = sets.price(jumps, self.labels) / (work if work > 0.0 else 1.0)
         program = template.program(self.labels, self.margin if held is None else held)
         objective = program.objective.copy()
-        objective[np.arange(0, self.count, template.assembly.freedoms)] += np.where(sets.dry(self.labels), rate, 0.0)
+        objective[np.arange(0, self.count, template.assembly.freedoms)] += rate
         self.solves += 1
         priced = ConicProgram(program.structure, program.data, program.rhs, objective)
         route = self.match if held is None else self.hold
@@ -256,7 +256,7 @@ class Run:
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
             return Pair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
         jumps = motion.jumps
-        slip = sets.slip(jumps, labels)[sets.dry(labels)].max(initial=0.0)
+        slip = sets.slip(jumps, labels)[sets.slides(labels)].max(initial=0.0)
         widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
         pressed = state.forces[:, 0] > _PRESSED * largest
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)

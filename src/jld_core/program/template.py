@@ -23,9 +23,8 @@ from jld_core.mechanics import (
     YieldSet,
     equilibrium_matrix,
     load_vectors,
-    planar_yield,
     scaling_of,
-    spatial_yield,
+    yield_set,
 )
 from jld_core.program.conic import ConicProgram, Structure
 from jld_core.tolerances import Precision
@@ -38,13 +37,12 @@ class Template:
     scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
     """
 
-    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, yield_set: YieldSet | None = None) -> None:
+    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, sets: YieldSet | None = None) -> None:
         if assembly.cases:
             raise ValueError("an assembly with load cases has a template for each: see Assembly.by_case")
         self.assembly = assembly
         self.scaling = scaling or scaling_of(assembly)
-        make = planar_yield if assembly.dimension == 2 else spatial_yield
-        self.yield_set: YieldSet = yield_set or make(assembly, self.scaling)
+        self.yield_set: YieldSet = sets or yield_set(assembly, self.scaling)
         row, face = self.scaling.row.ravel(), self.scaling.face.ravel()
         matrix = equilibrium_matrix(assembly)
         self.matrix = sp.csc_array(sp.diags_array(1.0 / row) @ matrix @ sp.diags_array(face))
@@ -66,10 +64,10 @@ class Template:
         crushing = np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any()
         return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
 
-    def renumbered(self, yield_set: YieldSet) -> Template:
+    def renumbered(self, sets: YieldSet) -> Template:
         """This template with another yield set, sharing all else; the structure too if its sparsity is the same."""
-        other = self.with_rows(yield_set)
-        other.yield_set = yield_set
+        other = self.with_rows(sets)
+        other.yield_set = sets
         return other
 
     def with_rows(self, rows: Rows) -> Template:

@@ -12,6 +12,7 @@
 - `Search`: what may be relabelled
 - `json_schema`: the format for editors
 - `key_tables`: the format for readers
+- `lies_within_apex`: refuse a tensile strength that friction cuts off
 - `load_scene`: file → Scene
 - `parse_scene`: dictionary → Scene
 """
@@ -20,7 +21,19 @@ from __future__ import annotations
 
 from jld_core.scene.form import json_schema, key_tables
 from jld_core.scene.reading import load_scene, parse_scene
-from jld_core.scene.schema import BodyLoad, Contact, Dry, Element, Grid, Inner, Materials, PointLoad, Scene, Search
+from jld_core.scene.schema import (
+    BodyLoad,
+    Contact,
+    Dry,
+    Element,
+    Grid,
+    Inner,
+    Materials,
+    PointLoad,
+    Scene,
+    Search,
+    lies_within_apex,
+)
 
 __all__ = [
     "BodyLoad",
@@ -35,6 +48,7 @@ __all__ = [
     "Search",
     "json_schema",
     "key_tables",
+    "lies_within_apex",
     "load_scene",
     "parse_scene",
 ]

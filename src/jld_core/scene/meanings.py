@@ -25,6 +25,9 @@ _ANGLE: Final = Meaning("degrees", "Angle of friction of the dry face; instead o
 _TENSILE: Final = Meaning("stress", "σt of the inner face.")
 _SHEAR: Final = Meaning("stress", "τ of the inner face.")
 _CRUSHING: Final = Meaning("stress", "σc of the face; without it nothing is crushed.")
+_COHESION: Final = Meaning(
+    "stress", "Shear strength of a dry face where nothing presses it: c + μ N/A; none in tension."
+)
 
 MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     schema.Scene: {
@@ -82,6 +85,9 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "tensile_strength": _TENSILE,
         "shear_strength": _SHEAR,
         "compressive_strength": _CRUSHING,
+        "cohesion": _COHESION,
+        "inner_friction_coefficient": Meaning("", "μ of this face as an inner one; that of `inner` where absent."),
+        "inner_friction_angle": Meaning("degrees", "The same as an angle."),
     },
     schema.Materials: {
         "density": Meaning("mass/length³", "Of all elements without one of their own; times `gravity` it is a weight."),
@@ -96,11 +102,14 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "friction_angle": Meaning("degrees", "Angle of friction; exactly one of this and `friction_coefficient`."),
         "friction_coefficient": Meaning("", "μ, the tangent of the angle of friction."),
         "compressive_strength": _CRUSHING,
+        "cohesion": _COHESION,
     },
     schema.Inner: {
         "tensile_strength": Meaning("stress", "σt, the elastic edge stress at which a crack opens."),
         "shear_strength": Meaning("stress", "τ, the mean shear stress at which a crack slides."),
         "compressive_strength": _CRUSHING,
+        "friction_angle": Meaning("degrees", "Angle of friction of cracks; 0 where neither it nor μ is given."),
+        "friction_coefficient": Meaning("", "μ of cracks: shear strength is τ + μ N/A; σt is at most τ/μ."),
     },
     schema.Loads: {
         "dead": Meaning("", "Loads that λ does not multiply, beside self-weight."),

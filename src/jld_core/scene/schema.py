@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -111,20 +112,25 @@ class Contact(_Part):
     tensile_strength: NonNegative | None = None
     shear_strength: NonNegative | None = None
     compressive_strength: Positive | None = None
+    cohesion: NonNegative | None = None
+    inner_friction_coefficient: NonNegative | None = None
+    inner_friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
-        if self.friction_angle is not None and self.friction_coefficient is not None:
-            raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
+        for name in ("friction", "inner_friction"):
+            if getattr(self, f"{name}_angle") is not None and getattr(self, f"{name}_coefficient") is not None:
+                raise InputError("", "friction is given twice", f'"{name}_angle" or "{name}_coefficient"')
         return self
 
 
 class Dry(_Part):
-    """A joint between blocks: no tension, Mohr–Coulomb friction."""
+    """A joint between blocks: no tension, Mohr–Coulomb friction, cohesion if any."""
 
     friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
     friction_coefficient: NonNegative | None = None
     compressive_strength: Positive | None = None
+    cohesion: NonNegative = 0.0
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
@@ -134,12 +140,33 @@ class Dry(_Part):
         return self
 
 
+def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
+    """Raise InputError where a tensile strength is more than the cone of friction leaves, shear strength over μ."""
+    if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
+        raise InputError(
+            where,
+            f"tensile_strength {tension:g} lies beyond the apex of its friction",
+            f"at most shear_strength over friction, {shear / friction:g}",
+        )
+
+
 class Inner(_Part):
-    """A crack plane inside a block: finite tensile and shear strength."""
+    """A crack plane inside a block: finite tensile and shear strength, friction if any."""
 
     tensile_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
     shear_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
     compressive_strength: Positive | None = None
+    friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
+    friction_coefficient: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        if self.friction_angle is not None and self.friction_coefficient is not None:
+            raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
+        angle, coefficient = self.friction_angle, self.friction_coefficient
+        slope = coefficient if angle is None else math.tan(math.radians(angle))
+        lies_within_apex(self.tensile_strength, self.shear_strength, slope)
+        return self
 
 
 class Materials(_Part):

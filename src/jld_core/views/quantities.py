@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, displacement, face_motions, mechanism
+from jld_core.mechanics import scaling_of, yield_set
 
 REACH: Final = 0.12
 """Largest displacement drawn, relative to the size of the scene."""
@@ -146,39 +147,17 @@ def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
 def utilisation(result: LimitAnalysisResult) -> Floats:
     """(m,) share of its strength that each face uses, 0 … 1: largest of bending, shear, tension, crushing.
 
-    Inner faces by the uncoupled rectangle form, docs/method.md (2.5). Faces without force count as 0.
-    Raises ValueError where the result holds no forces.
+    By the yield set of the result's own model, with friction that follows N and whole faces. Faces without force count
+    as 0. Raises ValueError where the result holds no forces.
     """
     if result.forces is None:
         raise ValueError("the result holds no forces")
-    assembly, f, dry = result.assembly, result.forces, result.labels
-    faces, strength, planar = assembly.interfaces, assembly.strengths, result.assembly.dimension == 2
-    n = f[:, 0]
-    shear = abs(f[:, 1]) if planar else np.hypot(f[:, 1], f[:, 2])
-    if not planar:
-        shear = shear + abs(f[:, 5]) / np.where(faces.c_t > 0.0, faces.c_t, 1.0)
-    lever = np.column_stack([-f[:, 2], np.zeros(len(n))] if planar else [-f[:, 4], f[:, 3]])
-    edge = np.array([_gauge(assembly, k, lever[k]) for k in range(len(faces))])
-    bent = abs(lever[:, 0]) / faces.l1
-    if not planar:
-        bent = np.maximum(bent, abs(lever[:, 1]) / faces.l2)
-    tiny = 1e-6 * max(float(np.max(abs(n), initial=0.0)), float(np.max(shear, initial=0.0)), 1e-300)
-    crush = np.where(dry, strength.crush_dry, strength.crush_inner) * faces.area
-    hold = np.nan_to_num(strength.tension) * faces.area
-    ratios = np.where(
-        dry,
-        [
-            _ratio(edge, n * (1.0 - n / crush), tiny),
-            _ratio(shear, np.nan_to_num(strength.friction) * n, tiny),
-            _ratio(n, crush, tiny),
-        ],
-        [
-            _ratio(6.0 * bent, np.minimum(n + hold, crush - n), tiny),
-            _ratio(shear, np.nan_to_num(strength.shear) * faces.area, tiny),
-            _ratio(-n, hold, tiny),
-        ],
-    )
-    return np.asarray(np.clip(ratios.max(axis=0), 0.0, 1.0))
+    scaling = scaling_of(result.assembly)
+    sets = yield_set(result.assembly, scaling, result.model.inner_bending)
+    used = sets.utilisation(result.forces / scaling.face, result.labels)
+    if used is None:
+        raise TypeError("these yield sets do not say what is used of them")
+    return used
 
 
 def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
@@ -189,12 +168,6 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
     if not down.any():
         down = assembly.live[free, :d].sum(axis=0)
     return np.where((vectors @ down < 0.0)[:, None], -vectors, vectors)
-
-
-def _ratio(used: Floats, capacity: Floats, tiny: float) -> Floats:
-    """used / capacity, 0 where hardly anything is used, 1 where there is no capacity for it."""
-    safe = np.where(capacity > 0.0, capacity, 1.0)
-    return np.where(used <= tiny, 0.0, np.where(capacity > 0.0, used / safe, 1.0))
 
 
 def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:

@@ -30,7 +30,7 @@ from pydantic import Field
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, Relaxation, Status, has_hull, load_floor
+from jld_core.limit import LimitAnalysis, Relaxation, Status, load_floor
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
@@ -96,7 +96,7 @@ class Exact(Driver):
         asked = [count for count, _ in space.limits.on_counts] + ([] if self._count is None else [self._count])
         terms = [count.terms(space.assembly) if count.terms else None for count in asked]
         listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
-        covered = has_hull(analysis.template.yield_set) and listed
+        covered = analysis.template.yield_set.hull() is not None and listed
         self._everything = None if covered else Enumeration(space)
         self._relaxation = relaxation = Relaxation(analysis) if covered else None
         self._by_blocks = None
