@@ -169,6 +169,10 @@ class Assembly(Shown):
     warnings: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
 
+    def __repr__(self) -> str:
+        kind = "planar" if self.dimension == 2 else "spatial"
+        return f"Assembly({self.name!r}, {kind}, {len(self.elements)} elements, {len(self.interfaces)} interfaces)"
+
     @property
     def freedoms(self) -> int:
         """Equations per element and resultants per interface: 3 planar, 6 spatial."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 
 
 def main() -> None:
@@ -13,6 +14,11 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    if sys.argv[1:] == ["--help"]:
+        from jld_explore.cli.overview import text  # all that follows takes a second to load
+
+        sys.stdout.write(text())
+        sys.exit(0)
     from jld_explore.cli.command import main as command
 
     command()

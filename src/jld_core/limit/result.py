@@ -49,6 +49,11 @@ class LimitAnalysisResult(Shown):
     cases: dict[str, LimitAnalysisResult] = field(default_factory=dict)
     governing: str | None = None
 
+    def __repr__(self) -> str:
+        low, high = self.bracket
+        numbers = "" if math.isnan(self.load_factor) else f", λ = {self.load_factor:.9g} in [{low:.9g}, {high:.9g}]"
+        return f"LimitAnalysisResult({self.assembly.name!r}, {self.status}{numbers})"
+
     @property
     def friction(self) -> str:
         """ "associative" or "zero-dilation"."""

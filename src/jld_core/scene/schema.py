@@ -370,6 +370,9 @@ class Scene(_Part):
                 )
         return self
 
+    def __repr__(self) -> str:
+        return f"Scene({self.name!r}, {'planar' if self.dimension == 2 else 'spatial'})"
+
     @property
     def dimension(self) -> Literal[2, 3]:
         """2 for a planar scene, 3 for a spatial one."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NoReturn, get_type_hints
 
 import typer
+from typer.core import TyperGroup
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
@@ -28,7 +29,7 @@ from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
 from jld_explore import ExploreSettings, explore
-from jld_explore.cli import exchange, plot, samples
+from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
@@ -49,7 +50,16 @@ _JOBS = 16  # worker processes per core at the most
 # typer brings a click of its own in some versions; its own exceptions say which one is in force
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
+
+class _Group(TyperGroup):
+    """The commands, with the help that is known without loading them."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        formatter.write(overview.text())
+
+
 app = typer.Typer(
+    cls=_Group,
     name="jld",
     help="Joint Layout Design: find the strongest way to cut a structure into dry-jointed blocks, with proof.",
     add_completion=False,

@@ -64,7 +64,7 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
         assembly = build_assembly(scene)
     except InputError as error:
         raise error.within(str(source)) from None
-    target = out or source.with_suffix(f".{kind}")
+    target = out or Path(source.with_suffix(f".{kind}").name)
     if target.suffix == ".html":
         write_text(target, scene_page(scene, assembly))
         return target
@@ -81,7 +81,7 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
         raise InputError("--rank", f"{rank!r} is wrong", "one rank for an animation")
     _, assembly, labels = layout_of(source, None if rank is None else int(rank))
     name = f"mechanism_{rank or 1}.{kind}"
-    target = out or (source / name if source.is_dir() else source.with_suffix(f".{kind}"))
+    target = out or (source / name if source.is_dir() else Path(source.with_suffix(f".{kind}").name))
     result = solve(assembly, labels)
     if result.governing is not None:
         result = result.cases[result.governing]

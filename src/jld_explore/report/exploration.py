@@ -37,6 +37,13 @@ class Exploration(Shown):
     stop_reason: StopReason
     model: SolveOptions = field(default_factory=SolveOptions)
 
+    def __repr__(self) -> str:
+        best = self.summary["best"]
+        found = (
+            "none ranked" if best is None else f"best λ = {best:.9g}" + (", proven" if self.summary["proven"] else "")
+        )
+        return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
+
     def layout(self, rank: int = 1) -> Layout:
         """One layout as blocks, by its place among the ranked rows of the results, 1 the strongest.
 

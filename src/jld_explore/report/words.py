@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import pandas as pd
 
@@ -11,6 +13,9 @@ from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import SearchSpace, registered
+
+LETTERS: Final = 24
+"""Letters of a labelling that are shown of it in a terminal."""
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
@@ -57,7 +62,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         most += ", no layout carries more" if tried["none_better"] else ""
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
     return {
-        "classes": f"{facts['evaluated']} ({facts['labellings']} labellings): {counted}",
+        "classes": f"{facts['evaluated']} layouts, symmetric ones once ({facts['labellings']} labellings): {counted}",
         "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
         "best λ": f"{best} ({proof})",
         **carried,
@@ -70,14 +75,24 @@ def exploration(done: Exploration, top: int = 10) -> str:
         [
             _lines(facts_of_exploration(done)),
             "",
-            best_rows(done, top).to_string(index=False),
+            _table(best_rows(done, top)),
             "",
             f"front        {front_name(done)}",
-            done.front[columns()].to_string(index=False),
+            _table(done.front[columns()]),
             "",
             f"written to   {done.folder}",
         ]
     )
+
+
+def _table(rows: pd.DataFrame) -> str:
+    """Rows for a terminal; labellings that a line has no room for are shortened, the whole ones are on disk."""
+    short = rows.assign(labelling=[_shortened(str(text)) for text in rows["labelling"]])
+    return short.to_string(index=False)
+
+
+def _shortened(labelling: str) -> str:
+    return labelling if len(labelling) <= LETTERS else f"{labelling[: LETTERS - 5]}…{labelling[-4:]}"
 
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:

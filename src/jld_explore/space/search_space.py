@@ -42,6 +42,10 @@ class SearchSpace:
     most: Ints
     symmetry: SymmetryGroup
 
+    def __repr__(self) -> str:
+        spots = int(np.count_nonzero(self.candidates))
+        return f"SearchSpace({self.assembly.name!r}, {spots} of {len(self.fixed)} faces may change)"
+
     @property
     def group(self) -> Ints:
         """(g, m) face permutations of the symmetry group, the identity first."""

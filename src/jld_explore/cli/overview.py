@@ -1,0 +1,50 @@
+"""What `jld --help` says. It loads nothing, since who asks for it wants to read and not to wait."""
+
+from __future__ import annotations
+
+from typing import Final
+
+COMMANDS: Final = {
+    "new": "write a scene by name: arch, wall, vault, dome, flat-arch, buttress, grid",
+    "import": "make a scene of a drawing or of solids",
+    "refine": "split the elements of a scene into smaller candidate cells",
+    "check": "what will be modelled, and what looks wrong",
+    "solve": "collapse load factor of one layout, with a two-sided bracket",
+    "explore": "search the layouts of a scene for the strongest: table, front, pictures, page",
+    "plot": "draw a scene, or a search again",
+    "studio": "move joints by hand and see the proven load follow, in a browser",
+    "experiment": "load a layout in a virtual experiment until it comes down",
+    "assembly": "an order in which the blocks can be laid",
+    "export": "write the blocks of a layout for another program",
+}
+"""By name, in the order in which they are used."""
+
+DRIVERS: Final = {
+    "enumeration": "every layout once; the best is proven. Default where the space is small",
+    "exact": "proves the best of spaces far too large to enumerate",
+    "genetic": "good layouts of large scenes, and fronts. Default elsewhere",
+    "random": "a baseline",
+    "hillclimb": "a baseline",
+    "optuna": "any of its samplers",
+}
+
+_HEAD = """Usage: jld [OPTIONS] COMMAND [ARGS]...
+
+  Joint Layout Design: find the strongest way to cut a structure into
+  dry-jointed blocks, with proof.
+"""
+_OPTIONS = {"--version": "Print the version and stop.", "--help": "Show this message, or that of a COMMAND, and stop."}
+_EXAMPLE = """  jld new wall --length 1.6 --courses 4 -o wall.json
+  jld check wall.json
+  jld explore wall.json --out out/wall --seconds 60
+  jld export out/wall --format dxf -o wall.dxf"""
+
+
+def text() -> str:
+    """The whole message."""
+    parts = [_HEAD]
+    tables = {"Options": _OPTIONS, "Commands": COMMANDS, "Drivers of jld explore (--driver)": DRIVERS}
+    for title, lines in tables.items():
+        width = max(map(len, lines))
+        parts.append("\n".join([f"{title}:", *(f"  {name:<{width}}  {words}" for name, words in lines.items())]) + "\n")
+    return "\n".join([*parts, "Example:", _EXAMPLE, ""])

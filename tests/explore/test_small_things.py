@@ -1,0 +1,102 @@
+"""Small things that add up: help at once, pictures where one stands, results that say what they are in one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from command import call
+from jld_core import build_assembly, load_scene, solve
+from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.cli import overview
+from jld_explore.drivers import DRIVERS
+from paths import ROOT
+
+SCENE = ROOT / "scenes" / "flat_beam_arch.json"
+
+HELP = """
+import sys
+sys.argv = ["jld", "--help"]
+from jld_explore.__main__ import main
+try:
+    main()
+finally:
+    loaded = [name for name in ("numpy", "scipy", "pandas", "typer", "jld_core") if name in sys.modules]
+    assert not loaded, loaded
+"""
+
+
+def test_help_loads_nothing() -> None:
+    done = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, encoding="utf-8", check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == overview.text()
+    assert max(map(len, done.stdout.splitlines())) <= 100
+
+
+def test_help_names_every_command_and_driver(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from jld_explore.cli.command import app
+
+    group = get_command(app)
+    assert set(group.commands) == set(overview.COMMANDS)  # type: ignore[attr-defined]
+    assert set(DRIVERS) == set(overview.DRIVERS)
+    assert call(monkeypatch, capsys, "--help").out == overview.text()
+
+
+def test_the_example_of_the_help_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("ezdxf")
+    monkeypatch.chdir(tmp_path)
+    lines = overview.text().partition("Example:\n")[2].split("\n")
+    commands = [line.split()[1:] for line in lines if line]
+    assert [command[0] for command in commands] == ["new", "check", "explore", "export"]
+    for command in commands:
+        quick = ["--driver", "random", "--budget", "4", "--jobs", "1"] if command[0] == "explore" else []
+        assert call(monkeypatch, capsys, *command, *quick).code == 0
+
+
+def test_names_of_the_face_are_not_modules() -> None:
+    import jld_explore.explore
+    import jld_explore.study
+
+    assert callable(jld_explore.explore)
+    assert {"explore", "Driver"} <= set(dir(jld_explore))
+    with pytest.raises(AttributeError, match="no attribute 'search'"):
+        jld_explore.search  # noqa: B018
+
+
+def test_a_scene_is_drawn_where_one_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, capsys, "plot", SCENE).out == "flat_beam_arch.png\n"
+    assert (tmp_path / "flat_beam_arch.png").exists()
+    assert not SCENE.with_suffix(".png").exists()
+
+
+def test_things_say_what_they_are_in_one_line(tmp_path: Path) -> None:
+    scene = load_scene(SCENE)
+    assembly = build_assembly(scene)
+    done = explore(scene, tmp_path / "out", ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))
+    for thing in (scene, assembly, solve(assembly), search_space(scene, assembly), done):
+        text = repr(thing)
+        assert text.startswith(f"{type(thing).__name__}({scene.name!r}, ")
+        assert len(text.splitlines()) == 1
+        assert len(text.replace(str(tmp_path), "")) < 140
+
+
+def test_terminal_tables_shorten_long_labellings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, capsys, "new", "wall", "-o", "wall.json").code == 0
+    options = ("--driver", "random", "--budget", "3", "--jobs", "1")
+    shown = call(monkeypatch, capsys, "explore", "wall.json", "--out", "out", *options).out
+    assert "…" in shown
+    assert max(map(len, shown.splitlines())) < 160
