@@ -163,6 +163,37 @@ def test_an_outline_is_cut_by_the_lines_that_cross_it(tmp_path: Path) -> None:
     assert inner.tolist() == [[1.0, 0.5]]
 
 
+def test_regions_are_outlines_and_solids_are_solids(tmp_path: Path) -> None:
+    """A region of a solid modeller as an element; meshes and solids with plane faces make a spatial scene."""
+    from ezdxf.acis import api as acis
+    from ezdxf.math import Vec3
+    from ezdxf.render import MeshBuilder, forms
+
+    document = ezdxf.new("R2010")
+    space = document.modelspace()
+    flat = MeshBuilder()
+    flat.vertices = [Vec3(p) for p in ((0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0))]
+    flat.faces = [(0, 1, 2, 3)]
+    acis.export_dxf(space.add_region(dxfattribs={"layer": "stone"}), [acis.body_from_mesh(flat)])
+    space.add_lwpolyline([(0, -1), (2, -1), (2, 0), (0, 0)], close=True, dxfattribs={"layer": "support"})
+    document.saveas(tmp_path / "region.dxf")
+    assert built(tmp_path / "region.dxf").elements.volume.tolist() == pytest.approx([2.0, 2.0])
+
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    space = document.modelspace()
+    block = forms.cube().scale_uniform(1000.0)
+    acis.export_dxf(space.add_3dsolid(dxfattribs={"layer": "stone"}), [acis.body_from_mesh(block)])
+    with space.add_mesh(dxfattribs={"layer": "supports"}).edit_data() as data:
+        data.vertices = [(x, y, z - 1000.0) for x, y, z in block.vertices]
+        data.faces = [list(face) for face in block.faces]
+    document.saveas(tmp_path / "solids.dxf")
+    assembly = built(tmp_path / "solids.dxf")
+    assert assembly.elements.volume == pytest.approx([1.0, 1.0])
+    assert assembly.elements.support.tolist() == [False, True]
+    assert assembly.interfaces.area == pytest.approx([1.0])
+
+
 def test_pairs_with_a_joint_and_a_crack_get_interfaces_of_their_own(tmp_path: Path) -> None:
     """An L around a square: one of their two faces dry, the other inner, which lists of pairs cannot say."""
     document = ezdxf.new()
@@ -270,6 +301,23 @@ def crossing(path: Path) -> None:
     document.saveas(path)
 
 
+def hatched(path: Path) -> None:
+    """Eleven hundred lines across as many: more than a million crossings."""
+    document = ezdxf.new()
+    space = document.modelspace()
+    for k in range(1100):
+        space.add_line((k, -1), (k, 1100))
+        space.add_line((-1, k), (1100, k))
+    document.saveas(path)
+
+
+def one_circle(path: Path) -> None:
+    document = ezdxf.new()
+    for k in range(3_500):
+        document.modelspace().add_arc((0, 0), 1.0, 0.01 * k, 0.01 * k + 1.0)
+    document.saveas(path)
+
+
 def nothing(path: Path) -> None:
     ezdxf.new().saveas(path)
 
@@ -285,6 +333,8 @@ def nothing(path: Path) -> None:
         (nan, ["no number"]),
         (huge, ["out of range"]),
         (crossing, ["element 'e1'", "self-intersection"]),
+        (hatched, ["cross one another"]),
+        (one_circle, ["3500 arcs of one circle"]),
         (nothing, ["no closed outline and no line"]),
     ],
     ids=lambda value: getattr(value, "__name__", None),

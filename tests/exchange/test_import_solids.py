@@ -207,6 +207,10 @@ def cut_off(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-70])
 
 
+def endless(path: Path) -> None:
+    path.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + b"f 1 2 3\n" * 250_000)
+
+
 def noise(path: Path) -> None:
     path.write_bytes(np.random.default_rng(0).bytes(5_000))
 
@@ -219,6 +223,7 @@ def noise(path: Path) -> None:
         (out_of_range, "obj", ["names vertex 99", "1 to 3"]),
         (nan, "obj", ["no number"]),
         (overlapping, "obj", ["overlap"]),
+        (endless, "obj", ["more faces than"]),
         (noise, "obj", ["bad.obj"]),
         (noise, "ply", ["PLY header"]),
         (noise, "stl", ["promises"]),

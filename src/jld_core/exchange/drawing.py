@@ -32,6 +32,7 @@ from jld_core.exchange.paths import Path, flatten
 from jld_core.geometry import Snapped, find_planar_contacts, polygons, snap_paths, straight
 
 _LEAST, _MOST_SIZE = 1e-12, 1e12
+_CHUNK, _CROSSINGS = 64, 5
 
 
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
@@ -130,6 +131,7 @@ def _cells(
     empty = shapely.union_all([shapely.Polygon(snapped.paths[k]) for k in holes])
     if network and not segments:
         raise InputError("", "all it holds are supports", "at least one outline, or a network of lines, that is free")
+    _refuse_crossings(segments)
     used = _one_outline_each(outlines, paths, snapped, notes)
     cells: list[Cell] = []
     if network:
@@ -156,6 +158,19 @@ def _cells(
     if len(cells) > MOST:
         raise InputError("", f"it makes {len(cells)} cells", f"at most {MOST}")
     return cells
+
+
+def _refuse_crossings(segments: list[shapely.LineString]) -> None:
+    """Count where lines may cross before the places are computed: a few thousand lines may have millions."""
+    if len(segments) ** 2 <= MOST:
+        return
+    tree, total = shapely.STRtree(segments), 0
+    for begin in range(0, len(segments), _CHUNK):
+        total += tree.query(np.array(segments[begin : begin + _CHUNK]), predicate="intersects").shape[1]
+        if total > _CROSSINGS * MOST:
+            raise InputError(
+                "", "its lines cross one another more often than those of a structure", "a network of cells"
+            )
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:

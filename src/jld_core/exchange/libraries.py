@@ -11,7 +11,7 @@ from jld_core.errors import InputError
 EXTRAS: Final = {"ezdxf": "dxf", "meshio": "mesh", "svgelements": "svg"}
 """The extra of this project that brings each library."""
 
-_LARGEST: Final = 256 * 1024 * 1024
+_LARGEST: Final = 64 * 1024 * 1024  # parsers take some thirty times of it in memory
 
 
 def library(name: str, path: Path) -> Any:

@@ -9,11 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Floats
+from jld_core.errors import InputError
 from jld_core.geometry import merge_points
+
+_MOST: Final = 1e7
+"""Pairs of arcs of one circle, past which a drawing is none of a structure."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,9 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
     stops: dict[int, list[float]] = {}
     for which, arc in zip(circle.tolist(), arcs, strict=True):
         stops.setdefault(which, []).extend([arc.first, arc.first + arc.sweep])
+    count = np.bincount(circle)
+    if float((count.astype(float) ** 2).sum()) > _MOST:
+        raise InputError("", f"it holds {int(count.max())} arcs of one circle", "the arcs of a structure")
     inside: dict[tuple[int, int], Floats] = {}
     deviation = 0.0
     for which, arc in zip(circle.tolist(), arcs, strict=True):

@@ -1,8 +1,9 @@
-"""DXF → drawing, by ezdxf: polylines, lines, arcs, hatches, regions of both, texts, and blocks taken apart."""
+"""DXF → drawing or solids, by ezdxf: outlines, lines, arcs, hatches, regions, texts, meshes; blocks taken apart."""
 
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from pathlib import Path as File
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ from jld_core.exchange.drawn import MOST, Drawing, Mark
 from jld_core.exchange.libraries import library, readable
 from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
+from jld_core.exchange.solids import Part, Solids
 
 _KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements")
 _DEPTH: Final = 16
@@ -21,8 +23,8 @@ FACTS: Final = "jld"
 """Custom properties of a drawing that jld wrote, numbered: keys of the scene that a drawing does not show."""
 
 
-def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing:
-    """What a DXF file draws in its model space.
+def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
+    """What a DXF file draws in its model space; solids, in metres, where it holds any.
 
     Raises InputError: no DXF, broken, without ezdxf, or blocks nested past all reason.
     """
@@ -74,8 +76,9 @@ class _Reader:
         self.paths: list[Path] = []
         self.marks: list[Mark] = []
         self.unread: dict[str, int] = {}
+        self._solids: list[Part] = []
 
-    def drawing(self, space: Any, title: str) -> Drawing:
+    def drawing(self, space: Any, title: str) -> Drawing | Solids:
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
         self.metres = METRES.get(self.options.unit or unit or "m", 1.0)
@@ -83,6 +86,10 @@ class _Reader:
             self._read(entity, None, 0)
         for kind, count in sorted(self.unread.items()):
             self.notes.skip(f"{kind} entities", count, "no outline, line, arc, text or point in the plane")
+        if self._solids:
+            self.notes.skip("paths", len(self.paths), "the file holds solids, which are read")
+            unit_said = {"units": {"length": "m", "force": "N"}} if self.options.unit or unit else {}
+            return Solids(self._solids, facts=unit_said, name=title)
         facts = self._facts()
         name = str(facts.pop("name", "") or title)
         layers = sorted({path.layer for path in self.paths} | {mark.layer for mark in self.marks})
@@ -204,6 +211,34 @@ class _Reader:
         return self._add(loops[0], True, layer, tuple(loops[1:]))
 
     _mpolygon = _hatch
+
+    def _region(self, entity: Any, layer: str) -> bool:
+        """Faces with straight edges; others the library does not take out of their kernel's text."""
+        found = False
+        for body in import_module("ezdxf.acis.api").load_dxf(entity):
+            for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
+                for face in mesh.faces:
+                    corners = [mesh.vertices[index] for index in face]
+                    found |= self._add([(p.x, p.y, 0.0) for p in corners], True, layer)
+        return found
+
+    def _mesh(self, entity: Any, layer: str) -> bool:
+        vertices = np.array([tuple(vertex) for vertex in entity.vertices], dtype=float).reshape(-1, 3)
+        faces = tuple(tuple(int(index) for index in face) for face in entity.faces)
+        if not faces or max(map(max, faces)) >= len(vertices):
+            return False
+        self._solids.append(Part("", layer, self.metres * vertices, faces))
+        return True
+
+    def _3dsolid(self, entity: Any, layer: str) -> bool:
+        """Solids with plane faces and straight edges."""
+        before = len(self._solids)
+        for body in import_module("ezdxf.acis.api").load_dxf(entity):
+            for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
+                points = np.array([tuple(vertex) for vertex in mesh.vertices], dtype=float)
+                faces = tuple(tuple(face) for face in mesh.faces)
+                self._solids.append(Part("", layer, self.metres * points, faces))
+        return len(self._solids) > before
 
     def _loop(self, path: Any) -> Any:
         if hasattr(path, "vertices"):

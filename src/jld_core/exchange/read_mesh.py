@@ -150,13 +150,19 @@ def _is_binary(data: bytes) -> bool:
 def _refuse_counts(kind: str, data: bytes) -> None:
     """Compare what a header promises with what is there, before memory is taken for it."""
     size = len(data)
+    if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
+        raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
     if kind == "ply":
         head = data[: data.find(b"end_header")] if b"end_header" in data[:65536] else b""
         counts = [int(number) for number in re.findall(rb"element\s+\w+\s+(\d{1,18})", head)]
         if not head.lower().startswith(b"ply") or not counts:
             raise InputError("", "it has no PLY header", "ply … end_header")
+        if min(sum(counts), size) > 5 * MOST:
+            raise InputError("", f"its header promises {sum(counts)} entries", f"at most {5 * MOST}")
         if sum(counts) > size:
             raise InputError("", f"its header promises {sum(counts)} entries in {size} bytes", "a whole file")
+    if kind == "stl" and (size // 50 if _is_binary(data) else data.count(b"endfacet")) > MOST:
+        raise InputError("", "it holds more triangles than a structure has", f"at most {MOST}")
     if kind == "stl" and not _is_binary(data) and not data[:512].lstrip().lower().startswith(b"solid"):
         count = int.from_bytes(data[80:84], "little") if size >= 84 else -1
         raise InputError("", f"its header promises {count} triangles in {size} bytes", "a whole file")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +15,7 @@ from jld_core.exchange.read_csv import read_csv
 from jld_core.exchange.read_dxf import read_dxf
 from jld_core.exchange.read_mesh import read_mesh
 from jld_core.exchange.read_svg import read_svg
-from jld_core.exchange.solids import spatial_scene
+from jld_core.exchange.solids import Solids, spatial_scene
 
 KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
 """Endings that can be read; json is that of COMPAS."""
@@ -39,7 +40,10 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
         if ending in ("obj", "ply", "stl"):
             return spatial_scene(read_mesh(path, notes), options, notes)
         if ending == "dxf":
-            drawing = read_dxf(path, options, notes)
+            found = read_dxf(path, options, notes)
+            if isinstance(found, Solids):  # in metres by now
+                return spatial_scene(found, replace(options, unit=None), notes)
+            drawing = found
         elif ending == "svg":
             drawing = read_svg(path, options, notes)
         else:
