@@ -13,6 +13,7 @@ BENCHMARKS: Final = (
     "flagship",
     "condensation",
     "zero_dilation",
+    "zero_dilation_floor",
     "certificates",
     "exact",
     "spared",

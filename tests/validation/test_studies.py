@@ -8,6 +8,7 @@ import pytest
 from studies import (
     corner,
     drivers,
+    how_low_can_it_go,
     leonardo_flat_arch,
     one_block_two_cubes,
     semicircular_arch,
@@ -140,3 +141,13 @@ def test_gallery_page_is_that_of_the_results() -> None:
     for name in STUDIES:
         assert f"({name}.png)" in gallery(RESULTS)
         assert (RESULTS / f"{name}.png").stat().st_size < 300_000
+
+
+def test_how_low_can_it_go(tmp_path: Path) -> None:
+    """The flat arch: proven, below the 1312 N of section 3.3 by the layout; a wall of three courses has one value."""
+    table = how_low_can_it_go.run(tmp_path, quick=True).set_index("scene")
+    written(tmp_path, how_low_can_it_go.NAME)
+    assert (table["lowest_proven"] >= table["lowest_found"] * (1.0 - 1e-6)).all()
+    assert table.loc["flat arch", "lowest_found"] == pytest.approx(1305.8653, rel=1e-6)
+    assert table.loc["flat arch", "highest_found"] == pytest.approx(2093.9777, rel=1e-6)
+    assert table.loc["wall 2 × 3", "highest_found"] == pytest.approx(0.65, rel=1e-7)

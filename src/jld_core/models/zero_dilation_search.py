@@ -21,6 +21,7 @@ from jld_core.solvers import ClarabelSolver, ProximalSolver, RawSolution, RawSta
 _WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
 _BACK = 6  # times that a proximal step goes back half way before it is given up
 _LEAST = 0.1  # least share of a proximal step that is taken
+_LOST = 1e30  # size of scaled forces that no step arrives at: the solver has failed
 _HOLD = 30.0  # weight of the proximal term while effective areas settle
 _SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its own forces, five times it at most
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
@@ -282,6 +283,9 @@ class Run:
             if held is None:
                 for step in range(scheme.block + 1):
                     raw = self.walk_on(forces, alpha if step < scheme.block else 0.0)
+                    if not abs(raw.point).max() < _LOST:
+                        dual = dual if dual.size else np.zeros_like(raw.dual)
+                        break
                     way = raw.point[: self.count] - forces[: self.count]
                     # a step that turns back shows that the last one went too far: less of it is taken
                     back = float(way @ last) < 0.0
