@@ -81,7 +81,7 @@ def test_wedged_block_is_lifted_by_least_where_nothing_is_wedged(push: float) ->
     assert ends(assembly)[0] == pytest.approx(1.0 + friction * push, rel=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_walls_go_no_higher_than_one_start_finds(seed: int) -> None:
     assembly = build_assembly(random_wall(seed))
     assert ends(assembly)[0] <= solve(assembly, friction="zero-dilation").load_factor * (1.0 + 1e-9)

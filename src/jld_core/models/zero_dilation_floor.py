@@ -24,8 +24,11 @@ from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import Region, Relaxed, relax
 from jld_core.models.zero_dilation_statics import Statics, reach
 
-FACES: Final = 90
-"""Faces up to which products are formed; larger scenes have the cheap bounds alone."""
+FACES: Final = 60
+"""Faces up to which products are formed; larger scenes have the cheap bounds alone, unless time is given for more."""
+
+PATIENT: Final = 600.0
+"""Seconds of processor time from which products are tried on any number of faces."""
 
 _ENOUGH: Final = 3e-8  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
@@ -98,7 +101,7 @@ class FloorSearch:
         if self._reach is None:
             self.route.append("no certificate: velocities are not bounded")
         bounds = self._frozen(_Bounds(0.0, 0.0), none)
-        if self.modes.faces > FACES:
+        if self.modes.faces > FACES and self.seconds < PATIENT:
             self.route.append(f"no products: {self.modes.faces} faces")
         elif not np.isfinite(self._size).all():
             self.route.append("no products: self-stress is not bounded")
