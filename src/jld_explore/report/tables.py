@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from jld_core.assembly import Assembly
 from jld_core.limit import Status
@@ -57,6 +58,7 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
             **counts(assembly, labellings, space.graph, space.limits.block_shapes),
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
+            **_of_cases(rows, assembly),
             "settled": how,
             "seconds": rows["seconds"],
             "driver": driver,
@@ -70,6 +72,15 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
     number = np.arange(1, len(table) + 1)
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number, number > np.count_nonzero(place == 0))))
     return table
+
+
+def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
+    """Columns of a scene with load cases: the name of the case that governs, blank where none, and λ of each."""
+    if not assembly.cases:
+        return {}
+    names = np.array([*(case.name for case in assembly.cases), ""], dtype=object)
+    each = {f"load_factor[{case.name}]": rows["cases"][:, k] for k, case in enumerate(assembly.cases)}
+    return {"governing": names[rows["governing"]], **each}
 
 
 def front_table(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:

@@ -9,18 +9,21 @@ together.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit import DualBound, Relaxation
+from jld_core.limit import CaseRelaxation, DualBound, Relaxation
 from jld_core.program import Template
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
+
+AnyRelaxation = Relaxation | CaseRelaxation
+"""What refutes partial labellings, under one load or several."""
 
 _TRIES: Final = 2
 """Single faces tried in vain, the most promising first, before a conflict is taken as it is."""
@@ -35,13 +38,20 @@ class Conflict:
     bound: float
 
 
-def key_of(template: Template, space: SearchSpace, blocks: PossibleBlocks | None) -> str:
+def key_of(templates: Sequence[Template], space: SearchSpace, blocks: PossibleBlocks | None) -> str:
     """What conflicts depend on: the numbers of the programs, which faces are free, which blocks there can be."""
-    pattern = template.yield_set.pattern
-    numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
-    rows = (pattern.h_dry, pattern.h_inner, space.candidates, space.fixed, space.group)
+    parts = [
+        space.candidates.tobytes(),
+        space.fixed.tobytes(),
+        space.group.tobytes(),
+        space.assembly.required.tobytes(),
+    ]
+    for template in templates:
+        pattern = template.yield_set.pattern
+        numbers = (template.matrix.data, template.dead, template.live, pattern.dry, pattern.inner)
+        parts += [part.tobytes() for part in (*numbers, pattern.h_dry, pattern.h_inner)]
     names = repr(None if blocks is None else blocks.members).encode()
-    return hashlib.sha256(b"".join([*(part.tobytes() for part in (*numbers, *rows)), names])).hexdigest()
+    return hashlib.sha256(b"".join([*parts, names])).hexdigest()
 
 
 class Conflicts:
@@ -73,7 +83,7 @@ class Conflicts:
             self._records.add_conflict(decided, labels, conflict.bound)
 
 
-def conflict_of(relaxation: Relaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
+def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
     """A conflict that the labelling is one example of; None where it may reach the threshold.
 
     labels: (m,) True dry. candidates: (m,) faces that may take either label. threshold: scaled λ.
@@ -90,7 +100,7 @@ def conflict_of(relaxation: Relaxation, labels: Bits, candidates: Bools, thresho
 class _Shrinking:
     """A conflict on its way from all candidates to few."""
 
-    def __init__(self, relaxation: Relaxation, labels: Bits, candidates: Bools, threshold: float) -> None:
+    def __init__(self, relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> None:
         self._relaxation, self._labels, self._threshold = relaxation, labels, threshold
         self._candidates = candidates
         self.decided = candidates.copy()

@@ -30,7 +30,7 @@ from pydantic import Field
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, Relaxation, Status, load_floor
+from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation, Status, load_floor
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
@@ -89,19 +89,25 @@ class Exact(Driver):
         if self._count is not None and self._count.terms is None:
             known = " or ".join(count.name for count in registered() if count.terms)
             raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
-        analysis = LimitAnalysis(space.assembly)
-        self._template = analysis.template
-        self._scale, self._floor = analysis.template.scaling.load, load_floor(analysis.template.assembly)
+        cases, required = space.assembly.by_case, space.assembly.required.tolist()
+        analyses = [LimitAnalysis(case) for case in cases]
+        self._templates = [analysis.template for analysis in analyses]
+        # bounds of several cases are of the governing factor, which has no scale
+        self._scale = 1.0 if space.assembly.cases else analyses[0].template.scaling.load
+        self._floor = min(load_floor(case) / factor for case, factor in zip(cases, required, strict=True))
         self._blocks = possible_blocks(space) if list_blocks else None
         asked = [count for count, _ in space.limits.on_counts] + ([] if self._count is None else [self._count])
         terms = [count.terms(space.assembly) if count.terms else None for count in asked]
         listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
-        covered = analysis.template.yield_set.hull() is not None and listed
+        covered = all(template.yield_set.hull() is not None for template in self._templates) and listed
         self._everything = None if covered else Enumeration(space)
-        self._relaxation = relaxation = Relaxation(analysis) if covered else None
+        self._relaxation: Relaxation | CaseRelaxation | None = None
         self._by_blocks = None
-        if relaxation is not None:
-            self._by_blocks = BlockSearch(analysis, space, self._blocks, relaxation, by_blocks)
+        if covered:
+            each = [Relaxation(analysis) for analysis in analyses]
+            self._relaxation = CaseRelaxation(each, required) if space.assembly.cases else each[0]
+            trees = "off" if space.assembly.cases else by_blocks  # the relaxation by blocks knows one load
+            self._by_blocks = BlockSearch(analyses[0], space, self._blocks, each[0], trees)
         self._free = space.candidates.copy()
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
@@ -172,7 +178,7 @@ class Exact(Driver):
         self._deadline = None if deadline is None else deadline - 0.3
         self._heartbeat = heartbeat
         if records is not None and self._everything is None:
-            self._conflicts.keep(records, key_of(self._template, self.space, self._blocks))
+            self._conflicts.keep(records, key_of(self._templates, self.space, self._blocks))
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take incumbents (k, m) from a study that is gone on with."""
