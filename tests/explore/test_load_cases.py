@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, SolveOptions, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space import from_string
 
@@ -19,7 +19,7 @@ WINDS = [{"name": "left", "live": RIGHT}, {"name": "right", "live": LEFT}]
 SCENES: dict[str, tuple[list[str], list[dict[str, Any]], dict[str, Any]]] = {
     "two winds": (["aaa", "aaa", "###"], WINDS, {"block_cells": [1, 3]}),
     "unequal winds": (
-        ["aaa", "aaa", "###"],
+        ["aaa", "aaa", "##."],
         [{"name": "left", "live": RIGHT, "required": 0.5}, {"name": "right", "live": LEFT, "required": 0.8}],
         {"block_cells": [1, 3]},
     ),
@@ -43,7 +43,7 @@ SCENES: dict[str, tuple[list[str], list[dict[str, Any]], dict[str, Any]]] = {
         {},
     ),
     "overhang": (
-        ["aaa", "aa.", "#.."],
+        ["aaa", "aaa", "##."],
         [{"name": "down", "live": DOWN}, {"name": "wind", "live": LEFT, "required": 0.1}],
         {},
     ),
@@ -108,7 +108,7 @@ def test_other_drivers_rank_by_what_governs(driver: str, tmp_path: Path) -> None
 
 def test_without_dilation_the_least_case_governs(tmp_path: Path) -> None:
     scene = scene_of("two winds")
-    settings = ExploreSettings(pictures=False, driver="random", budget=6, model={"friction": "zero-dilation"})
+    settings = ExploreSettings(pictures=False, driver="random", budget=6, model=SolveOptions(friction="zero-dilation"))
     done = explore(scene, tmp_path / "out", settings)
     for _, row in done.results[done.results["status"] == "collapse"].iterrows():
         each = [row["load_factor[left]"], row["load_factor[right]"]]
