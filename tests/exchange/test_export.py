@@ -207,6 +207,9 @@ def test_vtk_holds_forces_mechanism_and_utilisation(tmp_path: Path) -> None:
     sign = np.where(made.assembly.elements.support[faces.b], 1.0, -1.0)[grounded]  # what the base takes, on element b
     assert (sign * force[part == 1][grounded, 2]).sum() == pytest.approx(total, rel=1e-6)
     assert set(support.tolist()) == {0.0, 1.0}
+    older = meshio.read(export(made, "vtk", tmp_path / "wall.vtk"))  # what ParaView expects under this ending
+    assert (tmp_path / "wall.vtk").read_bytes().startswith(b"# vtk DataFile")
+    assert np.array_equal(np.concatenate(older.cell_data["force"]), force)
     motion = mesh.point_data["mechanism"]
     assert motion.shape == (len(mesh.points), 3)
     assert np.abs(motion).max() > 0.0

@@ -15,12 +15,13 @@ from jld_core.limit import displacement
 from jld_core.views.quantities import face_vectors, utilisation
 
 
-def write_vtk(layout: Layout, path: Path) -> None:
+def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
     """An unstructured grid of polygons.
 
     Cell fields: part (0 surface of an element, 1 interface), element, block, shape, support, label (1 dry, 0 inner, −1
     on surfaces), utilisation, force (vector on b, scene units), normal_force. Point field: mechanism (velocity for live
-    power 1). Fields of an analysis are there where the layout has one. Raises InputError without meshio.
+    power 1). Fields of an analysis are zero where the layout has none. legacy: the older format, that of files that end
+    in .vtk. Raises InputError without meshio.
     """
     meshio = library("meshio", path)
     assembly, result = layout.assembly, layout.result
@@ -93,4 +94,7 @@ def write_vtk(layout: Layout, path: Path) -> None:
         point_data={"mechanism": np.concatenate(motion)},
         cell_data=fields,
     )
-    meshio.vtu._vtu.write(path, mesh, binary=True)
+    if legacy:
+        meshio.vtk.write(path, mesh, binary=True)
+    else:
+        meshio.vtu.write(path, mesh, binary=True)

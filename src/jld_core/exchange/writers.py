@@ -48,7 +48,7 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
         if kind == "dxf":
             write_dxf(layout, fresh)
         elif kind == "vtk":
-            write_vtk(layout, fresh)
+            write_vtk(layout, fresh, legacy=path.suffix == ".vtk")
         else:
             text = {
                 "obj": lambda: obj_text(layout, cells=cells),
