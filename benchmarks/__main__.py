@@ -19,6 +19,7 @@ BENCHMARKS: Final = (
     "spared",
     "drivers",
     "convergence",
+    "records",
     "jobs",
     "speed_error",
     "hard_cases",
