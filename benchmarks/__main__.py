@@ -8,6 +8,7 @@ import time
 from typing import Final
 
 BENCHMARKS: Final = (
+    "validation",
     "build_once",
     "tolerance",
     "flagship",

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import pytest
 
-from jld_core import parse_scene
+from jld_explore.cli import overview
 from paths import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -29,9 +28,19 @@ def test_example(
         assert line.removesuffix(" …") in printed
 
 
-def test_scene_example_is_a_scene() -> None:
-    (text,) = re.findall(r"```json\n(.*?)```", TEXT, flags=re.S)
-    assert parse_scene(json.loads(text)).name == "flat arch"
+def test_it_is_a_front_door() -> None:
+    """One screen and a half: what it is, a picture, two commands, Python, the command line, where to read on."""
+    assert len(TEXT.splitlines()) <= 90
+    code = [line for line in BLOCKS[0].splitlines() if line and not line.startswith("#")]
+    assert len(code) <= 15
+    (own,) = re.findall(r"```sh\n(jld .*?)```", TEXT, flags=re.S)
+    assert len(own.splitlines()) == 5
+
+
+def test_what_it_says_of_commands_is_there() -> None:
+    for name in re.findall(r"^jld (\w+)", TEXT, flags=re.M):
+        assert name in overview.COMMANDS
+    assert set(re.findall(r"`(\w+)`", TEXT.split("| driver |")[1].split("## ")[0])) == set(overview.DRIVERS)
 
 
 def test_links_lead_somewhere() -> None:
