@@ -149,8 +149,13 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "block_cells": Meaning("", "Least and most free elements in a block."),
         "block_weight": Meaning("force", "Least and most weight of a block."),
         "block_extent": Meaning("length", "Least and most extent of a block along any axis."),
+        "block_mass": Meaning("mass", "Least and most mass of a block: its weight over gravity, kg with m and N."),
+        "block_aspect": Meaning("", "Longest over shortest side of the smallest box around a block."),
+        "convex_blocks": Meaning("", "Convex blocks only; in the plane a number: at most so many re-entrant corners."),
         "blocks": Meaning("", "Least and most blocks that hold a free element."),
         "dry_faces": Meaning("", "Least and most dry faces between free elements."),
+        "shapes": Meaning("", "Least and most different shapes of blocks."),
+        "moulds": Meaning("", "What counts as one shape beside being moved."),
         "assemble_out_of_plane": Meaning("", "Planar walls may be laid from the side (`jld assembly`)."),
         "symmetry": Meaning(
             "",
@@ -162,6 +167,10 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     schema.Keep: {
         "dry": Meaning("", "Pairs of ids whose faces stay dry."),
         "inner": Meaning("", "Pairs of ids whose faces stay inner."),
+    },
+    schema.Moulds: {
+        "rotate": Meaning("", "Blocks that a turn lays onto one another are one shape."),
+        "flip": Meaning("", "Blocks that turning over lays onto one another are one shape."),
     },
     schema.Front: {
         "count": Meaning("", "A count: `dry_faces`, `dry_length` (in space an area), `blocks`, or a registered one."),
