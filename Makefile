@@ -22,6 +22,7 @@ demo: setup
 	rm -rf $(OUT)
 	$(BIN)/jld check $(SCENE)
 	$(BIN)/jld explore $(SCENE) --out $(OUT)
+	@echo "open $(OUT)/report.html"
 
 check: setup
 	$(BIN)/ruff check .

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.views.figures import draw_assembly, draw_mechanism
 from jld_explore import Exploration, ExploreSettings
+from jld_explore.report import study_page
 from jld_explore.space import from_string
 from studies import scenes
 from studies.report import (
@@ -128,6 +129,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     columns = ["part", "bond", "courses", "contact", "load_factor", "status"]
     shown = table[table["part"] != "direction"][columns]
     write(out, report, table, {"": _picture(directions, courses, best, len(ranked))}, shown)
+    (out / f"{NAME}.html").write_text(study_page(done, patience=20.0), encoding="utf-8")  # to be turned by hand
     return table
 
 

@@ -30,10 +30,12 @@ export function downloads(host, data) {
 
 /** @param {import("./contract.js").Table} table */
 function csv(table) {
+  // a text that a spreadsheet would run stands after an apostrophe, as in results.csv
+  const safe = (/** @type {any} */ v) => (typeof v === "string" && /^[=+\-@\t\r]/.test(v) ? `'${v}` : v);
   const quoted = (/** @type {any} */ v) => (v === null ? "" : /[",\n]/.test(String(v)) ? `"${String(v).replaceAll('"', '""')}"` : String(v));
   const lines = [[...table.columns.map((c) => c.name), "evidence"].join(",")];
   for (let row = 0; row < table.rows; row++) {
-    lines.push([...table.columns.map((c) => c.values[row]), table.evidence[row]].map(quoted).join(","));
+    lines.push([...table.columns.map((c) => c.values[row]), table.evidence[row]].map(safe).map(quoted).join(","));
   }
   return `${lines.join("\n")}\n`;
 }

@@ -18,6 +18,7 @@ function start(data) {
   byId("title").textContent = data.title;
   facts(byId("facts"), data);
   downloads(byId("downloads"), data);
+  byId("history").hidden = data.convergence.length === 0;
   convergence(byId("convergence"), data.convergence, data.look.front);
   let remember = () => {};
   const viewer = new Viewer(byId("viewer"), data, { changed: () => remember() });

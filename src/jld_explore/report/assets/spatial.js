@@ -370,7 +370,7 @@ export class SpatialFigure {
     const high = this.canvas.clientHeight || Math.round(0.66 * wide);
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     this.renderer.setSize(wide, high, false);
-    const half = 1.25 * this.radius;
+    const half = 1.12 * this.radius;
     const aspect = wide / high;
     const [x, y] = aspect > 1 ? [half * aspect, half] : [half, half / aspect];
     Object.assign(this.camera, { left: -x, right: x, top: y, bottom: -y });
