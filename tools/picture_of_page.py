@@ -10,7 +10,8 @@ from typing import Final
 
 from PIL import Image
 
-SIZE: Final = {"width": 1360, "height": 1230}
+WIDTH: Final = 1360
+HEIGHT: Final = 1230
 COLOURS: Final = 128
 
 
@@ -26,7 +27,7 @@ def main() -> None:
     with sync_playwright() as driver:
         arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=arguments)
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.goto(f"{Path(file).absolute().as_uri()}#{place}")
         page.wait_for_selector("body[data-ready=yes]")
         page.wait_for_timeout(500)
