@@ -300,5 +300,10 @@ def test_a_spatial_layout_turns_explodes_and_is_cut(visit: Open, spatial: Path) 
     found.page.mouse.up()
     assert abs(drawn() - states[-1]).mean() > 0.2
     found.page.get_by_role("button", name="reset view").click()
-    found.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-    assert found.page.locator(".stage .tip").is_visible()
+    found.page.get_by_label("Cut across").select_option("-1")
+    found.page.get_by_label("explode").fill("0")
+    for share in np.linspace(0.3, 0.7, 9):
+        found.page.mouse.move(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"])
+        if found.page.locator(".stage .tip").is_visible():
+            break
+    assert found.text(".stage .tip").startswith(("face ", "slab", "a\n", "b\n", "c\n", "d\n"))

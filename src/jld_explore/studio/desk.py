@@ -43,7 +43,8 @@ class Desk:
         self.scene = scene
         self.document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
         self._kept: OrderedDict[str, Setup] = OrderedDict()
-        self.setup({})
+        self._first: Setup | None = None
+        self._first = self.setup({})
 
     def setup(self, changes: Mapping[str, Any]) -> Setup:
         """The scene with changes to its materials and loads. Raises InputError for what no scene may hold."""
@@ -56,14 +57,19 @@ class Desk:
             return self._kept[name]
         scene = parse_scene({**self.document, **changes}) if changes else self.scene
         assembly = build_assembly(scene)
-        try:
-            space = search_space(scene, assembly)
-        except InputError:
-            space = None  # nothing can be searched, for want of a material or of room; it can be solved all the same
-        made = self._kept[name] = Setup(scene, assembly, space, CaseSolver(assembly))
+        made = self._kept[name] = Setup(scene, assembly, self._space(scene, assembly), CaseSolver(assembly))
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         return made
+
+    def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
+        """What a search would admit. Friction, strengths and loads have no part in that, weights have."""
+        if self._first is not None and np.array_equal(assembly.elements.weight, self._first.assembly.elements.weight):
+            return self._first.space
+        try:
+            return search_space(scene, assembly)
+        except InputError:
+            return None  # nothing can be searched, for want of a material or of room; it can be solved all the same
 
     def labels(self, letters: object) -> Bits:
         """(m,) labels from letters d and i. Raises InputError for anything else."""
