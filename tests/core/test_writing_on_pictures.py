@@ -90,6 +90,7 @@ def test_jld_plot_writes_what_it_is_asked_for(
         target = tmp_path / f"wall.{ending}"
         assert call(monkeypatch, capsys, "plot", WALL, "--out", target, "--ids", "--values").code == 0
         assert target.read_bytes().startswith(begins)
+    monkeypatch.chdir(tmp_path)  # a picture of a scene is drawn where one stands
     scene = tmp_path / "small.json"
     scene.write_text(parse_scene(small_scene()).model_dump_json(exclude_defaults=True))
     assert call(monkeypatch, capsys, "plot", scene, "--format", "gif").code == 0
