@@ -1,6 +1,7 @@
 """Labellings in the lanes of a register: a compiled interior point over many labellings of one assembly.
 
 - `FALLS`: answer of a labelling that stands for no λ ≥ 0
+- `CARRIES`: answer of a labelling that carries more than was asked
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
 - `LaneAnswers`: what is proven of many labellings
@@ -10,8 +11,8 @@
 - `fits`: whether the kernel knows rows of a shape
 """
 
-from jld_core.lanes.kernel import FALLS, OPEN, PROVEN, LaneAnswers, Lanes
+from jld_core.lanes.kernel import CARRIES, FALLS, OPEN, PROVEN, LaneAnswers, Lanes
 from jld_core.lanes.library import chosen, described
 from jld_core.lanes.rows import fits
 
-__all__ = ["FALLS", "OPEN", "PROVEN", "LaneAnswers", "Lanes", "chosen", "described", "fits"]
+__all__ = ["CARRIES", "FALLS", "OPEN", "PROVEN", "LaneAnswers", "Lanes", "chosen", "described", "fits"]

@@ -16,15 +16,17 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.lanes import library
 from jld_core.lanes.pattern import factor_pattern
 from jld_core.lanes.rows import rows_of
+from jld_core.mechanics import Rows
 from jld_core.program import Template
 
 OPEN: Final = 0
 PROVEN: Final = 1
 FALLS: Final = 2
+CARRIES: Final = 3
 
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
@@ -57,6 +59,7 @@ SPATIAL_TRIES: Final = tuple(
 )
 """The same in space, where edges of cones are left to others."""
 
+_UNDECIDED: Final = 2
 _SAMPLES: Final = 32  # labellings whose mean is where others start
 _SHARE: Final = 0.7  # of that mean; the rest is the least forces in equilibrium
 _ROOM_BLIND: Final = 3.0  # least slack at the start where no such mean is known
@@ -80,8 +83,9 @@ class LaneAnswers:
     """What is proven of k labellings, scaled.
 
     low, high: (k,) bounds on λ, infinite where there is none. verdict: (k,) OPEN, PROVEN (both bounds, a narrow
-    bracket) or FALLS (no λ ≥ 0 is admissible). iterations, tries: (k,) what it took. forces (k, m, q) and velocity
-    (k, q·free) belong to the bounds, where asked for. diagnosis: (k, 4) slack, error, margin and gap at the last try.
+    bracket), FALLS (no λ ≥ 0 is admissible) or CARRIES (λ above its threshold). iterations, tries: (k,) what it took.
+    forces (k, m, q) and velocity (k, q·free) belong to the bounds, where asked for. diagnosis: (k, 4) slack, error,
+    margin and gap at the last try.
     """
 
     low: Floats
@@ -99,7 +103,8 @@ class Lanes:
 
     template: its yield sets in pairs of linear rows, in space with one cone of shear a face. opening: (q·free,)
     velocities that open every face under any labelling, None where there are none. zero: scaled λ beside which a
-    bracket around zero may be narrow. variant: see `library`; default
+    bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of those of dry
+    ones. variant: see `library`; default
     the one in use. tries: settings of the passes over what is still open. settles: share of a few random labellings
     that the kernel settles.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
@@ -111,13 +116,14 @@ class Lanes:
         opening: Floats | None = None,
         *,
         zero: float = 0.0,
+        undecided: Rows | None = None,
         variant: str | None = None,
         tries: Sequence[library.Try] = (),
     ) -> None:
         name = variant or library.chosen()
         if name is None:
             raise ValueError("no kernel is built or in use")
-        rows = rows_of(template)
+        rows = rows_of(template, undecided)
         if rows is None:
             raise ValueError("rows of another shape than the kernel's")
         self.variant, self._library = name, library.library(name)
@@ -187,12 +193,23 @@ class Lanes:
                     sides[face, side] = [*dense[:, :d].ravel(), *dense[d:, d:].ravel()]
         self._sides = sides
 
-    def solve(self, labellings: Bits, *, vectors: bool = False) -> LaneAnswers:
+    def solve(
+        self,
+        labellings: Bits,
+        *,
+        undecided: Bools | None = None,
+        thresholds: Floats | None = None,
+        vectors: bool = False,
+    ) -> LaneAnswers:
         """Bounds for labellings (k, m), True dry; an answer depends on its own labelling alone.
 
-        vectors: also hand back forces and velocities.
+        undecided: (k, m) faces of no label. thresholds: (k,) scaled λ above which nothing more need be known. vectors:
+        also hand back forces and velocities.
         """
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
+        if undecided is not None:
+            labels = np.where(undecided, np.uint8(_UNDECIDED), labels)
+        least = None if thresholds is None else np.ascontiguousarray(thresholds, dtype=float)
         count = len(labels)
         low, high = np.empty(count), np.empty(count)
         verdict, iterations, tries = (np.zeros(count, dtype=np.int32) for _ in range(3))
@@ -204,7 +221,9 @@ class Lanes:
         answers = library.Answers(
             *(_pointer(array) for array in (low, high, verdict, iterations, tries, forces, velocity, diagnosis))
         )
-        failed = self._library.jld_lanes_solve(problem, settings, len(self._tries), count, labels.ctypes.data, answers)
+        failed = self._library.jld_lanes_solve(
+            problem, settings, len(self._tries), count, labels.ctypes.data, _pointer(least), answers
+        )
         if failed:
             raise MemoryError("the kernel's workspace")
         if velocity is not None:

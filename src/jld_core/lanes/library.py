@@ -181,6 +181,7 @@ def library(variant: str) -> ctypes.CDLL:
         ctypes.c_int32,
         ctypes.c_int64,
         ctypes.c_void_p,
+        _doubles,
         ctypes.POINTER(Answers),
     )
     loaded.jld_lanes_width.restype = ctypes.c_int32

@@ -5,44 +5,43 @@ from __future__ import annotations
 import numpy as np
 
 from jld_core.arrays import Floats
-from jld_core.mechanics import RowPattern
+from jld_core.mechanics import RowPattern, Rows
 from jld_core.program import Template
 
 
-def fits(template: Template) -> bool:
-    """Whether the kernel knows rows of this shape."""
-    return rows_of(template) is not None
+def fits(template: Template, undecided: Rows | None = None) -> bool:
+    """Whether the kernel knows rows of this shape; undecided: rows of a third label, see `rows_of`."""
+    return rows_of(template, undecided) is not None
 
 
-def rows_of(template: Template) -> tuple[Floats, Floats] | None:
+def rows_of(template: Template, undecided: Rows | None = None) -> tuple[Floats, Floats] | None:
     """(labels, m, pairs, 3) numbers a, b, h of rows −a N ± b X ≤ h, inner then dry, and (labels, m) 1 where V counts.
 
-    X is M, V, and M where inner faces crush; in space M1, M2, and MT with t, the bound on shear. None where the
-    pattern has other rows.
+    X is M, V, and M where inner faces crush; in space M1, M2, and MT with t, the bound on shear. undecided: rows of a
+    third label, in the place of those of dry faces. None where the pattern has other rows.
     """
-    return planar_rows(template) if template.assembly.dimension == 2 else spatial_rows(template)
-
-
-def planar_rows(template: Template) -> tuple[Floats, Floats] | None:
-    """`rows_of` of planar faces."""
-    pattern = template.yield_set.pattern
-    if pattern.cones or pattern.extra:
-        return None
-    sheets = [_pairs(pattern, values, sides, template) for values, sides in (
-        (pattern.inner, pattern.h_inner), (pattern.dry, pattern.h_dry))]  # fmt: skip
-    if any(sheet is None for sheet in sheets):
-        return None
+    own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
-    active = [template.yield_set.active(~every), template.yield_set.active(every)]
-    if not all(mask[:, [0, 2]].all() for mask in active):
+    labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
+    active = [own.active(~every), own.active(every)] + ([] if undecided is None else [undecided.active(every)])
+    make = planar_rows if template.assembly.dimension == 2 else spatial_rows
+    sheets = [make(pattern, dry, len(every)) for pattern, dry in labels]
+    loose = [0, 2] if template.assembly.dimension == 2 else [0, 1, 2, 3, 4, 5]
+    if any(sheet is None for sheet in sheets) or not all(mask[:, loose].all() for mask in active):
         return None
     keep = np.array([mask[:, 1].astype(float) for mask in active])
     return np.ascontiguousarray(np.array(sheets)), np.ascontiguousarray(keep)
 
 
-def _pairs(pattern: RowPattern, values: Floats, sides: Floats, template: Template) -> Floats | None:
+def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
+    """(m, pairs, 3) of one label of planar faces, see `rows_of`."""
+    if pattern.cones or pattern.extra:
+        return None
+    return _pairs(pattern, *((pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)), faces)
+
+
+def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
     """(m, pairs, 3) of one label, pairs in the order M, V, M."""
-    faces = len(template.assembly.interfaces)
     table = np.zeros((len(sides), 3))
     table[pattern.row, pattern.column % 3] = values
     uses = np.zeros((len(sides), 3), dtype=bool)
@@ -70,30 +69,20 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, template: Templat
     return found if filled[:, 2].any() else found[:, :2].copy()
 
 
-def spatial_rows(template: Template) -> tuple[Floats, Floats] | None:
-    """`rows_of` of spatial faces: rectangles in the uncoupled form, with friction and shear strength."""
-    pattern, faces = template.yield_set.pattern, len(template.assembly.interfaces)
-    every = np.ones(faces, dtype=bool)
+def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
+    """The same of spatial faces: rectangles in the uncoupled form."""
     if pattern.cones != (3,) * faces or pattern.extra != faces or pattern.linear != 6 * faces:
         return None
-    if not (template.yield_set.active(every).all() and template.yield_set.active(~every).all()):
-        return None
+    values, sides = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
     bound = np.zeros(faces, dtype=np.int64)
     extra = pattern.column >= 6 * faces
     bound[pattern.face[extra]] = pattern.column[extra]
     # columns by face: its six resultants, then its bound on shear
-    column = np.where(extra, 6, pattern.column % 6)
     if np.any(extra & (pattern.column != bound[pattern.face])):
         return None
-    sheets = []
-    for values, sides in ((pattern.inner, pattern.h_inner), (pattern.dry, pattern.h_dry)):
-        table = np.zeros((len(sides), 7))
-        table[pattern.row, column] = values
-        sheet = _spatial_pairs(table, sides, pattern, faces)
-        if sheet is None:
-            return None
-        sheets.append(sheet)
-    return np.ascontiguousarray(np.array(sheets)), np.ones((2, faces))
+    table = np.zeros((len(sides), 7))
+    table[pattern.row, np.where(extra, 6, pattern.column % 6)] = values
+    return _spatial_pairs(table, sides, pattern, faces)
 
 
 def _spatial_pairs(table: Floats, sides: Floats, pattern: RowPattern, faces: int) -> Floats | None:

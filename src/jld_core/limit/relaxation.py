@@ -16,6 +16,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.lanes import CARRIES, OPEN, Lanes, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import Motion, usable
 from jld_core.program import ConicProgram
@@ -58,6 +59,11 @@ class Relaxation:
         if hull is None:
             raise TypeError("no hull is known of these yield sets")
         self._open = self.template.with_rows(hull)
+        self._lanes: Lanes | None = None
+        if chosen() is not None and fits(self.template, hull):
+            opening = analysis.interior.opening()
+            velocity = None if opening is None else opening.velocity
+            self._lanes = Lanes(self.template, velocity, zero=analysis.floor, undecided=hull)
         self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
@@ -71,9 +77,34 @@ class Relaxation:
 
         labels: (m,) True dry. undecided: (m,). threshold: scaled λ.
         """
-        raw = self._route.solve(self.program(labels, undecided))
-        self.solves += 1
-        velocity = raw.dual[: self.template.matrix.shape[0]]
+        return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
+
+    def refute_all(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
+        """The same for labellings and undecided faces (k, m) and thresholds (k,): at once where the kernel can."""
+        count = len(labellings)
+        self.solves += count
+        found: list[DualBound | None] = [None] * count
+        left = list(range(count))
+        if self._lanes is not None:
+            answers = self._lanes.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
+            assert answers.velocity is not None
+            left = []
+            for k in range(count):
+                # forces that carry more are a hint: to refute nothing is never wrong
+                if answers.verdict[k] == CARRIES:
+                    continue
+                if answers.verdict[k] == OPEN:
+                    left.append(k)
+                else:
+                    found[k] = self._weighed(answers.velocity[k], labellings[k], undecided[k], float(thresholds[k]))
+        for k in left:
+            raw = self._route.solve(self.program(labellings[k], undecided[k]))
+            velocity = raw.dual[: self.template.matrix.shape[0]]
+            found[k] = self._weighed(velocity, labellings[k], undecided[k], float(thresholds[k]))
+        return found
+
+    def _weighed(self, velocity: Floats, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
+        """What velocities bound, as they are or with a little of a motion that opens all faces."""
         if not usable(velocity):
             return None
         size = float(abs(velocity).max())

@@ -14,6 +14,7 @@ struct Run {
     int count_of_tries;
     const JldAnswers& out;
     const uint8_t* labels;
+    const double* thresholds;
     const Shared<Q> shared;
     Work<Face> work, ready;
     int64_t in_lane[W], in_ready[W];
@@ -22,8 +23,9 @@ struct Run {
     std::vector<double> kept;
     int64_t total = 0;
 
-    Run(const JldProblem& problem, const JldTry* settings, int tries_, const uint8_t* bits, const JldAnswers& answers)
-        : p(problem), tries(settings), count_of_tries(tries_), out(answers), labels(bits), shared(problem),
+    Run(const JldProblem& problem, const JldTry* settings, int tries_, const uint8_t* bits,
+        const double* least, const JldAnswers& answers)
+        : p(problem), tries(settings), count_of_tries(tries_), out(answers), labels(bits), thresholds(least), shared(problem),
           work(problem), ready(problem) {}
 
     void settle() {
@@ -96,6 +98,7 @@ struct Run {
     void judge(int64_t who) {
         double low = std::fabs(out.low[who]), high = std::fabs(out.high[who]), size = low > high ? low : high;
         if (out.low[who] <= 0.0 && out.high[who] >= 0.0 && size < p.zero) size = p.zero;
+        if (out.verdict[who] == 0 && thresholds && out.low[who] > thresholds[who]) out.verdict[who] = 3;
         if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
     }
 
@@ -126,8 +129,10 @@ struct Run {
                 double size = std::fabs(load) > 1e-4 ? std::fabs(load) : 1e-4;
                 bool solved = gap <= 2.0 * how.target * size && balance <= 5e-11 && jumps <= how.jumps * (1.0 + speed);
                 bool falls = how.aim > 0.0 && dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
+                // forces that carry more than matters say all that is asked
+                bool carries = thresholds && load > thresholds[in_lane[i]] && balance <= 1e-9;
                 bool lost = !(gap < 1e30) || !(speed < 1e30);
-                if (solved || falls || lost || age[i] >= how.most) {
+                if (solved || falls || carries || lost || age[i] >= how.most) {
                     out.iterations[in_lane[i]] += age[i];
                     if (out.diagnosis) out.diagnosis[4 * in_lane[i] + 3] = gap;
                     in_ready[waiting] = in_lane[i];
@@ -165,12 +170,12 @@ const char* jld_lanes_variant() { return jld::VARIANT; }
 int32_t jld_lanes_width() { return jld::W; }
 
 int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t count_of_tries, int64_t count,
-                        const uint8_t* labels, const JldAnswers* answers) {
+                        const uint8_t* labels, const double* thresholds, const JldAnswers* answers) {
     try {
         if (problem->freedoms == 6)
-            jld::Run<jld::SpatialFace>(*problem, tries, count_of_tries, labels, *answers).run(count);
-        else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, *answers).run(count);
-        else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, *answers).run(count);
+            jld::Run<jld::SpatialFace>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else return 2;
         return 0;
     } catch (const std::bad_alloc&) {

@@ -47,7 +47,7 @@ struct JldTry {
 struct JldAnswers {
     double* low;         // (count) proven lower bound, -inf for none
     double* high;        // (count) proven upper bound, +inf for none
-    int32_t* verdict;    // (count) 0 open, 1 both bounds, 2 falls without live load
+    int32_t* verdict;    // (count) 0 open, 1 both bounds, 2 falls without live load, 3 carries more than its threshold
     int32_t* iterations; // (count) of all tries
     int32_t* tries;      // (count)
     double* forces;      // (count, 3 faces) or null
