@@ -84,14 +84,6 @@ def labellings(found: list[Row]) -> list[bytes]:
     return [row[1] for row in found]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_by_one() -> Iterator[None]:
-    """Studies that last until they are interrupted: with the kernel they would be over."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("JLD_KERNEL", "off")
-        yield
-
-
 @contextmanager
 def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """`jld` in a session of its own; whatever is left of it is gone at the end."""
