@@ -20,6 +20,7 @@ from jld_core.errors import InputError
 from jld_core.lanes import FALLS, OPEN, PROVEN, Lanes, build, fits, library
 from jld_core.lanes.kernel import TRIES
 from jld_core.lanes.pattern import factor_pattern
+from jld_core.limit import Relaxation
 
 PLANAR = [name for name, (_, options) in CASES.items() if "crush_dry" not in options]
 SPATIAL = {
@@ -269,3 +270,28 @@ def test_version_names_the_kernel(kernel: str) -> None:
         spoken[wish] = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
     assert "no kernel" in spoken["off"]
     assert "labellings at a time" in spoken[kernel]
+
+
+@pytest.mark.parametrize("name", ["wall", "no tensile strength", "running bond"])
+def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undecided faces in lanes: the bounds of the conic solver, alone and in company."""
+    analysis = analysis_of(name)
+    asked = labellings(analysis.assembly, 12)
+    loose = np.random.default_rng(4).random(asked.shape) < 0.5
+    everything = np.full(len(asked), 1e12)
+    monkeypatch.setenv(library.SWITCH, kernel)
+    relaxation = Relaxation(analysis)
+    together = relaxation.refute_all(asked, loose, everything)
+    monkeypatch.setenv(library.SWITCH, "off")
+    plain = Relaxation(analysis).refute_all(asked, loose, everything)
+    for k, (one, other) in enumerate(zip(together, plain, strict=True)):
+        assert one is not None
+        assert other is not None
+        assert one.bound == pytest.approx(other.bound, rel=1e-6, abs=1e-9)
+        alone = relaxation.refute(asked[k], loose[k], 1e12)
+        assert alone is not None
+        assert alone.bound == one.bound
+        assert relaxation.refute(asked[k], loose[k], 0.9 * other.bound) is None
+        refuted = relaxation.refute(asked[k], loose[k], 1.1 * other.bound)
+        assert refuted is not None
+        assert refuted.bound <= 1.1 * other.bound

@@ -18,7 +18,7 @@ from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.report import results_table
 from jld_explore.space import search_space
-from jld_explore.study import Study
+from jld_explore.study import ExploreSettings, Study
 
 SETTINGS = EvaluatorSettings()
 
@@ -75,11 +75,11 @@ def study(folder: Path, jobs: int, budget: int) -> Study:
     assembly = build_assembly(scene)
     space = search_space(scene, assembly)
     driver = make_driver("genetic", space, 1)
-    return Study(scene=scene, assembly=assembly, space=space, driver=driver, folder=folder, jobs=jobs, budget=budget)
+    return Study(scene, assembly, space, driver, folder, ExploreSettings(jobs=jobs, budget=budget))
 
 
 def rows_of(made: Study) -> list[tuple[str, ...]]:
-    table = results_table(made.store, made.assembly, made.space, made.driver.name)
+    table = results_table(made.records, made.assembly, made.space, made.driver.name)
     return [tuple(map(str, row)) for row in table.drop(columns=["seconds"]).to_numpy().tolist()]
 
 
