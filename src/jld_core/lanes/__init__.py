@@ -1,7 +1,7 @@
 """Labellings in the lanes of a register: a compiled interior point over many labellings of one assembly.
 
-- `FALLS`: answer of a labelling that stands for no λ ≥ 0
 - `CARRIES`: answer of a labelling that carries more than was asked
+- `FALLS`: answer of a labelling that stands for no λ ≥ 0
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
 - `LaneAnswers`: what is proven of many labellings
