@@ -53,8 +53,8 @@ CASES: Final = (
     Case("wall 2 × 3", lambda: halved_bond(2, 3), seconds=20.0),
     Case("wall 2 × 5", lambda: halved_bond(2, 5), seconds=60.0),
     Case("wall 2 × 6", lambda: halved_bond(2, 6), seconds=60.0),
-    Case("wall 2 × 7", lambda: halved_bond(2, 7), seconds=90.0),
-    Case("wall 2 × 8", lambda: halved_bond(2, 8), seconds=120.0),
+    Case("wall 2 × 7", lambda: halved_bond(2, 7)),
+    Case("wall 2 × 8", lambda: halved_bond(2, 8)),
     Case("flat arch", leonardo_flat_arch, 1312.0, 20.0),
     Case("Ferris & Tin-Loi 1", lambda: load_scene(SCENES / "ferris_tinloi_1.json"), 0.638981),
     Case("Ferris & Tin-Loi 2", lambda: load_scene(SCENES / "ferris_tinloi_2.json"), 0.562005),
@@ -126,6 +126,13 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
         "layout is not known to us; the arch also stands at anything up to "
         f"{arch.highest_found:.1f} N, as its thrust has it."
     )
+    unproven = table[table["lowest_proven"].isna() & table["scene"].str.startswith("wall")]
+    if len(unproven):
+        differs.append(
+            "No floor is sought here for "
+            + ", ".join(unproven["scene"])
+            + ": `python -m benchmarks.zero_dilation_floor` does."
+        )
     report = Report(
         name=NAME,
         title="How low can it go",

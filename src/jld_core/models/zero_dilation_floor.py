@@ -32,7 +32,6 @@ PATIENT: Final = 600.0
 
 _ENOUGH: Final = 3e-8  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
-_FAR: Final = 0.01  # distance of what is excluded from the lowest solution found, relative, that counts as far
 _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
 _LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
 _STALL: Final = 0.05  # share of the distance that a sweep must win, else rows are added or the region is branched
@@ -210,18 +209,17 @@ class FloorSearch:
     def _relaxed(self, region: Region, pairs: Bools) -> Relaxed | None:
         assert self._size is not None
         self.programs += 1
-        slack = self._slack(region) if self._reach is not None else 0.0
+        slack = self._slack if self._reach is not None else 0.0
         return relax(self.modes, region, self._size, pairs, slack, max(self._left, 1.0))
 
-    def _slack(self, region: Region) -> float:
-        """More where the bound is far: it is repaired with less effort, and what is left over is taken back."""
-        far = self.ceiling - region.low > _FAR * abs(self.ceiling)
-        return _SLACK * (10.0 if far else 1.0) * max(abs(self.ceiling), 1.0)
+    @property
+    def _slack(self) -> float:
+        return _SLACK * max(abs(self.ceiling), 1.0)
 
     def _proven(self, region: Region, relaxed: Relaxed) -> float:
         if self._reach is None or self._size is None:
             return -math.inf
-        return Certifier(self.modes, region, self._slack(region), self._size, self._reach).bound(
+        return Certifier(self.modes, region, self._slack, self._size, self._reach).bound(
             relaxed.multipliers, self.ceiling - _ENOUGH * abs(self.ceiling)
         )
 
