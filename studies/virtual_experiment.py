@@ -26,7 +26,9 @@ from studies.scenes import leonardo_flat_arch
 
 NAME: Final = "virtual_experiment"
 LAYOUTS: Final = 500
-RATIOS: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
+PLASTIC: Final = 4
+"""Of the layouts every so many is also pushed with plastic faces and without dilation."""
+RATIOS: Final = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Stiffness of inner faces over that of dry ones, in the sweep of the reversal."""
 
 WITH, WITHOUT = Joints(dilation="friction"), Joints()
@@ -39,19 +41,23 @@ def beam_arch(quick: bool) -> tuple[Assembly, Bits]:
     scene = load_scene(SCENES / "flat_beam_arch.json")
     assembly = build_assembly(scene)
     rows = np.concatenate([labels for labels, _ in Enumeration(search_space(scene, assembly)).batches()])
-    return assembly, rows[:: 400 if quick else 9]
+    return assembly, rows[:: 400 if quick else 5]
 
 
 def experiments(assembly: Assembly, labellings: Bits) -> pd.DataFrame:
     """λ, and brittle experiments with and without dilation, of the layouts that carry something."""
     rows: list[dict[str, Any]] = []
     for labels in labellings:
+        if len(rows) == LAYOUTS:
+            break
         exact = solve(assembly, labels)
         if exact.status is not Status.COLLAPSE or exact.load_factor <= 0.2:
             continue
         row: dict[str, Any] = {"part": "beam-arch", "name": letters(labels), "associative": exact.load_factor}
         for key, joints in (("brittle_with", WITH), ("brittle_without", WITHOUT)):
             row |= _of(key, run_experiment(assembly, labels, joints=joints))
+        if len(rows) % PLASTIC == 0:
+            row |= _of("plastic_without", run_experiment(assembly, labels, joints=Joints(inner="plastic")))
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -88,7 +94,7 @@ def known(quick: bool) -> pd.DataFrame:
 def reversal(assembly: Assembly, labels: Bits, quick: bool) -> pd.DataFrame:
     """With and without dilation of one layout by stiffness ratio and by other choices of the method."""
     ways: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
-        (f"inner faces × {ratio:g}", {"inner_ratio": ratio}, {}) for ratio in (RATIOS[1::5] if quick else RATIOS)
+        (f"inner faces × {ratio:g}", {"inner_ratio": ratio}, {}) for ratio in (RATIOS[1::2] if quick else RATIOS)
     ]
     if not quick:
         ways += [
@@ -127,6 +133,7 @@ def run(out: Path, quick: bool) -> pd.DataFrame:
 
 def _report(table: pd.DataFrame, layouts: pd.DataFrame, stands: pd.DataFrame, gain: pd.Series) -> Report:
     ratio = stands["brittle_with"] / stands["associative"]
+    plastic = (layouts["plastic_without"] / layouts["associative"]).dropna()
     overall = float(spearmanr(stands["associative"], stands["brittle_with"])[0])
     best = stands.nlargest(min(100, len(stands)), "associative")
     among = float(spearmanr(best["associative"], best["brittle_with"])[0])
@@ -150,7 +157,7 @@ def _report(table: pd.DataFrame, layouts: pd.DataFrame, stands: pd.DataFrame, ga
         "leaves open.",
         model="Rigid elements on springs, five sub-contacts a face, geometry at rest, equal stiffness of all "
         "faces, no "
-        "friction in cracks; settled under dead loads, then pushed at two rates. Layouts: every ninth class of the "
+        "friction in cracks; settled under dead loads, then pushed at two rates. Layouts: every fifth class of the "
         "beam-arch's segmentations with λ > 0.2.",
         agrees=(
             f"Walls without dilation, from gravity: {said}. The experiment ends inside the range that limit analysis "
@@ -159,6 +166,10 @@ def _report(table: pd.DataFrame, layouts: pd.DataFrame, stands: pd.DataFrame, ga
             "layouts that "
             f"stand, brittle over λ is {ratio.min():.2f} to {ratio.max():.2f}, median {ratio.median():.2f} (with "
             "dilation).",
+            f"With plastic faces and no dilation {int(layouts['plastic_without'].notna().sum())} of them carry "
+            f"{plastic.min():.2f} to {plastic.max():.2f} of λ, median {plastic.median():.2f}; with dilation they "
+            "carry λ "
+            "(70 of 70 within 1e-3, see the benchmark).",
             f"Rank order survives over all (Spearman {overall:.2f}) and not among the {len(best)} best by λ "
             f"({among:.2f}): λ says which layouts are weak, not which is strongest once cracks are brittle.",
         ),
@@ -194,14 +205,15 @@ def _picture(
     figure = figure_of(12.8, 8.2)
     ax = axes_at(figure, 0.7, 4.6, 5.3, 3.1)
     for key, (colour, _, marker), name in (
-        ("brittle_with", PAIRED[1], "dilation = friction"),
-        ("brittle_without", PAIRED[0], "no dilation"),
+        ("brittle_with", PAIRED[1], "brittle, dilation = friction"),
+        ("brittle_without", PAIRED[0], "brittle, no dilation"),
+        ("plastic_without", PAIRED[2], "no dilation, plastic faces"),
     ):
         ax.plot(layouts["associative"], layouts[key], marker, color=colour, ms=3.5, mfc="none", mew=0.8, label=name)
     top = float(layouts["associative"].max())
     ax.plot([0, top], [0, top], color=GREY, lw=0.9, ls=(0, (4, 2)), label="equal")
     ax.set_xlabel("λ of limit analysis, associative [–]", fontsize=9)
-    ax.set_ylabel("collapse with brittle faces [–]", fontsize=9)
+    ax.set_ylabel("collapse in the experiment [–]", fontsize=9)
     ax.set_title(f"{len(layouts)} layouts of the beam-arch", fontsize=9)
     ax.legend(frameon=False, fontsize=8, loc="upper left")
     _walls(axes_at(figure, 0.7, 0.6, 5.3, 2.9), table[table["part"] == "known"])
