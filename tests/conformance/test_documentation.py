@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import jld_core
+import jld_experiment
 import jld_explore
 from paths import ROOT
 
@@ -22,9 +23,9 @@ def test_it_builds_without_a_warning_and_describes_every_public_name(tmp_path: P
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(tmp_path / "trees")]
     done = subprocess.run([*command, str(DOCS), str(tmp_path / "html")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    pages = [tmp_path / "html" / "reference" / f"{name}.html" for name in ("core", "explore")]
+    pages = [tmp_path / "html" / "reference" / f"{name}.html" for name in ("core", "explore", "experiment")]
     written = "".join(page.read_text("utf-8") for page in pages)
-    for module in (jld_core, jld_explore):
+    for module in (jld_core, jld_explore, jld_experiment):
         for name in module.__all__:
             assert re.search(f'id="(module-)?{module.__name__}.{name}"', written), f"{module.__name__}.{name}"
     text = re.sub("<[^>]+>", "", written)
