@@ -16,10 +16,15 @@ STUDIES: Final = (
     "t_block",
     "one_block_two_cubes",
     "leonardo_flat_arch",
+    "leonardo_section_3_3",
     "how_low_can_it_go",
     "semicircular_arch",
     "wall_with_opening",
     "corner",
+    "virtual_experiment",
+    "brittle_front",
+    "cracking_units",
+    "non_planar_faces",
     "drivers",
 )
 
