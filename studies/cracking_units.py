@@ -40,7 +40,7 @@ SHEAR_RATIO: Final = 1.0
 """Shear over tensile strength of a brick."""
 
 COURSES, LENGTH = 8, 4
-CRACKS: Final[tuple[float, ...]] = (0.0,)
+CRACKS: Final[tuple[float, ...]] = (0.0, FRICTION)
 """Friction of cracks as long as they hold: none is cohesive."""
 
 SHOWN: Final = (0.3, 1.0, 5.0)
