@@ -214,5 +214,39 @@ def test_pictures_are_drawn_again_as_vectors(
     assert all(path.read_bytes().startswith(b"<?xml") for path in out.iterdir())
     single = tmp_path / "scene.json"
     single.write_bytes(SCENE.read_bytes())
+    monkeypatch.chdir(tmp_path)  # a scene is drawn where one stands
     assert call(monkeypatch, capsys, "plot", single, "--format", "pdf").code == 0
     assert single.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("driver", "options", "expected"),
+    [
+        ("enumeration", {}, {"proven"}),
+        ("exact", {"aim": "front"}, {"proven"}),
+        ("exact", {"aim": "best"}, {"proven", "visited"}),
+        ("genetic", {"aim": "front"}, {"found"}),
+        ("genetic", {"aim": "best"}, {"found", "visited"}),
+        ("random", {}, {"found", "visited"}),
+    ],
+)
+def test_every_point_of_a_front_says_what_it_is(
+    driver: str, options: dict[str, str], expected: set[str], tmp_path: Path
+) -> None:
+    """The exact driver with --aim best printed as a front what it happened to visit, under the word proven."""
+    from cases import grid_document
+    from jld_core import parse_scene
+    from jld_explore import ExploreSettings, explore, read_folder
+
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], block_cells=[1, 4]))
+    few = {"genetic": 15, "random": 15}.get(driver)
+    settings = ExploreSettings(driver=driver, options=options, pictures=False, jobs=1, budget=few)
+    done = explore(scene, tmp_path / "out", settings)
+    written = pd.read_csv(tmp_path / "out" / "pareto.csv")
+    assert set(written["evidence"]) <= expected
+    strongest = written.sort_values("load_factor").iloc[-1]["evidence"]
+    assert strongest == ("proven" if done.summary["proven"] else "found")
+    known = {row["count"]: row for row in done.summary["front"]}
+    assert set(written["dry_faces"]) <= set(known)
+    assert all(row["proven"] == (row["evidence"] == "proven") for row in known.values())
+    assert read_folder(tmp_path / "out").front["evidence"].tolist() == written["evidence"].tolist()

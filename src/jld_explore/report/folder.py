@@ -20,6 +20,7 @@ from jld_core.solvers import SOLVERS
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import columns, csv_of
+from jld_explore.report.evidence import front_rows, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import from_string
 from jld_explore.study import StopReason, Study, versions
@@ -76,6 +77,10 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
         # proven with the areas of each labelling frozen, which says nothing of other fixed points
         found |= {"proven": False, "bound": None, "gap": None}
     found |= study.driver.facts(results, complete)
+    aimed = study.driver.settings.get("aim") == "front"
+    sure = complete and bool(found["proven"])
+    found["front"] = front_rows(front, found, front_of.count, complete=sure, aimed=aimed)
+    front = with_evidence(front, found, front_of.count)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
     with whole_file(study.folder / "results.parquet") as fresh:
@@ -129,7 +134,7 @@ def read_folder(folder: Path) -> Exploration:
         scene=scene,
         assembly=build_assembly(scene),
         results=results,
-        front=tables.front_table(results, front_of.count, front_of.sense),
+        front=with_evidence(tables.front_table(results, front_of.count, front_of.sense), summary, front_of.count),
         summary=summary,
         folder=folder,
         stop_reason=StopReason(summary["stop_reason"]),

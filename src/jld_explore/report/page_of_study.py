@@ -65,7 +65,6 @@ def study_data(
     """The data of the page of a search, as `page_data` has it."""
     rows = chosen_rows(done.results, done.front)
     front_of = done.scene.search.front
-    marked = with_evidence(done.front, done.summary)
     history = done.folder / CONVERGENCE
     curves = [curve_of(str(done.summary["driver"]), pd.read_csv(history))] if history.exists() else []
     left_out = len(done.results) - len(rows)
@@ -77,20 +76,12 @@ def study_data(
         facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary, done.results)},
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
-        table=table_of(rows, marked, done.assembly, count=front_of.count, sense=front_of.sense, left_out=left_out),
+        table=table_of(rows, done.front, done.assembly, count=front_of.count, sense=front_of.sense, left_out=left_out),
         solutions=_solutions(rows, done, patience),
         convergence=curves,
         summary=done.summary,
         studio=studio,
     )
-
-
-def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any]) -> pd.DataFrame:
-    """The front with its column `evidence`; in folders older than that column: proven where all of it is."""
-    if "evidence" in front:
-        return front
-    everything = summary.get("proven") and summary.get("stop_reason") == "exhausted"
-    return front.assign(evidence="proven" if everything else "found")
 
 
 class CaseSolver:

@@ -25,6 +25,7 @@ from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
+from jld_explore.report.evidence import COLUMN, PROVEN, VISITED
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import Count, count_named, from_string, registered
 
@@ -67,6 +68,9 @@ def plot_pareto(
     counted = count_named(count)
     shown = _collapsed(results)
     best = _collapsed(front).sort_values(count, kind="stable")
+    if COLUMN in best:
+        # what was merely visited on the way is no front
+        best = best[best[COLUMN] != VISITED]
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.3
     chosen = _spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
@@ -85,7 +89,13 @@ def plot_pareto(
         )  # fmt: skip
         steps = "steps-pre" if sense == "max" else "steps-post"
         ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label="front", zorder=2.0)
-        ax.plot(*points.T, "o", color=FRONT, markersize=5.0, label="on the front", zorder=2.1)
+        sure = (best[COLUMN] == PROVEN).to_numpy() if COLUMN in best else np.zeros(len(best), dtype=bool)
+        for chosen_points, face, words in ((sure, FRONT, "proven"), (~sure, "white", "best found")):
+            if chosen_points.any():
+                ax.plot(
+                    *points[chosen_points].T, "o", color=FRONT, markerfacecolor=face, markersize=5.0,
+                    label=f"on the front, {words}", zorder=2.1,
+                )  # fmt: skip
         _whole_numbers(ax, counted)
         ax.margins(x=0.04, y=0.07)
     else:

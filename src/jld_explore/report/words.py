@@ -11,6 +11,7 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
+from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import SearchSpace, registered
 
@@ -78,7 +79,7 @@ def exploration(done: Exploration, top: int = 10) -> str:
             _table(best_rows(done, top)),
             "",
             f"front        {front_name(done)}",
-            _table(done.front[columns()]),
+            _table(done.front[[*columns(), COLUMN]]),
             "",
             f"written to   {done.folder}",
         ]

@@ -1,0 +1,52 @@
+"""What is known of each point of a front: proven, the best found by a search for it, or merely visited on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import pandas as pd
+
+PROVEN: Final = "proven"
+FOUND: Final = "found"
+VISITED: Final = "visited"
+
+COLUMN: Final = "evidence"
+
+
+def front_rows(
+    front: pd.DataFrame, summary: Mapping[str, Any], count: str, *, complete: bool, aimed: bool
+) -> list[dict[str, Any]]:
+    """`front` of summary.json: count, load_factor, bound, proven and evidence, a row for each value of the count.
+
+    front: rows of the results that no other row beats. summary: of the study so far, with the driver's own front where
+    it has one. complete: every class of the space has its evaluation. aimed: the driver looked for the whole front.
+    """
+    given = {row["count"]: row for row in summary.get("front") or []}
+    rows = []
+    for value, group in front.groupby(count):
+        best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
+        known = given.pop(value, None)
+        strongest = bool(best["load_factor"] == summary["best"])
+        sure = bool(complete or (known or {}).get("proven") or (strongest and summary["proven"]))
+        bound = (known or {}).get("bound")
+        if bound is None and sure:
+            bound = summary["bound"] if strongest and not complete else best["bracket_hi"]
+        rows.append(
+            {
+                "count": value if isinstance(value, float) else int(str(value)),
+                "load_factor": float(best["load_factor"]),
+                "bound": None if bound is None else float(bound),
+                "proven": sure,
+                COLUMN: PROVEN if sure else FOUND if aimed or strongest else VISITED,
+            }
+        )
+    # counts whose best is below that of another count are on no front, and known all the same
+    rest = [{**row, COLUMN: PROVEN if row["proven"] else FOUND} for row in given.values()]
+    return sorted([*rows, *rest], key=lambda row: float(row["count"]))
+
+
+def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], count: str) -> pd.DataFrame:
+    """The front with its column, from `front` of a summary; what a summary does not know was merely visited."""
+    known = {row["count"]: row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in summary.get("front") or []}
+    return front.assign(**{COLUMN: [known.get(value, VISITED) for value in front[count].tolist()]})
