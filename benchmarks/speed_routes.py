@@ -88,8 +88,7 @@ def ours(
     if route is not None:
         analysis.route = route
     found = analysis.solve(stands=False)
-    (low, high), scale = found.bracket, analysis.template.scaling.load
-    return Found(found.load_factor * scale, low * scale, high * scale, " → ".join(found.route))
+    return Found(found.load_factor, *found.bracket, " → ".join(found.route))
 
 
 def forced(assembly: Assembly, method: str) -> Found:

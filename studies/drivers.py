@@ -106,6 +106,8 @@ def search(wall: Scene, driver: str, seed: int, budget: int | None) -> Run:
     options = {"sampler": sampler} if sampler else {}
     settings = ExploreSettings(driver=name, budget=budget, seed=seed, jobs=1, options=options)
     done = searched(wall, settings, report=note)
+    # a search may be over before it is time to report
+    steps.append((done.summary["solved"], time.process_time() - start, float(done.summary["best"])))
     return Run(driver, seed, done, np.array(steps))
 
 

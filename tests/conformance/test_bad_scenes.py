@@ -147,7 +147,7 @@ IN_WALL: list[Row] = [
     ),
     (("materials", "dry"), {"friction_angle": 90}, ("materials.dry.friction_angle: 90", "below 90")),
     (("materials", "dry"), {"friction_coefficient": -0.1}, ("friction_coefficient: -0.1", "at least 0")),
-    (("materials", "dry", "cohesion"), 1, ("materials.dry.cohesion: unknown key", "friction_angle")),
+    (("materials", "dry", "cohesive"), 1, ("materials.dry.cohesive: unknown key", "cohesion")),
     (("materials", "inner", "tensile_strength"), -1, ("tensile_strength: -1", "at least 0")),
     (("materials", "inner", "shear_strength"), GONE, ("materials.inner.shear_strength: missing", "a stress")),
     (("materials", "inner", "compressive_strength"), 0, ("compressive_strength: 0", "above 0")),
@@ -417,7 +417,7 @@ def test_no_file_and_no_folder(
 ) -> None:
     missing, out = tmp_path / "missing.json", tmp_path / "out"
     complaint(call(monkeypatch, capsys, "explore", missing, "--out", out), f"jld: {missing}: ", "No such file")
-    complaint(call(monkeypatch, capsys, "solve", tmp_path), f"jld: {tmp_path}: ", "readable scene file")
+    complaint(call(monkeypatch, capsys, "solve", tmp_path), f"jld: {tmp_path}: ", "a folder written by jld explore")
     complaint(call(monkeypatch, capsys, "plot", tmp_path), f"jld: {tmp_path}: ", "jld explore")
     assert not any(tmp_path.iterdir())
 
@@ -492,8 +492,8 @@ def test_places_that_cannot_be_written(
         for out in (taken, taken / "below", taken / "far" / "below"):
             outcome = call(monkeypatch, capsys, command, file, "--out", out)
             complaint(outcome, f"jld: {taken}: ", "it is a file", "a folder")
-    outcome = call(monkeypatch, capsys, "plot", file, "--out", tmp_path / "picture.gif")
-    complaint(outcome, "jld: --out", "picture.gif", ".png")
+    outcome = call(monkeypatch, capsys, "plot", file, "--out", tmp_path / "picture.bmp")
+    complaint(outcome, "jld: --out", "picture.bmp", ".png")
     outcome = call(monkeypatch, capsys, "plot", file, "--out", tmp_path / "none" / "picture.png")
     complaint(outcome, str(tmp_path / "none"))
     assert taken.read_text() == "mine"

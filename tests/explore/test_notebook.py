@@ -52,7 +52,7 @@ def test_each_shows_a_table_and_its_drawing(tmp_path: Path) -> None:
     assert "collapse" in solved
     assert "relative width" in solved
     assert "not proven" in searched
-    assert "30 (" in searched
+    assert "30 layouts" in searched
     assert [html.count("<table") for html in (modelled, solved, searched)] == [1, 1, 3]
     assert "largest_block_cells" in searched
 
