@@ -88,8 +88,9 @@ def plot_pareto(
             markeredgewidth=0.0, rasterized=many, label="labellings that collapse", zorder=1.0,
         )  # fmt: skip
         steps = "steps-pre" if sense == "max" else "steps-post"
-        ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label="front", zorder=2.0)
         sure = (best[COLUMN] == PROVEN).to_numpy() if COLUMN in best else np.zeros(len(best), dtype=bool)
+        known = "proven" if sure.all() else "partly proven" if sure.any() else "best found"
+        ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label=f"front, {known}", zorder=2.0)
         for chosen_points, face, words in ((sure, FRONT, "proven"), (~sure, "white", "best found")):
             if chosen_points.any():
                 ax.plot(
