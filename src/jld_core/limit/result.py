@@ -106,6 +106,7 @@ class LimitAnalysisResult(Shown):
             ),
             "mechanism": mechanism,
             "forces": forces,
+            "faces": _faces(assembly, self.labels),
         }
 
 
@@ -173,6 +174,27 @@ def element_velocities(template: Template, velocity: Floats) -> Floats:
     free = scaling.load * velocity / scaling.row.ravel()
     full[assembly.elements.free] = free.reshape(-1, assembly.freedoms)
     return full
+
+
+def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
+    """Every face with the frame that its forces are in, scene units: enough to check equilibrium and yield by hand."""
+    faces, ids = assembly.interfaces, assembly.elements.ids
+    planar = assembly.dimension == 2
+    found = []
+    for k in range(len(faces)):
+        frame = {"origin": faces.origin[k], "normal": faces.normal[k], "e1": faces.e1[k]}
+        frame |= {} if planar else {"e2": faces.e2[k]}
+        size = {"length": float(faces.l1[k])} if planar else {"area": float(faces.area[k])}
+        found.append(
+            {
+                "index": k,
+                "elements": [ids[faces.a[k]], ids[faces.b[k]]],
+                "label": "dry" if labels[k] else "inner",
+                **{name: [float(value) for value in vector] for name, vector in frame.items()},
+                **size,
+            }
+        )
+    return found
 
 
 def number(value: float) -> float | None:
