@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Status
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, settled, statuses
 from jld_explore.report.front import on_front
-from jld_explore.space import SearchSpace, counts, to_strings, unpack
+from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
 
 CONVERGENCE: Final = "convergence.csv"
 
@@ -65,13 +66,28 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
         }
     )
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
-    worth = np.where(place == 0, -load_factor, 0.0)
+    worth = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"])
     packed = np.ascontiguousarray(rows["labelling"])
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), worth, place))
+    # what ties is told apart by the simpler layout: fewer blocks, then fewer joints
+    simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, worth, place))
     table = table.iloc[order].reset_index(drop=True)
     number = np.arange(1, len(table) + 1)
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number, number > np.count_nonzero(place == 0))))
     return table
+
+
+def _ties(load_factor: Floats, low: Floats, high: Floats) -> Ints:
+    """(k,) number of the group of each row, best first: rows whose brackets overlap that of the best of them tie."""
+    group = np.zeros(len(load_factor), dtype=np.int64)
+    ranked = np.flatnonzero(~np.isnan(load_factor))
+    ranked = ranked[np.argsort(-load_factor[ranked], kind="stable")]
+    number, least = 0, np.inf
+    for row, lower, upper in zip(ranked.tolist(), low[ranked].tolist(), high[ranked].tolist(), strict=True):
+        if upper < least:
+            number, least = number + 1, lower
+        group[row] = number
+    return group
 
 
 def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
