@@ -27,7 +27,8 @@ def front_rows(
     for value, group in front.groupby(count):
         best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
         known = given.pop(value, None)
-        strongest = bool(best["load_factor"] == summary["best"])
+        # the first of several that tie may carry less by rounding
+        strongest = bool(best["load_factor"] >= summary["best"])
         sure = bool(complete or (known or {}).get("proven") or (strongest and summary["proven"]))
         bound = (known or {}).get("bound")
         if bound is None and sure:
