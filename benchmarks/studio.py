@@ -132,7 +132,7 @@ def main() -> None:
     load = f"Load average of the machine at the end: {os.getloadavg()[0]:.1f}."
     goal = f"Median / 95 % of {TRIES} tries. Goal for scenes of up to 100 faces: {GOAL:.0f} ms. {load}"
     write(
-        "studio.md", f"# The studio\n\n{about(__doc__)}\n\n{goal}\n\n{table(head, rows)}", also=("starlette", "uvicorn")
+        "studio", f"# The studio\n\n{about(__doc__)}\n\n{goal}\n\n{table(head, rows)}", also=("starlette", "uvicorn")
     )
 
 

@@ -93,7 +93,9 @@ def first_data(desk: Desk, root: Path, study: Path | None) -> dict[str, Any]:
 
 
 def _listener(port: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    # with the protocol named: asyncio switches Nagle's delay off only for sockets that say they are TCP, and an answer
+    # whose head and body are written apart waits 40 ms for it
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
