@@ -1,8 +1,9 @@
 """From a click to its proven λ on the page: what the studio spends on a changed face, and on a changed material.
 
 Core: processor time of the whole answer (checking, solving with both bounds, drawing quantities, JSON) in this process.
-Browser: wall clock from a toggled face to its answer drawn, in a headless Chromium where there is one, over the
-studio's own server; on a machine that does other work it is larger, and spatial scenes are drawn in software there.
+Browser: wall clock in a headless Chromium where there is one, over the studio's own server: from a toggled face, and
+from a moved friction slider, until the proven λ stands in the page, and from the toggled face until the next frame is
+painted, which headless Chromium does in software. On a machine that does other work all are larger.
 Layouts are the scene's own with three faces toggled.
 """
 
@@ -39,7 +40,7 @@ class Times:
     faces: int
     core: tuple[float, float]
     material: tuple[float, float]
-    browser: tuple[float, float] | None
+    browser: list[tuple[float, float]] | None
 
 
 def scenes() -> dict[str, Scene]:
@@ -77,7 +78,7 @@ def _range(values: list[float]) -> tuple[float, float]:
     return float(np.median(values)), float(np.quantile(values, 0.95))
 
 
-def _in_browser(scene: Scene) -> tuple[float, float] | None:
+def _in_browser(scene: Scene) -> list[tuple[float, float]] | None:
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if path is None or importlib.util.find_spec("playwright") is None:
         return None
@@ -96,20 +97,36 @@ def _in_browser(scene: Scene) -> tuple[float, float] | None:
         page.wait_for_selector("body[data-ready=yes]")
         found = page.evaluate(
             """async (tries) => {
-              const times = [], n = studio.steps.now.labelling.length;
-              const answered = async () => { while (studio.live.waiting) await new Promise((r) => setTimeout(r, 1)); };
-              await answered();
+              const faces = [], frames = [], sliders = [], n = studio.steps.now.labelling.length;
+              const frame = () => new Promise((r) => requestAnimationFrame(() => setTimeout(r, 0)));
+              const until = async (start) => {
+                while (studio.live.waiting) await new Promise((r) => setTimeout(r, 1));
+                return performance.now() - start;
+              };
+              await until(0);
               for (let k = 0; k < tries + 3; k++) {
-                const start = performance.now(), face = (k * 7) % n, old = studio.steps.now.labelling;
+                const face = (k * 7) % n, old = studio.steps.now.labelling;
                 const letter = old[face] === "d" ? "i" : "d";
+                let start = performance.now();
                 studio.change({ labelling: old.slice(0, face) + letter + old.slice(face + 1) });
-                await answered();
-                await new Promise((r) => requestAnimationFrame(r));
-                if (k > 2) times.push(performance.now() - start);
+                const shown = await until(start);
+                await frame();
+                if (k > 2) faces.push(shown), frames.push(performance.now() - start);
+                const materials = structuredClone(studio.steps.now.materials);
+                materials.dry = { friction_coefficient: 0.4 + 0.01 * k };
+                start = performance.now();
+                studio.steps.preview({ materials });
+                studio.refresh();
+                const slid = await until(start);
+                if (k > 2) sliders.push(slid);
+                await frame();
+                studio.steps.commit();
                 studio.undo();
-                await answered();
+                studio.undo();
+                await until(0);
+                await frame();
               }
-              return times;
+              return [faces, sliders, frames];
             }""",
             TRIES,
         )
@@ -117,7 +134,7 @@ def _in_browser(scene: Scene) -> tuple[float, float] | None:
         server.terminate()
         server.wait(timeout=20.0)
         server.stdout.close()
-    return _range(list(found))
+    return [_range(list(times)) for times in found]
 
 
 def main() -> None:
@@ -125,15 +142,13 @@ def main() -> None:
     rows = []
     for name, scene in scenes().items():
         found = measured(name, scene)
-        cell = [f"{a:.0f} / {b:.0f}" for a, b in (found.core, found.material)]
-        browser = "no browser" if found.browser is None else f"{found.browser[0]:.0f} / {found.browser[1]:.0f}"
-        rows.append([found.name, str(found.faces), *cell, browser])
-    head = ["scene", "faces", "core, face [ms]", "core, material [ms]", "click to λ on the page [ms]"]
+        cells = [f"{a:.0f} / {b:.0f}" for a, b in (found.core, found.material, *(found.browser or ()))]
+        rows.append([found.name, str(found.faces), *cells, *["no browser"] * (5 - len(cells))])
+    head = ["scene", "faces", "core, face [ms]", "core, material [ms]"]
+    head += ["face to λ in the page [ms]", "slider to λ in the page [ms]", "face to painted frame [ms]"]
     load = f"Load average of the machine at the end: {os.getloadavg()[0]:.1f}."
     goal = f"Median / 95 % of {TRIES} tries. Goal for scenes of up to 100 faces: {GOAL:.0f} ms. {load}"
-    write(
-        "studio", f"# The studio\n\n{about(__doc__)}\n\n{goal}\n\n{table(head, rows)}", also=("starlette", "uvicorn")
-    )
+    write("studio", f"# The studio\n\n{about(__doc__)}\n\n{goal}\n\n{table(head, rows)}", also=("starlette", "uvicorn"))
 
 
 if __name__ == "__main__":
