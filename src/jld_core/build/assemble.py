@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
 from jld_core.build import loads, materials
-from jld_core.build.elements import faces_of_pairs
+from jld_core.build.elements import Geometry, faces_of_pairs, weighed
 from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
@@ -22,14 +22,25 @@ from jld_core.scene import BodyLoad, Contact, PointLoad, Scene
 LABELS = {"dry": DRY, "inner": INNER}
 
 
-def build_assembly(scene: Scene) -> Assembly:
-    """Elements, interfaces, loads, strengths and own labels of a scene, in scene units.
+def build_geometry(scene: Scene) -> Geometry:
+    """Elements and interfaces of a scene, which neither its materials nor its loads change.
 
-    Raises InputError: geometry, references, loads or materials that cannot be used, each by name.
+    Raises InputError: geometry and references that cannot be used, each by name.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
-    elements, interfaces, given = geometry.elements, geometry.interfaces, geometry.given
-    _check_paths(elements, interfaces)
+    _check_paths(geometry.elements, geometry.interfaces)
+    return geometry
+
+
+def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
+    """Elements, interfaces, loads, strengths and own labels of a scene, in scene units.
+
+    geometry: of a scene that differs in nothing but materials and loads, where there is one.
+    Raises InputError: geometry, references, loads or materials that cannot be used, each by name.
+    """
+    geometry = build_geometry(scene) if geometry is None else geometry
+    interfaces, given = geometry.interfaces, geometry.given
+    elements = weighed(geometry.elements, geometry.entries, scene)
     cases = _cases(scene, elements)
     assembly = Assembly(
         name=scene.name,

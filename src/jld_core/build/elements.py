@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,18 +21,12 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Elements with their weights, given volumes and centroids put in place of computed ones.
+    """Elements without weight yet, given volumes and centroids put in place of computed ones.
 
     centroid: (n, d); volume: (n,); shape, faces: as in Elements.
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
     centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
-    direction = materials.direction_of_weight(scene)
-    gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
-    weight = [
-        materials.self_weight(entry, size, scene.materials, direction, gravity)
-        for entry, size in zip(entries, volume, strict=True)
-    ]
     support = np.array([entry.support for entry in entries])
     if support.all():
         raise InputError("elements", "all of them are supports", "at least one free element")
@@ -46,22 +40,33 @@ def collect_elements(
         support=support,
         centroid=centroid,
         volume=volume,
-        weight=np.array(weight),
+        weight=np.zeros_like(centroid),
         shape=tuple(shape),
         faces=faces,
-        gravity=gravity,
     )
+
+
+def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
+    """Elements with the self-weights that their entries and the scene's materials give them."""
+    direction = materials.direction_of_weight(scene)
+    gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
+    weight = [
+        materials.self_weight(entry, size, scene.materials, direction, gravity)
+        for entry, size in zip(entries, elements.volume, strict=True)
+    ]
+    return replace(elements, weight=np.array(weight), gravity=gravity)
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Elements and interfaces of a scene, and what had to be done to them.
+    """Elements and interfaces of a scene, and what had to be done to them; neither materials nor loads change them.
 
-    given: the scene's own entry for each interface, None where it was found. moved: farthest that a corner moved to
+    elements: without weights. entries: the scene's own entry for each. given: the scene's own entry for each interface, None where it was found. moved: farthest that a corner moved to
     close gaps and overlaps, length. warnings: what was found near enough to be meant as contact, and is none.
     """
 
     elements: Elements
+    entries: list[Element]
     interfaces: Interfaces
     given: list[Contact | None]
     moved: float = 0.0

@@ -59,7 +59,7 @@ def planar_geometry(scene: Scene) -> Geometry:
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = planar_interfaces([contacts[k] for k in kept], thickness)
-    return Geometry(elements, interfaces, [given[k] for k in kept], moved, warnings)
+    return Geometry(elements, entries, interfaces, [given[k] for k in kept], moved, warnings)
 
 
 def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:

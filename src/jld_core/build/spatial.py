@@ -59,7 +59,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = spatial_interfaces([contacts[k] for k in kept])
-    return Geometry(elements, interfaces, [given[k] for k in kept], moved, warnings)
+    return Geometry(elements, entries, interfaces, [given[k] for k in kept], moved, warnings)
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:

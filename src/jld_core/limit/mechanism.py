@@ -85,7 +85,8 @@ def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Fl
     arm, motion = points - assembly.elements.centroid[element], mechanism[element]
     if d == 2:
         return np.asarray(motion[:2] + motion[2] * np.column_stack([-arm[:, 1], arm[:, 0]]))
-    return np.asarray(motion[:3] + np.cross(motion[3:], arm))
+    a, b, c = motion[3:]
+    return np.asarray(motion[:3] + arm @ np.array([[0.0, c, -b], [-c, 0.0, a], [b, -a, 0.0]]))
 
 
 def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_geometry
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_explore.report import CaseSolver, loads_of, solution_of
@@ -43,6 +43,7 @@ class Desk:
         self.scene = scene
         self.document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
         self._kept: OrderedDict[str, Setup] = OrderedDict()
+        self._geometry = build_geometry(scene)
         self._first: Setup | None = None
         self._first = self.setup({})
 
@@ -56,7 +57,7 @@ class Desk:
             self._kept.move_to_end(name)
             return self._kept[name]
         scene = parse_scene({**self.document, **changes}) if changes else self.scene
-        assembly = build_assembly(scene)
+        assembly = build_assembly(scene, self._geometry)
         made = self._kept[name] = Setup(scene, assembly, self._space(scene, assembly), CaseSolver(assembly))
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
