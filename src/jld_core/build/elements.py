@@ -61,8 +61,9 @@ def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Element
 class Geometry:
     """Elements and interfaces of a scene, and what had to be done to them; neither materials nor loads change them.
 
-    elements: without weights. entries: the scene's own entry for each. given: the scene's own entry for each interface, None where it was found. moved: farthest that a corner moved to
-    close gaps and overlaps, length. warnings: what was found near enough to be meant as contact, and is none.
+    elements: without weights. entries: the scene's own entry for each. given: the scene's own entry for each interface,
+    None where it was found. moved: farthest that a corner moved to close gaps and overlaps, length. warnings: what was
+    found near enough to be meant as contact, and is none.
     """
 
     elements: Elements
