@@ -36,8 +36,9 @@ if TYPE_CHECKING:
     from optuna.study import StudyDirection
     from optuna.trial import FrozenTrial, Trial
 
-FILE: Final = "optuna.sqlite3"
-"""Name of the default storage in the folder of a study."""
+FILE: Final = "optuna.journal"
+"""Name of the default storage in the folder of a study: a journal, one line a trial. A database of the library takes
+fifteen times as long for each (58 ms against 4 with 17 faces), which is more than most trials."""
 
 _NEEDS: Final = {"cmaes": "cmaes", "gp": "torch"}
 """Packages that some samplers need and that are not among our own requirements."""
@@ -214,16 +215,15 @@ class Copy:
         import optuna
         from sqlalchemy.exc import SQLAlchemyError
 
-        own = self._storage is None
-        if own:
-            self._storage = _storage(f"sqlite:///{file}", hurry=True)
+        if self._storage is None:
+            self._storage = _journal(file)
         try:
             self._study = optuna.create_study(
                 storage=self._storage, study_name=title, directions=self._directions, load_if_exists=True
             )
             self._there = len(self._study.get_trials(deepcopy=False))
         except SQLAlchemyError as error:
-            raise _unusable(str(file) if own else title, error) from None
+            raise _unusable(title, error) from None
 
     def add(self, trial: FrozenTrial, attributes: dict[str, Any]) -> None:
         """Take a trial to be written."""
@@ -243,26 +243,37 @@ class Copy:
         self._waiting = []
 
 
-def _storage(url: str, *, hurry: bool = False) -> Any:
+def _storage(url: str) -> Any:
     from optuna.storages import RDBStorage
-    from sqlalchemy import event
     from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
     try:
-        storage = RDBStorage(url)
+        return RDBStorage(url)
     except (ArgumentError, SQLAlchemyError, ImportError) as error:
         raise _unusable(url, error) from None
-    if hurry:
-        # our own record is the one that counts, and this a copy: no need to wait for the disk
-        event.listen(storage.engine, "connect", _hurry)
-        storage.engine.dispose()
-    return storage
+
+
+def _journal(file: Path) -> Any:
+    """The journal in the folder of a study, which nobody else writes to: the study's lock sees to that.
+
+    What a killed run left of a line, and its lock, are removed. Raises InputError for a damaged journal.
+    """
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
+
+    file.with_name(f"{file.name}.lock").unlink(missing_ok=True)
+    if file.exists():
+        whole = file.read_bytes()
+        if not whole.endswith(b"\n"):
+            with file.open("r+b") as torn:
+                torn.truncate(whole.rfind(b"\n") + 1)
+    try:
+        return JournalStorage(JournalFileBackend(str(file), JournalFileOpenLock(str(file))))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(
+            str(file), "it is damaged", "the journal of this study; without it, it is written again when resumed"
+        ) from None
 
 
 def _unusable(url: str, error: Exception) -> InputError:
     return InputError("--storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")
-
-
-def _hurry(connection: Any, _: Any) -> None:
-    connection.execute("PRAGMA synchronous=OFF")
-    connection.execute("PRAGMA journal_mode=MEMORY")

@@ -1,0 +1,54 @@
+"""The journal of the optuna driver: a copy that survives a kill, and says in one line where it is damaged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import optuna
+import pytest
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
+
+from jld_core.errors import InputError
+from jld_core.scene import parse_scene
+from jld_explore import ExploreSettings, explore
+from jld_explore.drivers.optuna import FILE
+
+SCENE = {
+    "grid": {"cell": [1, 1], "thickness": 1, "rows": ["aab", "ccb", "###"]},
+    "materials": {
+        "density": 2000,
+        "dry": {"friction_coefficient": 0.6},
+        "inner": {"tensile_strength": 1e5, "shear_strength": 1e5},
+    },
+    "loads": {"live": [{"body": [1, 0]}]},
+}
+
+
+def searched(folder: Path, budget: int) -> None:
+    explore(parse_scene(SCENE), folder, ExploreSettings(driver="optuna", jobs=1, budget=budget, resume=folder.exists()))
+
+
+def trials(folder: Path) -> list[tuple[int, str | None, dict[str, float]]]:
+    study = optuna.load_study(study_name=None, storage=JournalStorage(JournalFileBackend(str(folder / FILE))))
+    return [(trial.number, trial.user_attrs.get("labelling"), trial.params) for trial in study.trials]
+
+
+def test_a_torn_line_and_a_lock_left_behind_are_made_good(tmp_path: Path) -> None:
+    searched(tmp_path / "whole", 40)
+    torn = tmp_path / "torn"
+    searched(torn, 20)
+    journal = torn / FILE
+    journal.write_bytes(journal.read_bytes()[:-40])
+    journal.with_name(f"{FILE}.lock").write_text("")
+    searched(torn, 40)
+    assert not journal.with_name(f"{FILE}.lock").exists()
+    assert trials(torn) == trials(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("content", [b"\x00\xffnot json\n{}\n", b"{}\n"])
+def test_a_damaged_journal_is_named(content: bytes, tmp_path: Path) -> None:
+    searched(tmp_path / "a", 10)
+    (tmp_path / "a" / FILE).write_bytes(content)
+    with pytest.raises(InputError, match=rf"{FILE}: it is damaged"):
+        searched(tmp_path / "a", 20)
