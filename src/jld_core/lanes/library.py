@@ -116,16 +116,17 @@ def _within(folder: Path) -> dict[str, Path]:
 
 
 def _compiled() -> dict[str, Path]:
-    """What the extra `compiler` makes on first use, where nothing is built."""
-    compiler = build.zig()
+    """What a compiler makes on first use, where nothing is built: the system's, or that of the extra `compiler`."""
     fit = [name for name in build.variants() if runs_here(name)]
-    if compiler is None or not fit:
-        return {}
-    try:
-        return {fit[0]: build.compile_variant(fit[0], build.cache(), compiler)}
-    except (OSError, subprocess.CalledProcessError) as problem:
-        warnings.warn(f"the kernel could not be compiled, so it is done without: {problem}", stacklevel=2)
-        return {}
+    problems = []
+    for compiler in build.compilers() if fit else []:
+        try:
+            return {fit[0]: build.compile_variant(fit[0], build.cache(), compiler)}
+        except (OSError, subprocess.CalledProcessError) as problem:
+            problems.append(str(problem))
+    if problems:
+        warnings.warn(f"the kernel could not be compiled, so it is done without: {problems[-1]}", stacklevel=2)
+    return {}
 
 
 def runs_here(variant: str) -> bool:
