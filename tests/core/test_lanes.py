@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import subprocess
 import sys
@@ -11,13 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 import cases_spatial
 from cases import CASES, grid_assembly
 from jld_core import Assembly, LimitAnalysis, Status
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.lanes import FALLS, OPEN, PROVEN, Lanes, build, fits, library
+from jld_core.lanes import FALLS, OPEN, PROVEN, Graph, Joining, Lanes, build, fits, library
 from jld_core.lanes.kernel import TRIES
 from jld_core.lanes.pattern import factor_pattern
 from jld_core.limit import Relaxation
@@ -295,3 +298,54 @@ def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch
         refuted = relaxation.refute(asked[k], loose[k], 1.1 * other.bound)
         assert refuted is not None
         assert refuted.bound <= 1.1 * other.bound
+
+
+def test_blocks_are_the_components_of_the_graph(kernels: dict[str, str]) -> None:
+    """Named by their smallest element, by scipy's components as another route."""
+    dice = np.random.default_rng(3)
+    a, b = dice.integers(0, 12, size=(2, 20))
+    always = np.array([[2, 9], [9, 4]])
+    labels = dice.random((50, 20)) < dice.random((50, 1))
+    for path in kernels.values():
+        found = Graph(12, a, b, always, path).blocks(labels)
+        assert found is not None
+        for row, names in zip(labels, found, strict=True):
+            ends = np.concatenate([always, np.column_stack([a, b])[~row]])
+            matrix = coo_array((np.ones(len(ends)), ends.T), shape=(12, 12))
+            kind = connected_components(matrix, directed=False)[1]
+            assert names.tolist() == [int(np.flatnonzero(kind == own)[0]) for own in kind]
+
+
+def joined(pairs: list[tuple[int, int]], sizes: list[int], most: float, small: int = 0) -> list[set[int]]:
+    """Parts as sets, joined in the order of pairs; where a least size is given, only what falls short of it."""
+    parts = [{k} for k in range(len(sizes))]
+    for p, q in pairs:
+        one, two = (next(part for part in parts if atom in part) for atom in (p, q))
+        cells = [sum(sizes[k] for k in part) for part in (one, two)]
+        if one is not two and sum(cells) <= most and (not small or min(cells) < small):
+            one |= two
+            parts.remove(two)
+    return parts
+
+
+@pytest.mark.parametrize("most", [4.0, math.inf])
+def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None:
+    """One pass, which leaves no part that it could mend: pairs that are asked for, then what is too small."""
+    dice = np.random.default_rng(5)
+    pairs, sizes = [(k, k + 1) for k in range(8)] + [(0, 4), (2, 7)], [1, 1, 2, 1, 1, 1, 3, 1, 1]
+    order = np.argsort(dice.random((40, len(pairs))), axis=1)
+    wanted = dice.integers(0, len(pairs), size=40)
+    ends = np.array(pairs).T
+    for path in kernels.values():
+        found = Joining(ends[0], ends[1], np.array(sizes), 2, most, 0, path).parts(order, wanted)
+        assert found is not None
+        for row, count, names in zip(order, wanted, found[0], strict=True):
+            parts = joined([pairs[k] for k in row[:count]], sizes, most)
+            assert {frozenset(np.flatnonzero(names == name).tolist()) for name in names} == set(map(frozenset, parts))
+        mended = Joining(ends[0], ends[1], np.array(sizes), 2, most, 2, path).parts(order, wanted)
+        assert mended is not None
+        assert mended[1].any()
+        assert not found[1].all()
+        cells = [np.bincount(names, weights=sizes) for names in mended[0]]
+        assert all(((own > 0.0) & (own < 2)).any() != good for own, good in zip(cells, mended[1], strict=True))
+        assert all(own.max() <= most for own in cells)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,10 @@ from jld_core.errors import InputError
 from jld_core.lanes import Lanes, build, chosen, library
 from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
-from jld_explore.drivers import make_driver
+from jld_explore.drivers import BufferedRandom, make_driver, operators
 from jld_explore.evaluation import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.report import results_table
-from jld_explore.space import search_space
+from jld_explore.space import blocks_of, feasible, search_space
 from jld_explore.study import ExploreSettings, Study
 
 SETTINGS = EvaluatorSettings()
@@ -101,3 +102,20 @@ def test_a_study_goes_on_with_its_own_kernel_only(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv(library.SWITCH, "off")
     with pytest.raises(InputError, match="versions"):
         study(tmp_path, 1, 40)
+
+
+@pytest.mark.parametrize("search", [{"block_cells": [2, 4]}, {"candidates": "all+supports"}], ids=str)
+def test_operators_draw_the_same_without_the_kernel(search: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = parse_scene(grid_document(["aabb", "aabb", "aabb", "#.##"], **search))
+    space = search_space(scene, build_assembly(scene))
+
+    def drawn() -> list[Any]:
+        tools, chance = operators(space), BufferedRandom(np.random.default_rng(4))
+        first = tools.draw(60, chance)
+        bred = tools.breed(first[:20], first[20:40], first[:30], chance)
+        return [first, bred, blocks_of(space.graph, bred), feasible(space, bred)]
+
+    quick = drawn()
+    monkeypatch.setenv(library.SWITCH, "off")
+    for one, other in zip(quick, drawn(), strict=True):
+        assert np.array_equal(one, other)

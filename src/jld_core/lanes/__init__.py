@@ -4,6 +4,8 @@
 - `FALLS`: answer of a labelling that stands for no λ ≥ 0
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
+- `Graph`: blocks of many labellings
+- `Joining`: parts joined in the order of keys
 - `LaneAnswers`: what is proven of many labellings
 - `Lanes`: the kernel for one template
 - `chosen`: the kernel in use
@@ -13,6 +15,19 @@
 
 from jld_core.lanes.kernel import CARRIES, FALLS, OPEN, PROVEN, LaneAnswers, Lanes
 from jld_core.lanes.library import chosen, described
+from jld_core.lanes.parts import Graph, Joining
 from jld_core.lanes.rows import fits
 
-__all__ = ["CARRIES", "FALLS", "OPEN", "PROVEN", "LaneAnswers", "Lanes", "chosen", "described", "fits"]
+__all__ = [
+    "CARRIES",
+    "FALLS",
+    "OPEN",
+    "PROVEN",
+    "Graph",
+    "Joining",
+    "LaneAnswers",
+    "Lanes",
+    "chosen",
+    "described",
+    "fits",
+]

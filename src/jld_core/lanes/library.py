@@ -185,6 +185,10 @@ def library(variant: str) -> ctypes.CDLL:
         _doubles,
         ctypes.POINTER(Answers),
     )
+    i32, i64, data = ctypes.c_int32, ctypes.c_int64, ctypes.c_void_p
+    loaded.jld_blocks.restype = loaded.jld_parts.restype = i32
+    loaded.jld_blocks.argtypes = (i32, i32, data, i32, data, data, i64, data, data)
+    loaded.jld_parts.argtypes = (i32, i32, data, data, data, i64, i64, i32, i64, data, data, data, data)
     loaded.jld_lanes_width.restype = ctypes.c_int32
     loaded.jld_lanes_variant.restype = ctypes.c_char_p
     return loaded

@@ -10,6 +10,7 @@ its smallest member, the **canonical** labelling.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry import find_planar_contacts
+from jld_core.lanes import Graph
 
 Packed = NDArray[np.uint8]
 """Labellings as bits, (k, ceil(m / 8)): rows sort by the first face that differs, inner before dry."""
@@ -78,6 +80,11 @@ class Connectivity:
     face: Ints
     start: Ints
 
+    @cached_property
+    def compiled(self) -> Graph:
+        """The same graph to the compiled kernel."""
+        return Graph(len(self.start), self.a, self.b, self.touching)
+
 
 def connectivity(assembly: Assembly) -> Connectivity:
     """The element graph of an assembly, with the supports that touch one another."""
@@ -121,6 +128,9 @@ def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
     labellings: (m,) or (k, m). Returns (n,) or (k, n).
     """
     rows = np.atleast_2d(labellings)
+    found = graph.compiled.blocks(rows)
+    if found is not None:
+        return found[0] if labellings.ndim == 1 else found
     size = max(1, _ENTRIES // max(1, len(graph.source)))
     parts = [_spread(graph, rows[i : i + size]) for i in range(0, max(1, len(rows)), size)]
     blocks = np.concatenate(parts)

@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include "edge.h"
+#include "parts.h"
 #include "proof.h"
 
 namespace jld {
@@ -177,6 +178,39 @@ int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t 
         else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else return 2;
+        return 0;
+    } catch (const std::bad_alloc&) {
+        return 1;
+    }
+}
+
+// names: (count, elements) smallest element in the block of each. always: (joins, 2) elements that are one whatever the
+// labels, (faces) a, b: elements of each face, labels: (count, faces) 0 where they are joined.
+int32_t jld_blocks(int32_t elements, int32_t joins, const int32_t* always, int32_t faces, const int32_t* a,
+                   const int32_t* b, int64_t count, const uint8_t* labels, int64_t* names) {
+    try {
+        jld::Blocks blocks{std::vector<int64_t>(elements)};
+        for (int64_t row = 0; row < count; ++row, labels += faces, names += elements) {
+            for (int32_t e = 0; e < elements; ++e) blocks.up[e] = e;
+            for (int32_t k = 0; k < joins; ++k) blocks.join(always[2 * k], always[2 * k + 1]);
+            for (int32_t f = 0; f < faces; ++f)
+                if (!labels[f]) blocks.join(a[f], b[f]);
+            for (int32_t e = 0; e < elements; ++e) names[e] = blocks.root(e);
+        }
+        return 0;
+    } catch (const std::bad_alloc&) {
+        return 1;
+    }
+}
+
+// names: (count, atoms) part of each; good: (count) 1 where no part is too small. order: (count, pairs), wanted: (count).
+int32_t jld_parts(int32_t atoms, int32_t pairs, const int32_t* first, const int32_t* second, const int64_t* cells,
+                  int64_t least, int64_t most, int32_t rounds, int64_t count, const int64_t* order,
+                  const int64_t* wanted, int32_t* names, uint8_t* good) {
+    try {
+        jld::Forest forest{atoms, pairs, first, second, cells, least, most, {}};
+        for (int64_t row = 0; row < count; ++row)
+            good[row] = forest.grow(order + row * pairs, wanted[row], rounds, names + row * atoms);
         return 0;
     } catch (const std::bad_alloc&) {
         return 1;
