@@ -10,6 +10,7 @@ import json
 
 import numpy as np
 import pytest
+from benchmarks.gilbert import Smoothing, smoothed
 
 import cases_spatial
 from cases import CASES, grid_assembly
@@ -63,7 +64,7 @@ def test_given_walls_under_other_parameters(name: str, damping: float, block: in
 
 def test_the_plain_loop_is_reported_for_what_it_is() -> None:
     """On the third wall it does not settle: uncertified, with the violation it is left with."""
-    result = solve_zero_dilation(wall("ferris_tinloi_4"), variant="plain")
+    result = smoothed(LimitAnalysis(wall("ferris_tinloi_4")), Smoothing())
     assert not result.extra["converged"]
     assert result.status is Status.UNCERTIFIED
     assert result.extra["friction_violation"] > 1e-4
@@ -172,8 +173,8 @@ def test_an_analysis_is_used_again_and_options_are_checked() -> None:
     associative = analysis.prove(assembly.labels)
     first, again = (zero_dilation(analysis, associative=associative) for _ in range(2))
     assert first.load_factor == again.load_factor
-    with pytest.raises(InputError, match="variant"):
-        Scheme(variant="other")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="start"):
+        Scheme(start="other")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="alpha"):
         Scheme(alpha=2.0)
     with pytest.raises(InputError, match="positive"):

@@ -275,6 +275,10 @@ class LimitAnalysis:
         self.reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self.seconds = time.perf_counter() - start
 
+    def under(self, template: Template, reference: Bits) -> LimitAnalysis:
+        """An analysis of the same assembly by another template of it; reference: (m,) labelling it is set up on."""
+        return LimitAnalysis(self.assembly, template=template, gap=self.gap, reference=reference)
+
     def prove(self, labels: Bits, ladder: tuple[Rung, ...] = LADDER, *, stands: bool = False) -> Proof:
         """Proof of one labelling, by as many rungs as it takes.
 

@@ -7,6 +7,7 @@ answer is repaired, checked, and bounds nothing if the check fails. All quantiti
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,12 @@ class Prover:
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+
+    def under(self, template: Template) -> Prover:
+        """This prover for another template of the same matrix; projectors are shared."""
+        other = copy.copy(self)
+        other.template = template
+        return other
 
     def projector(self, labels: Bits) -> tuple[Projector, Floats | None]:
         """The projector for the resultants that a labelling keeps, and their 0/1 mask (None: all)."""

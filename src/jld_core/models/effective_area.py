@@ -7,9 +7,9 @@ proven for the frozen problem.
 
 from __future__ import annotations
 
-import copy
 import time
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -18,16 +18,17 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry import rectangle_torsion_length
-from jld_core.limit import LimitAnalysis, Proof, State, Status, number, relative_width
+from jld_core.limit import LimitAnalysis, Proof, Prover, State, Status, number, relative_width
 from jld_core.mechanics import Contact, PrescribedFriction
 from jld_core.program import Template
-from jld_core.solvers import ProximalSolver
+from jld_core.solvers import ClarabelSolver
 
 _PRESSED = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
 _STEPS = 5  # steps towards larger λ before the forces are held
-_HOLD = 30.0  # weight of the proximal term while effective areas settle
-_SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its own forces, five times it at most
+_SLACK = 1e-8  # asked of a state so that it fits the effective areas of its own forces, five times it at most
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the face
+HOLD: Final = 30.0
+"""Weight of the proximal term that holds the forces while effective areas settle."""
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
@@ -70,6 +71,25 @@ def frozen_contact(template: Template, contact: Contact) -> Template:
     base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
     return template.renumbered(PrescribedFriction(base, 1.0, none, contact))
+
+
+def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, Contact, Prover]:
+    """A state as its own forces have it: judged under the effective areas that these ask for.
+
+    prover: of any template of the assembly. Returns that state, the areas, and a prover with these areas frozen.
+    """
+    contact = contact_of(prover.template.assembly, state.forces, labels)
+    frozen = prover.under(frozen_contact(prover.template, contact))
+    return frozen.state(np.append(state.forces.ravel(), state.load), labels, passes=1), contact, frozen
+
+
+def slack_to_ask(own: State, margin: float, tries: int) -> float:
+    """Slack to ask of the next state, after one that lacked some under its own areas: twice that, within limits.
+
+    What one set of areas lets through the next may not. margin: the least. tries: states so far; the limit grows with
+    them where that does not end.
+    """
+    return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
 
 
 def prove_effective_area(
@@ -118,37 +138,28 @@ def _iterate(
     Returns a state, the proof with the areas frozen, the change of areas still asked for, and programs solved.
     """
     template, count = analysis.template, analysis.template.matrix.shape[1]
-    margin = template.precision.margin
-    walk, hold = (ProximalSolver(count, w, template.precision.residual) for w in (weight, _HOLD))
-    prover = copy.copy(analysis.prover)
+    margin, residual = template.precision.margin, template.precision.residual
+    stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLD))
     contact = contact_of(analysis.assembly, forces.reshape(-1, 6), labels)
-    frozen = frozen_contact(template, contact)
+    prover = analysis.prover.under(frozen_contact(template, contact))
     solves, steps, slack, moved = 0, 0, margin, np.inf
     while True:
-        route = walk if steps < _STEPS else hold
-        point = route.solve(frozen.program(labels, slack), forces).point
+        route = stepping if steps < _STEPS else holding
+        point = route.solve(prover.template.program(labels, slack), forces).point
         solves, steps = solves + 1, steps + 1
-        prover.template = frozen
         state = prover.state(point, labels, passes=3)
-        new = contact_of(analysis.assembly, state.forces, labels)
-        moved, contact = change(contact, new), new
-        frozen = frozen_contact(frozen, contact)
-        prover.template = frozen
+        own, asked, prover = under_own_areas(prover, state, labels)
+        moved, contact = change(contact, asked), asked
         forces = state.forces.ravel()
-        own = prover.state(np.append(forces, state.load), labels, passes=1)
-        slack = min(max(margin, -2.0 * own.slack), _SHY * min(1 + steps // 5, 5))
-        if own.admissible and (moved <= tolerances.FIXED_POINT or steps > _STEPS):
-            proof = _frozen_proof(analysis, frozen, labels)
+        slack = slack_to_ask(own, margin, steps)
+        settled = own.admissible and (moved <= tolerances.FIXED_POINT or steps > _STEPS)
+        if settled or solves >= most:
+            proof = analysis.under(prover.template, labels).prove(labels)
             solves += proof.solves
+            if not settled:
+                return own, proof, moved, solves
             left = change(contact, contact_of(analysis.assembly, own.forces, labels))
             low, high = own.load, proof.bracket[1]
             if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
                 return own, proof, left, solves
             steps = 0
-        elif solves >= most:
-            proof = _frozen_proof(analysis, frozen, labels)
-            return own, proof, moved, solves + proof.solves
-
-
-def _frozen_proof(analysis: LimitAnalysis, frozen: Template, labels: Bits) -> Proof:
-    return LimitAnalysis(analysis.assembly, template=frozen, gap=analysis.gap, reference=labels).prove(labels)

@@ -28,7 +28,7 @@ from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, re
 from jld_core.models.effective_area import require_rectangles
 from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_range import load_range
-from jld_core.models.zero_dilation_search import Run, Scheme
+from jld_core.models.zero_dilation_search import PairSearch, Scheme
 from jld_core.models.zero_dilation_starts import first_forces
 
 
@@ -80,10 +80,9 @@ def prove_zero_dilation(
         if associative.status is Status.LOCKED:
             # whatever friction follows the present N would build up self-stress without end
             scheme = replace(scheme, alpha=0.0)
-        run = Run(analysis, labels, scheme)
-        forces = first_forces(run, associative, scheme.start)
-        pair = run.robust(forces) if scheme.variant == "robust" else run.plain(forces)
-        proof = proof_of(associative, analysis, pair, run.solves)
+        search = PairSearch(analysis, labels, scheme)
+        pair = search.pair_from(first_forces(search, associative, scheme.start))
+        proof = proof_of(associative, analysis, pair, search.solves)
     proof.seconds = time.perf_counter() - start
     return proof
 

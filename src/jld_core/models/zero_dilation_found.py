@@ -12,7 +12,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.models.zero_dilation_modes import Modes, modes_of
 from jld_core.models.zero_dilation_pivots import Pivots
-from jld_core.models.zero_dilation_search import Pair, Run, Scheme
+from jld_core.models.zero_dilation_search import Pair, PairSearch, Scheme
 from jld_core.models.zero_dilation_starts import certified, starts
 
 
@@ -54,7 +54,7 @@ class FromEverySide:
     """The search of one labelling; further starts may be handed in as they turn up."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: Proof) -> None:
-        self.run = Run(analysis, labels, scheme)
+        self.pairs = PairSearch(analysis, labels, scheme)
         self.associative = associative
         self.found = Found(analysis.gap)
         self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
@@ -65,7 +65,7 @@ class FromEverySide:
 
     def search(self, thorough: bool = True, enough: float = -math.inf) -> Found:
         """Search from all starts; not further once a λ at or below `enough`, scaled, is certified."""
-        for forces in starts(self.run, self.associative, thorough):
+        for forces in starts(self.pairs, self.associative, thorough):
             self.walk(forces)
             if self.found.low <= enough:
                 break
@@ -73,7 +73,7 @@ class FromEverySide:
 
     def walk(self, forces: Floats, thorough: bool = True) -> None:
         """Proximal steps from scaled forces (q·m,) to a solution, and from there down, and up where thorough."""
-        pair = self.run.robust(forces)
+        pair = self.pairs.pair_from(forces)
         self.found.offer(pair)
         self.improve(np.append(pair.state.forces.ravel(), pair.state.load), 2 if thorough else 1, thorough)
 
@@ -91,11 +91,11 @@ class FromEverySide:
         lowest, highest = self.found.lowest, self.found.highest
         ends = sorted(points, key=lambda point: float(point[-1]))
         for point in ends[:1] + ends[1:][-1:]:
-            load, least = float(point[-1]), 1e-9 * max(abs(float(point[-1])), self.run.floor)
+            load, least = float(point[-1]), 1e-9 * max(abs(float(point[-1])), self.pairs.floor)
             known = lowest is not None and highest is not None
             if known and _low(lowest) - least <= load <= _low(highest) + least:
                 continue
-            self.found.offer(certified(self.run, point))
+            self.found.offer(certified(self.pairs, point))
 
 
 def _low(pair: Pair | None) -> float:

@@ -51,9 +51,9 @@ def load_range(
     floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
-        return _without_range(proof_of(associative, analysis, found.best, side.run.solves))
-    proof = proof_of(associative, analysis, lowest, side.run.solves)
-    above = proof_of(associative, analysis, highest, side.run.solves)
+        return _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
+    proof = proof_of(associative, analysis, lowest, side.pairs.solves)
+    above = proof_of(associative, analysis, highest, side.pairs.solves)
     options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
     ends = {
         "lowest_found": number(proof.load_factor * unit),
@@ -70,7 +70,7 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
     found, modes = side.found, side.modes
     if found.lowest is None or modes is None or not seconds > 0.0:
         return None
-    if side.run.base.rough or side.run.base.cohesive:
+    if side.pairs.base.rough or side.pairs.base.cohesive:
         return None  # its certificates were derived for friction of dry faces alone
 
     def offer(states: Floats) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import dataclass
 from typing import Literal
@@ -14,35 +13,31 @@ from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_floor
 from jld_core.mechanics import Contact, PrescribedFriction
-from jld_core.models.effective_area import change, contact_of
+from jld_core.models.effective_area import HOLD, change, contact_of, slack_to_ask, under_own_areas
 from jld_core.program import ConicProgram, Template
-from jld_core.solvers import ClarabelSolver, ProximalSolver, RawSolution, RawStatus
+from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 
-_WALK, _MATCH = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
+_STEP, _GAP = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
 _BACK = 6  # times that a proximal step goes back half way before it is given up
 _LEAST = 0.1  # least share of a proximal step that is taken
 _LOST = 1e30  # size of scaled forces that no step arrives at: the solver has failed
-_HOLD = 30.0  # weight of the proximal term while effective areas settle
-_SHY = 1e-8  # slack asked of a state so that it fits the effective areas of its own forces, five times it at most
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """How the fixed point is sought.
+    """How the fixed point is sought, by proximal steps and minimisation of Γ in turn.
 
-    variant: "plain" is the procedure of Gilbert et al. 2006, N_prev smoothed, "robust" alternates proximal
-    steps and minimisation of Γ. alpha: share of the present N in friction at first; later steps have none.
-    beta: share of the new N in the smoothed one (plain). damping: weight ε of the proximal term about the last
-    forces (robust), for scaled forces of order one. anchor: the same where Γ is minimised. block: proximal
+    alpha: share of the present N in friction at first; later steps have none. damping: weight ε of the proximal term
+    about the last forces, for scaled forces of order one. anchor: the same where Γ is minimised. block: proximal
     steps between two minimisations of Γ. start: forces of the associative solution, the "gravity" state of
     least forces at λ = 0, or an associative "vertex" (planar). most: programs after which no further
     attempt begins. effective_area: update effective areas in the same loop (spatial, dry rectangles).
+
+    Raises InputError for a value that is none of these.
     """
 
-    variant: Literal["robust", "plain"] = "robust"
     alpha: float = 0.01
-    beta: float = 0.6
     damping: float = 1e-2
     anchor: float = 1e-3
     block: int = 5
@@ -51,14 +46,10 @@ class Scheme:
     effective_area: bool = False
 
     def __post_init__(self) -> None:
-        for key, allowed in (
-            ("variant", ("robust", "plain")),
-            ("start", ("associative", "gravity", "vertex")),
-        ):
-            if getattr(self, key) not in allowed:
-                raise InputError(key, f"there is no {getattr(self, key)!r}", " or ".join(allowed))
-        if not (0.0 <= self.alpha <= 1.0 and 0.0 < self.beta <= 1.0):
-            raise InputError("alpha, beta", f"{self.alpha}, {self.beta}", "0 ≤ alpha ≤ 1 and 0 < beta ≤ 1")
+        if self.start not in (allowed := ("associative", "gravity", "vertex")):
+            raise InputError("start", f"there is no {self.start!r}", " or ".join(allowed))
+        if not 0.0 <= self.alpha <= 1.0:
+            raise InputError("alpha", f"{self.alpha}", "0 ≤ alpha ≤ 1")
         if not (self.damping > 0.0 and self.anchor > 0.0 and self.block >= 1 and self.most >= 1):
             raise InputError("damping, anchor, block, most", "not positive", "positive numbers")
 
@@ -71,8 +62,7 @@ class Pair:
     problem frozen at the state's N, None where none has finite dissipation. locked: that problem has no finite
     λ. violation, dilation: as in the result. gap: Γ. dissipation: Σ D_N(J). moved: change of the effective areas
     that the forces ask for. floor: scaled λ below which λ counts as zero. settled: λ of the
-    last two programs agree, of the least Γ and the problem frozen at it (robust), of the last two without any
-    dilation (plain).
+    last two programs agree, of the least Γ and the problem frozen at it.
     """
 
     state: State
@@ -116,8 +106,8 @@ class Pair:
         )
 
 
-class Run:
-    """One search: the programs it solves share routes and count against one limit."""
+class PairSearch:
+    """The search for such a pair: the programs it solves share solvers and count against one limit."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme) -> None:
         self.analysis, self.labels, self.scheme = analysis, labels, scheme
@@ -127,9 +117,9 @@ class Run:
         self.base = template.yield_set.associative
         residual = template.precision.residual
         # the quadratic programs do not reach what linear ones do, and only the last of them must be exact
-        self.walk = ProximalSolver(self.count, scheme.damping, max(_WALK, residual))
-        self.match = ProximalSolver(self.count, scheme.anchor, max(_MATCH, residual))
-        self.hold = ProximalSolver(self.count, _HOLD, max(_MATCH, residual))
+        self.stepping = ClarabelSolver(max(_STEP, residual), proximal=(self.count, scheme.damping))
+        self.matching = ClarabelSolver(max(_GAP, residual), proximal=(self.count, scheme.anchor))
+        self.holding = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
         self.route = ClarabelSolver(residual)
         self.shared: Template = template
         self.floor = load_floor(template.assembly) / template.scaling.load
@@ -144,15 +134,9 @@ class Run:
             return None
         return contact_of(self.analysis.assembly, self.table(forces), self.labels)
 
-    def contact_under(self, state: State) -> Contact:
-        """Effective areas under a state's own forces."""
-        return contact_of(self.analysis.assembly, state.forces, self.labels)
-
     def prover(self, template: Template) -> Prover:
-        """The analysis' prover for another template of the same matrix: projectors are shared."""
-        prover = copy.copy(self.analysis.prover)
-        prover.template = template
-        return prover
+        """The analysis' prover for another template."""
+        return self.analysis.prover.under(template)
 
     def frozen(self, alpha: float, previous: Floats, contact: Contact | None) -> tuple[Template, PrescribedFriction]:
         """The template with friction μ(αN + (1 − α)N_prev); previous: (m,)."""
@@ -168,12 +152,12 @@ class Run:
 
     # --- the two steps ------------------------------------------------------------------------------------
 
-    def walk_on(self, forces: Floats, alpha: float) -> RawSolution:
+    def step_from(self, forces: Floats, alpha: float) -> RawSolution:
         """A proximal step on the problem frozen at the forces' own N."""
         centre = forces[: self.count]
         for _ in range(_BACK):
             template, _ = self.frozen(alpha, self.normals(centre), self.contact(centre))
-            raw = self.walk.solve(template.program(self.labels, self.margin), centre)
+            raw = self.stepping.solve(template.program(self.labels, self.margin), centre)
             self.solves += 1
             if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST):
                 self.reached = centre
@@ -182,7 +166,7 @@ class Run:
             centre = 0.5 * (centre + self.reached)
         return raw
 
-    def matching(self, forces: Floats, dual: Floats, contact: Contact | None, held: float | None = None) -> State:
+    def least_gap(self, forces: Floats, dual: Floats, contact: Contact | None, held: float | None = None) -> State:
         """The state of least Γ against velocities among those of true friction, near given forces.
 
         dual: multipliers whose first entries are the velocities. held: stay close to the forces, with this slack.
@@ -198,7 +182,7 @@ class Run:
         objective[np.arange(0, self.count, template.assembly.freedoms)] += rate
         self.solves += 1
         priced = ConicProgram(program.structure, program.data, program.rhs, objective)
-        route = self.match if held is None else self.hold
+        route = self.matching if held is None else self.holding
         point = route.solve(priced, forces[: self.count]).point
         return self.admissible(point, template, contact)
 
@@ -208,9 +192,7 @@ class Run:
         state = prover.state(point, labels, passes=3)
         if state.admissible:
             return state
-        analysis = self.analysis
-        if contact is not None:
-            analysis = LimitAnalysis(analysis.assembly, template=template, gap=analysis.gap, reference=labels)
+        analysis = self.analysis if contact is None else self.analysis.under(template, labels)
         inside = analysis.interior.state(labels)
         self.solves += 1
         if inside is not None:
@@ -220,17 +202,8 @@ class Run:
             state = analysis.interior.edge_state(point, labels) or state
         return state
 
-    def judge(
-        self,
-        state: State,
-        contact: Contact | None,
-        violation: float | None = None,
-        settled: bool | None = None,
-    ) -> Pair:
-        """Velocities without any dilation for the N of a state: the last of the programs, and Γ.
-
-        violation, settled: as the search found them; None takes them from the state and its Γ.
-        """
+    def judge(self, state: State, contact: Contact | None) -> Pair:
+        """Velocities without any dilation for the N of a state: the last of the programs, and Γ."""
         labels = self.labels
         template, sets = self.frozen(0.0, state.forces[:, 0], contact)
         prover = self.prover(template)
@@ -244,16 +217,13 @@ class Run:
         finite = motion.margin >= 0.0 and motion.work > 0.0
         size = max(abs(motion.bound), abs(state.load), self.floor)
         if not finite or raw.status is RawStatus.UNBOUNDED or motion.bound - state.load > tolerances.GAP * size:
-            proof = LimitAnalysis(
-                self.analysis.assembly, template=template, gap=self.analysis.gap, reference=labels
-            ).prove(labels)
+            proof = self.analysis.under(template, labels).prove(labels)
             self.solves += proof.solves
             locked = proof.status is Status.LOCKED
             if proof.motion is not None and (motion.margin < 0.0 or proof.motion.bound < motion.bound):
                 motion = proof.motion
         largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0
-        if violation is None:
-            violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
+        violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
             return Pair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
         jumps = motion.jumps
@@ -263,14 +233,14 @@ class Run:
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
-        moved = 0.0 if contact is None else change(contact, self.contact_under(state))
+        moved = 0.0 if contact is None else change(contact, contact_of(self.analysis.assembly, state.forces, labels))
         size = max(abs(motion.bound), abs(state.load), self.floor)
-        settled = abs(gap) <= tolerances.SETTLED * size if settled is None else settled
+        settled = abs(gap) <= tolerances.SETTLED * size
         return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled)
 
-    # --- the two variants ---------------------------------------------------------------------------------
+    # --- the search ----------------------------------------------------------------------------------------
 
-    def robust(self, forces: Floats) -> Pair:
+    def pair_from(self, forces: Floats) -> Pair:
         """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict.
 
         With effective areas later rounds hold the forces and take no proximal steps: the areas follow the forces,
@@ -282,7 +252,7 @@ class Run:
         while True:
             if held is None:
                 for step in range(scheme.block + 1):
-                    raw = self.walk_on(forces, alpha if step < scheme.block else 0.0)
+                    raw = self.step_from(forces, alpha if step < scheme.block else 0.0)
                     if not abs(raw.point).max() < _LOST:
                         dual = dual if dual.size else np.zeros_like(raw.dual)
                         break
@@ -293,7 +263,7 @@ class Run:
                     forces, dual, last = forces[: self.count] + share * way, raw.dual, way
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
             contact = self.contact(forces)
-            state = self.matching(forces, dual, contact, held)
+            state = self.least_gap(forces, dual, contact, held)
             if contact is not None:
                 state, contact = self.settle_contact(state, dual, contact)
             pair = self.judge(state, contact)
@@ -309,46 +279,16 @@ class Run:
                 held, dual = self.margin, pair.motion.velocity
 
     def settle_contact(self, state: State, dual: Floats, contact: Contact) -> tuple[State, Contact]:
-        """Match the same velocities until the state is admissible under the effective areas of its own forces.
-
-        What one set of areas lets through the next may not; the slack asked for follows what was lacking, and may
-        grow where that does not end.
-        """
+        """Match the same velocities until the state is admissible under the effective areas of its own forces."""
         tries = 0
         while self.solves < self.scheme.most - 2:
             tries += 1
-            contact = self.contact_under(state)
-            template, _ = self.frozen(1.0, state.forces[:, 0], contact)
-            own = self.prover(template).state(np.append(state.forces.ravel(), state.load), self.labels, passes=1)
+            own, contact, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
                 return own, contact
-            held = min(max(self.margin, -2.0 * own.slack), _SHY * min(1 + tries // 5, 5))
-            state = self.matching(state.forces.ravel(), dual, contact, held)
+            slack = slack_to_ask(own, self.margin, tries)
+            state = self.least_gap(state.forces.ravel(), dual, contact, slack)
         return state, contact
-
-    def plain(self, forces: Floats) -> Pair:
-        """Gilbert's loop: N_prev smoothed, until λ and N have settled, first with α and then without."""
-        scheme, labels, alpha = self.scheme, self.labels, self.scheme.alpha
-        normals, contact, last = self.normals(forces), self.contact(forces), math.inf
-        violation, point, settled = math.inf, forces, False
-        for _ in range(scheme.most - 1):
-            template, sets = self.frozen(alpha, normals, contact)
-            point = self.route.solve(template.program(labels, self.margin)).point
-            self.solves += 1
-            table = self.table(point)
-            violation = float(max(0.0, sets.excess(table, labels).max(initial=0.0))) / float(
-                table[:, 0].max(initial=1e-300)
-            )
-            settled = abs(point[-1] - last) <= tolerances.SETTLED * abs(point[-1]) and violation <= tolerances.VIOLATION
-            if settled and alpha == 0.0:
-                break
-            alpha = 0.0 if settled else alpha
-            last = float(point[-1])
-            normals = scheme.beta * table[:, 0] + (1.0 - scheme.beta) * normals
-            contact = self.contact(point)
-        # moving these forces into the true cone would cost far more λ than they violate it by
-        state = self.analysis.prover.state(point, labels, passes=3)
-        return self.judge(state, contact, violation, settled and alpha == 0.0)
 
 
 def _better(one: Pair, other: Pair) -> bool:

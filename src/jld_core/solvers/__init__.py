@@ -2,11 +2,10 @@
 
 - `LARGE`: equations from which `schur` is the faster one
 - `SOLVERS`: names of solvers
-- `ClarabelSolver`: interior point, updated in place
+- `ClarabelSolver`: interior point, updated in place; with a proximal term on request
 - `HighsSolver`: simplex and interior point, linear programs
 - `LinearAnswer`: what a linear program gave
 - `LinearRows`: a linear program that is minimised again and again
-- `ProximalSolver`: Clarabel with a proximal term
 - `RawSolution`: a solver's answer, not believed
 - `RawStatus`: what a solver says of it
 - `SchurSolver`: our interior point for large assemblies
@@ -27,7 +26,6 @@ from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver
 from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
-from jld_core.solvers.proximal import ProximalSolver
 from jld_core.solvers.schur import SchurSolver
 
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
@@ -93,7 +91,6 @@ __all__ = [
     "HighsSolver",
     "LinearAnswer",
     "LinearRows",
-    "ProximalSolver",
     "RawSolution",
     "RawStatus",
     "SchurSolver",

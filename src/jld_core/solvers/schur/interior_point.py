@@ -58,7 +58,7 @@ class SchurSolver(Solver):
             self._structure = program.structure
         self._system.load(program)
         usual = tolerances.FRICTION_CONES if program.structure.cones else tolerances.LINEAR
-        run = _Run(program, self._system, self._tolerance or usual.residual, self._gap)
+        run = _Iteration(program, self._system, self._tolerance or usual.residual, self._gap)
         # a run that breaks down says so by numbers that are not finite
         with np.errstate(all="ignore"):
             status, iterate, iterations = run.to_the_end(self._most)
@@ -66,7 +66,7 @@ class SchurSolver(Solver):
         return RawSolution(status, point, dual, iterations, time.perf_counter() - start, note=run.note)
 
 
-class _Run:
+class _Iteration:
     """One solution process."""
 
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
