@@ -14,7 +14,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.laying.blocks import Blocks, blocks_of_labelling
-from jld_core.laying.freedom import Freedom
+from jld_core.laying.freedom import Bodies, Freedom
 from jld_core.laying.standing import Stage, Standing
 
 Wish = Literal["translation", "standing"]
@@ -65,16 +65,23 @@ class Laying:
 
 
 def laying_order(
-    assembly: Assembly, labels: Bits, *, wish: Wish = "translation", sideways: bool = False, group: int = GROUP
+    assembly: Assembly,
+    labels: Bits,
+    *,
+    wish: Wish = "translation",
+    sideways: bool = False,
+    group: int = GROUP,
+    bodies: Bodies | None = None,
 ) -> Laying:
     """An order in which the blocks of a labelling can be laid by translations, and how its stages stand.
 
     labels: (m,) True dry. wish: "standing" asks for an order in which every stage stands under its own weight without
     props; "translation" takes any, those that need least props before others. sideways: a planar wall may be laid out
-    of its plane. group: blocks moved together at the most where single ones fail.
+    of its plane. group: blocks moved together at the most where single ones fail. bodies: what is known of the
+    assembly's translations already.
     """
     blocks = blocks_of_labelling(assembly, labels)
-    freedom, standing = Freedom(blocks, sideways), Standing(blocks, labels)
+    freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels)
     taken, there = _apart(freedom, standing, group)
     if taken is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
@@ -87,14 +94,22 @@ def laying_order(
     return Laying(blocks, _steps(blocks, standing, found), ())
 
 
-def locked_blocks(assembly: Assembly, labels: Bits, *, sideways: bool = False, group: int = GROUP) -> tuple[int, ...]:
+def locked_blocks(
+    assembly: Assembly,
+    labels: Bits,
+    *,
+    sideways: bool = False,
+    group: int = GROUP,
+    bodies: Bodies | None = None,
+) -> tuple[int, ...]:
     """Elements of the blocks that lock one another, ascending; empty where the labelling can be laid by translations.
 
-    They lock one another wherever these very blocks are, whatever stands beside them.
+    They lock one another wherever these very blocks are, whatever stands beside them. bodies: what is known of the
+    assembly's translations already.
     """
     blocks = blocks_of_labelling(assembly, labels)
-    freedom = Freedom(blocks, sideways)
-    there = _emptied(freedom, np.ones(len(blocks), dtype=bool), group)
+    freedom = Freedom(blocks, sideways, bodies)
+    there = emptied(freedom, np.ones(len(blocks), dtype=bool), group)
     if not np.any(there & ~blocks.fixed):
         return ()
     lock = _smallest_lock(freedom, there, group)
@@ -109,7 +124,7 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
     blocks = freedom.blocks
     found: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
-        direction, _ = freedom.way_out(block, there & (np.arange(len(blocks)) != block))
+        direction = freedom.way_out(block, there)
         if direction is not None:
             found.append(((block,), direction))
     if not found and group > 1:
@@ -143,45 +158,34 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
     return taken, there
 
 
-def _emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
+def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
     """What is left when everything that can be taken away is."""
     blocks = freedom.blocks
-    waiting = dict.fromkeys(np.flatnonzero(there & ~blocks.fixed).tolist())
-    blockers: dict[int, set[int]] = {}
     there = there.copy()
-    while True:
+    while np.any(there & ~blocks.fixed):
         progress = False
-        for block in list(waiting):
-            if block in blockers and all(there[k] for k in blockers[block]):
-                continue  # nothing that was in its way has left
-            there[block] = False
-            direction, blockers[block] = freedom.way_out(block, there)
-            if direction is None:
-                there[block] = True
-            else:
-                del waiting[block]
+        for block in np.flatnonzero(there & ~blocks.fixed).tolist():
+            if freedom.way_out(block, there) is not None:
+                there[block] = False
                 progress = True
-        if not waiting:
-            return there
         if not progress:
             together = freedom.group_out(there, group) if group > 1 else None
             if together is None:
                 return there
             there[together[0]] = False
-            for block in together[0].tolist():
-                del waiting[block]
+    return there
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
     """Blocks that lock one another, none of which can be missed."""
-    there = _emptied(freedom, there, group)
+    there = emptied(freedom, there, group)
     blocks = freedom.blocks
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
         if not there[block]:
             continue
         tried = there.copy()
         tried[block] = False
-        left = _emptied(freedom, tried, group)
+        left = emptied(freedom, tried, group)
         if np.any(left & ~blocks.fixed):
             there = left
     return tuple(np.flatnonzero(there & ~blocks.fixed).tolist())

@@ -43,7 +43,8 @@ class Standing:
 
     def __init__(self, blocks: Blocks, labels: Bits) -> None:
         self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
-        self.template = Template(blocks.assembly)
+        # load cases differ in loads alone, and a stage carries nothing but its weight
+        self.template = Template(blocks.assembly.by_case[0])
         self._known: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:

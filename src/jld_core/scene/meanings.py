@@ -156,7 +156,12 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "dry_faces": Meaning("", "Least and most dry faces between free elements."),
         "shapes": Meaning("", "Least and most different shapes of blocks."),
         "moulds": Meaning("", "What counts as one shape beside being moved."),
-        "assemble_out_of_plane": Meaning("", "Planar walls may be laid from the side (`jld assembly`)."),
+        "assemble": Meaning(
+            "",
+            "Only layouts that can be laid: `translation`, in some order by translations, at most three blocks moved "
+            "together; `standing`, in an order found whose every stage stands without props.",
+        ),
+        "assemble_out_of_plane": Meaning("", "Planar walls may be laid from the side (`assemble`, `jld assembly`)."),
         "symmetry": Meaning(
             "",
             "Layouts that are equal under the scene's own symmetries are one class (`auto`); `mirror-x` is an error on "

@@ -317,6 +317,7 @@ class Search(_Part):
     dry_faces: Counts = [None, None]
     shapes: Counts = [None, None]
     moulds: Moulds = Moulds()
+    assemble: Literal["translation", "standing"] | None = None
     assemble_out_of_plane: bool = False
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"
     front: Front = Front()

@@ -130,8 +130,9 @@ class Enumeration(Driver):
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
-                if kept.size:
-                    yield rows[kept], multiplicity
+                laid = self.space.can_be_laid(rows[kept])
+                if laid.any():
+                    yield rows[kept[laid]], multiplicity[laid]
 
     def count(self) -> Tally:
         """How many labellings and classes the space has, by going through all of them."""
@@ -150,7 +151,9 @@ class Enumeration(Driver):
         classes = 0
         for looked, rows in enumerate(self._walk()):
             if rows is not None:
-                classes += len(representatives(rows, self.space.group)[0])
+                kept = representatives(rows, self.space.group)[0]
+                # what can be laid takes long to say of more classes than there may be
+                classes += len(kept) if len(kept) > limit else int(self.space.can_be_laid(rows[kept]).sum())
             if classes > limit or looked >= work:
                 return None
         return classes

@@ -12,10 +12,11 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import DRY, INNER, Assembly
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
+from jld_core.laying import Layability
 from jld_core.mechanics import require_materials
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named
-from jld_explore.space.labelling import Connectivity, blocks_of, connectivity
+from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
 from jld_explore.space.limits import CELLS, MEASURES, Limits, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
 
@@ -56,6 +57,20 @@ class SearchSpace:
         """What blocks and counts must satisfy."""
         return Limits(self.assembly, self.search)
 
+    @cached_property
+    def laying(self) -> Layability | None:
+        """Which labellings can be laid, where that is asked for; asked of canonical ones, so that images agree."""
+        if self.search.assemble is None:
+            return None
+        sideways = self.search.assemble_out_of_plane
+        return Layability(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
+
+    def can_be_laid(self, labellings: Bits) -> Bools:
+        """(k,) True where labellings (k, m) can be laid as the search asks, or it does not ask."""
+        if self.laying is None:
+            return np.ones(len(labellings), dtype=bool)
+        return self.laying.possible(canonical(labellings, self.group))
+
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     """(k,) True where a labelling (k, m) is in the space: fixed labels, no slits unless allowed, all limits."""
@@ -65,7 +80,10 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
     if space.search.segmentation:
         blocks = blocks_of(graph, labellings)
         good &= ~np.any(labellings & (blocks[:, graph.a] == blocks[:, graph.b]), axis=1)
-    return np.asarray(good & space.limits.kept(labellings, graph, blocks))
+    good &= space.limits.kept(labellings, graph, blocks)
+    # the dearest question last, of those that are left
+    good[good] = space.can_be_laid(labellings[good])
+    return np.asarray(good)
 
 
 def search_space(

@@ -136,6 +136,10 @@ def _image(
     weighed = any(bounds != [None, None] for bounds in (search.block_weight, search.block_mass))
     if weighed and abs(weight[to] - weight).max() > 1e-8 * weight.max(initial=0.0):
         return "its weights are not mapped onto themselves"
+    if search.assemble == "standing":
+        turned = elements.weight @ matrix.T - elements.weight[to]
+        if abs(turned).max() > 1e-8 * weight.max(initial=0.0):
+            return "its weights are not mapped onto themselves"
     count = len(elements)
     pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)
     pair_to = np.minimum(to[faces.a], to[faces.b]) * count + np.maximum(to[faces.a], to[faces.b])

@@ -312,8 +312,8 @@ class Exact(Driver):
         step = search.step(self._formula, threshold / self._scale, self._late_after_heartbeat)
         for conflict in step.conflicts:
             self._add(conflict)
-        if step.whole is not None and not self._formula.possible(np.arange(len(step.whole)), step.whole):
-            return None  # the tree knows nothing of counts
+        if step.whole is not None and self._formula.next(np.arange(len(step.whole)), step.whole) is None:
+            return None  # the tree knows nothing of counts, nor of laying
         if step.whole is not None:
             before = self.conflicts
             proposed = self._examine(step.whole, threshold)

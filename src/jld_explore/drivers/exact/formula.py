@@ -19,7 +19,7 @@ from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.space import Count, Range, SearchSpace, blocks_of, count_named
+from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
 _SOLVER: Final = "cadical195"
 
@@ -46,13 +46,15 @@ class Formula:
         if blocks is not None:
             self._list(blocks)
         self._count(count)
+        for lock in space.laying.locks if space.laying is not None else ():
+            self.forbid(lock.faces, lock.labels)
 
     def close(self) -> None:
         """Free the solver."""
         self._solver.delete()
 
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
-        """Whether any labelling is left with these labels (k,) on these faces (k,), slits and sizes not looked at."""
+        """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
         return bool(self._solver.solve(assumptions=self._literals(faces, labels)))
 
     def next(self, faces: Iterable[int] = (), labels: Iterable[bool] = ()) -> Bits | None:
@@ -66,7 +68,7 @@ class Formula:
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
             labels = self.space.fixed.copy()
             labels[self._candidates] = [v not in inner for v in range(1, self._candidates.size + 1)]
-            broken = [] if self.blocks is not None else self._broken(labels)
+            broken = ([] if self.blocks is not None else self._broken(labels)) or self._locked(labels)
             if not broken:
                 return labels
             for place, found in broken:
@@ -138,6 +140,13 @@ class Formula:
                 self._solver.append_formula(found.clauses)
 
     # --- what is ruled out as it occurs -----------------------------------------------------------------
+
+    def _locked(self, labels: Bits) -> list[tuple[Ints, Bits]]:
+        """Labels (k,) on faces (k,) by which a labelling cannot be laid, or which no image of them has."""
+        if self.space.laying is None:
+            return []
+        lock = self.space.laying.lock(canonical(labels[None], self.space.group)[0])
+        return [] if lock is None else [(lock.faces, lock.labels)]
 
     def _broken(self, labels: Bits) -> list[tuple[Ints, Bits]]:
         """Labels (k,) on faces (k,) of this labelling that no labelling in the space has together."""

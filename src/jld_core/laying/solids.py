@@ -1,0 +1,158 @@
+"""Spatial blocks that move along a direction: which others the volume meets that they sweep."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import shapely
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
+
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Assembly, Elements
+
+SHARED: Final = 1e-6
+"""Volume, relative to the smaller block, that a sweep may share with another block: rounding of contacts."""
+
+
+class Solids:
+    """Spatial blocks, each a set of elements; one that is not convex is its skin of triangles to what moves past it.
+
+    Where both a moving and a resting element are not convex the moving one is swept as its hull.
+    """
+
+    def __init__(self, assembly: Assembly) -> None:
+        elements = assembly.elements
+        self.elements = elements
+        self.size = (elements.upper - elements.lower).max(axis=1)
+        hulls = [ConvexHull(corners) for corners in elements.shape]
+        self.planes = [np.unique(np.round(hull.equations, 12), axis=0) for hull in hulls]
+        self._met: dict[tuple[int, int, bytes], bool] = {}
+        self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
+
+    def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
+        """Those of other elements that some elements meet on their way along a unit direction to infinity."""
+        low, high = self.elements.lower, self.elements.upper
+        met = np.zeros(len(others), dtype=bool)
+        for e in mine.tolist():
+            reach = 1e-9 * self.size[e]
+            # a box that can never be met, whichever way: cheap, and nearly all of them
+            ahead = (high[others] > low[e] + reach) | (direction < -1e-12)
+            behind = (low[others] < high[e] - reach) | (direction > 1e-12)
+            for place in np.flatnonzero(np.all(ahead & behind, axis=1) & ~met).tolist():
+                met[place] = self.meets(e, int(others[place]), direction)
+        return others[met]
+
+    def meets(self, moving: int, still: int, direction: Floats) -> bool:
+        """Does one element, moved along a direction, ever share a volume with another? Remembered: blocks share it."""
+        key = (moving, still, direction.tobytes())
+        if key not in self._met:
+            self._met[key] = self._meets(moving, still, direction)
+        return self._met[key]
+
+    def _meets(self, moving: int, still: int, direction: Floats) -> bool:
+        if self.convex[still]:
+            if self.convex[moving]:
+                return self._solid_meets(moving, still, direction)
+            # what rests, moved the other way, past the skin of what moves
+            return any(self._solid_meets_face(still, face, -direction) for face in self._skin(moving))
+        return any(self._solid_meets_face(moving, face, direction) for face in self._skin(still))
+
+    def _solid_meets(self, moving: int, still: int, direction: Floats) -> bool:
+        p, q = self.planes[moving], self.planes[still]
+        depth = self._depth(moving, still)
+        ahead = (self.elements.shape[still] @ p[:, :3].T).min(axis=0) + p[:, 3]
+        if np.any((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)):
+            return False
+        behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
+        if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
+            return False
+        # a point x of the moving one and a way t with x + t·d inside the other, both by the most
+        rows = np.block(
+            [
+                [p[:, :3], np.zeros((len(p), 1)), np.ones((len(p), 1))],
+                [q[:, :3], (q[:, :3] @ direction)[:, None], np.ones((len(q), 1))],
+            ]
+        )
+        return bool(self._inside(rows, -np.concatenate([p[:, 3], q[:, 3]]), None) > depth)
+
+    def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
+        """The same for a triangle (3, 3): a point well inside the moving one comes to lie on it."""
+        p = self.planes[moving]
+        normal = np.cross(face[1] - face[0], face[2] - face[0])
+        normal = normal / np.linalg.norm(normal)
+        depth = SHARED ** (2.0 / 3.0) * float(self.size[moving])
+        ahead = (face @ p[:, :3].T).min(axis=0) + p[:, 3]
+        if np.any((ahead >= -depth) & (p[:, :3] @ direction <= 1e-9)):
+            return False
+        height = (self.elements.shape[moving] - face[0]) @ normal
+        way = float(normal @ direction)
+        if (height.min() >= -depth and way >= -1e-9) or (height.max() <= depth and way <= 1e-9):
+            return False
+        edge = np.cross(np.roll(face, -1, axis=0) - face, normal)
+        rows = np.block(
+            [
+                [p[:, :3], np.zeros((len(p), 1)), np.ones((len(p), 1))],
+                [edge, (edge @ direction)[:, None], np.zeros((3, 1))],
+            ]
+        )
+        right = np.concatenate([-p[:, 3], np.einsum("ij,ij->i", edge, face)])
+        equal = np.concatenate([normal, [way, 0.0]])[None], np.array([float(normal @ face[0])])
+        return bool(self._inside(rows, right, equal) > depth)
+
+    def _depth(self, moving: int, still: int) -> float:
+        return float(SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
+
+    def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:
+        """Greatest depth, the last of the unknowns x, t ≥ 0, depth; −inf where there is none."""
+        bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
+        matrix, values = equal or (None, None)
+        answer = linprog([0.0] * 4 + [-1.0], A_ub=rows, b_ub=right, A_eq=matrix, b_eq=values, bounds=bounds)
+        return -np.inf if answer.x is None else float(answer.x[4])
+
+    def _skin(self, element: int) -> Floats:
+        """(t, 3, 3) triangles of the surface of an element."""
+        if element not in self._skins:
+            corners = self.elements.shape[element]
+            faces = [corners[list(loop)] for loop in self.elements.faces[element]]
+            self._skins[element] = np.concatenate([_triangles(face) for face in faces])
+        return self._skins[element]
+
+    @cached_property
+    def _skins(self) -> dict[int, Floats]:
+        return {}
+
+
+def _volumes(elements: Elements) -> Floats:
+    """(n,) volumes of polyhedra from their faces, whatever volume a scene states."""
+    found = []
+    for corners, faces in zip(elements.shape, elements.faces, strict=True):
+        total = 0.0
+        for loop in faces:
+            points = corners[list(loop)] - corners[0]
+            total += float((np.cross(points[1:-1], points[2:]) @ points[0]).sum())
+        found.append(abs(total) / 6.0)
+    return np.array(found)
+
+
+def _triangles(face: Floats) -> Floats:
+    """(t, 3, 3) triangles that make up a plane polygon (k, 3)."""
+    if len(face) == 3:
+        return face[None]
+    arm = face - face[0]
+    normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+    across = tangents(normal / np.linalg.norm(normal))[:2]
+    flat = shapely.Polygon(arm @ across.T)
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
+    return np.array([face[0] + shapely.get_coordinates(part)[:3] @ across for part in parts])
+
+
+def tangents(normal: Floats) -> Floats:
+    """Four directions at right angles to a normal."""
+    other = np.eye(3)[np.argmin(abs(normal))]
+    one = np.cross(normal, other)
+    one = one / np.linalg.norm(one)
+    two = np.cross(normal, one)
+    return np.array([one, two, -one, -two])

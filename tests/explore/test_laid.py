@@ -1,0 +1,119 @@
+"""Only layouts that can be laid: locks speak for other labellings, drivers keep the limit, exact is brute force."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core.laying import Layability, laying_order, locked_blocks
+from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.drivers import Enumeration
+from jld_explore.space import from_string
+
+# a neck that what is wider cannot pass; two that lean over one another; a lid over one end
+NECK = ["#aaa#", "##a##", "#aaa#"]
+HOOKS = ["aaaa", "aaaa", "####"]
+LID = ["##.##", "#aaa#", "#aaa#"]
+ARCH = ["#aaaa#", "#....#"]
+WIDE: dict[str, Any] = {"candidates": "all+supports", "symmetry": "none", "block_cells": [1, 9]}
+
+
+def scene_of(rows: list[str], *, assemble: str | None = None, friction: float = 0.75, **search: Any) -> Any:
+    document = grid_document(rows, friction=friction, **{"block_cells": [1, 4], **search})
+    if assemble is not None:
+        document["search"]["assemble"] = assemble
+    return parse_scene(document)
+
+
+@pytest.mark.parametrize("rows", [NECK, HOOKS, LID])
+def test_a_lock_speaks_for_others_and_never_wrongly(rows: list[str]) -> None:
+    scene = scene_of(rows, **WIDE)
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    labellings = np.concatenate([found for found, _ in Enumeration(space).batches()])
+    labellings = labellings[np.random.default_rng(1).permutation(len(labellings))[:150]]
+    alone = [not locked_blocks(assembly, labels) for labels in labellings]
+    asked = Layability(assembly, "translation", np.ones(len(assembly.interfaces), dtype=bool))
+    assert asked.possible(labellings).tolist() == alone
+    assert 0 < sum(alone) < len(alone)
+    # what one labelling is locked by settles others
+    assert len(asked.locks) < len(alone) - sum(alone) or rows is not LID
+    for lock in asked.locks:
+        assert set(lock.elements.tolist()) <= set(assembly.elements.free.tolist())
+        assert len(lock.faces) < len(assembly.interfaces)
+
+
+DOWN = [{"element": "c1r0", "force": [0, -1]}]
+
+
+@pytest.mark.parametrize(
+    ("rows", "assemble", "search"),
+    [
+        (["aaa", "aaa", "###"], "translation", WIDE),
+        (["#aa", "#aa", ".##"], "translation", {**WIDE, "live": [{"body": [0, 1]}]}),
+        (["aaaa", "aaaa", "#..#"], "standing", {"live": DOWN, "block_cells": [2, 3]}),
+        (["aaaa", "a..a", "#..#"], "standing", {"block_cells": [1, 3]}),
+    ],
+)
+def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, Any], tmp_path: Path) -> None:
+    free = scene_of(rows, **search)
+    every = explore(free, tmp_path / "free", ExploreSettings(pictures=False, driver="enumeration"))
+    assembly = build_assembly(free)
+    kept = set()
+    for text in every.results["labelling"]:
+        labels = from_string(text)
+        if locked_blocks(assembly, labels):
+            continue
+        laying = None if assemble == "translation" else laying_order(assembly, labels, wish="standing")
+        if laying is None or (laying.possible and laying.stands):
+            kept.add(text)
+    assert 0 < len(kept) < len(every.results)
+    ranked = every.results[every.results["labelling"].isin(kept) & (every.results["status"] == "collapse")]
+    scene = scene_of(rows, assemble=assemble, **search)
+    listed = explore(scene, tmp_path / "listed", ExploreSettings(pictures=False, driver="enumeration"))
+    assert set(listed.results["labelling"]) == kept
+    assert listed.summary["proven"]
+    found = explore(scene, tmp_path / "exact", ExploreSettings(pictures=False, driver="exact"))
+    assert found.summary["proven"]
+    assert found.summary["best"] == pytest.approx(ranked["load_factor"].max(), rel=2e-6)
+    assert found.summary["best_labelling"] in kept
+
+
+@pytest.mark.parametrize("driver", ["random", "genetic", "hillclimb"])
+def test_every_driver_keeps_it(driver: str, tmp_path: Path) -> None:
+    scene = scene_of(LID, assemble="translation", **WIDE)
+    done = explore(scene, tmp_path / "out", ExploreSettings(pictures=False, driver=driver, budget=40))
+    assembly = build_assembly(scene)
+    assert all(not locked_blocks(assembly, from_string(text)) for text in done.results["labelling"])
+    assert len(done.results) == 40
+
+
+def test_what_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
+    rows = ["####", "#aa#", "#aa#", "####"]
+    with pytest.raises(InputError, match="no labelling satisfies"):
+        explore(scene_of(rows, assemble="translation"), tmp_path / "in")
+    scene = scene_of(rows, assemble="translation", assemble_out_of_plane=True)
+    assert len(explore(scene, tmp_path / "out", ExploreSettings(pictures=False)).results)
+
+
+def test_load_cases_do_not_matter_to_laying() -> None:
+    document = grid_document(ARCH)
+    document["loads"] = {
+        "cases": [{"name": "a", "live": [{"body": [1, 0]}]}, {"name": "b", "live": [{"body": [0, 1]}]}]
+    }
+    several, one = build_assembly(parse_scene(document)), build_assembly(parse_scene(grid_document(ARCH)))
+    with_cases, without = laying_order(several, several.labels), laying_order(one, one.labels)
+    assert [s.stage.stands for s in with_cases.steps] == [s.stage.stands for s in without.steps]
+
+
+def test_a_wrong_wish() -> None:
+    with pytest.raises(InputError) as caught:
+        scene_of(ARCH, assemble="sideways")
+    assert str(caught.value).startswith("search.assemble") or "search.assemble" in str(caught.value)
+    assert "translation" in str(caught.value)
+    assert solve(build_assembly(scene_of(ARCH, assemble="standing"))).status
