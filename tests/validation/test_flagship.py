@@ -83,13 +83,13 @@ def test_flagship_weight_and_load(flagship: tuple[Assembly, Bits, Ints]) -> None
 
 @pytest.mark.filterwarnings("ignore")  # CVXPY says where its own solver was inexact; the comparison is ours
 def test_flagship_sample(flagship: tuple[Assembly, Bits, Ints]) -> None:
-    """200 classes, seeded; benchmarks.flagship compares all of them with HiGHS."""
+    """80 classes, seeded; benchmarks.flagship compares all of them with HiGHS."""
     assembly, labellings, _ = flagship
-    sample = np.random.default_rng(20240501).choice(len(labellings), 200, replace=False)
+    sample = np.random.default_rng(20240501).choice(len(labellings), 80, replace=False)
     tally = compare(assembly, labellings[sample])
     # a quarter of the classes fall under their own weight: both kinds are in the sample
-    assert tally[Status.COLLAPSE] > 100
-    assert tally[Status.UNSTABLE] > 20
+    assert tally[Status.COLLAPSE] > 40
+    assert tally[Status.UNSTABLE] > 8
 
 
 def test_all_segmentations_of_three_by_three_cells() -> None:
