@@ -14,7 +14,7 @@ from jld_core import build_assembly, load_scene, parse_scene
 from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
-from jld_explore.report import page_of_study, scene_page
+from jld_explore.report import page_of_study, scene_page, show_page
 from paths import SCENES
 from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
@@ -316,3 +316,15 @@ def test_a_spatial_layout_turns_explodes_and_is_cut(visit: Open, spatial: Path) 
         if found.page.locator(".stage .tip").is_visible():
             break
     assert found.text(".stage .tip").startswith(("face ", "slab", "a\n", "b\n", "c\n", "d\n"))
+
+
+def test_a_notebook_shows_the_page_alive_in_a_cell(visit: Open, study: Path, tmp_path: Path) -> None:
+    cell = show_page(read_folder(study), height=700)._repr_html_()
+    (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{cell}", encoding="utf-8")
+    found = visit(tmp_path / "notebook.html", ready=False)
+    frame = found.page.frame_locator("iframe")
+    frame.locator("body[data-ready=yes]").wait_for(timeout=20_000)
+    frame.locator("tr[data-row='2'] td").first.click()
+    frame.locator("[data-view=mechanism]").click()
+    assert frame.locator("[data-view=mechanism]").get_attribute("aria-selected") == "true"
+    assert "Rank" in frame.locator(".pane h3").first.inner_text()

@@ -3,6 +3,7 @@
 - `CaseSolver`: solves labellings of one assembly under each of its load cases, on templates that are built once
 - `Exploration`: a finished search
 - `ExplorationView`: how it shows itself in a notebook
+- `Page`: the page of a search, which a notebook shows in a frame
 - `assembly`: what `jld check` prints
 - `asset`: text of a file of the front end
 - `asset_names`: files of the front end that a browser loads
@@ -16,6 +17,7 @@
 - `read_folder`: a folder → Exploration
 - `results_table`: the table of results
 - `scene_page`: HTML of a scene, solved
+- `show_page`: a finished search → Page
 - `solution_of`: what is proven of one layout, by load case, ready to be drawn
 - `study_data`: the data of the page of a search, as `page_data` has it
 - `study_page`: HTML of a search
@@ -38,7 +40,7 @@ from jld_explore.report.folder import (
     write_text,
 )
 from jld_explore.report.front import on_front
-from jld_explore.report.notebook import ExplorationView
+from jld_explore.report.notebook import ExplorationView, Page, show_page
 from jld_explore.report.page import asset, asset_names, filled
 from jld_explore.report.page_data import loads_of, page_data, solution_of
 from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
@@ -49,6 +51,7 @@ __all__ = [
     "CaseSolver",
     "Exploration",
     "ExplorationView",
+    "Page",
     "assembly",
     "asset",
     "asset_names",
@@ -62,6 +65,7 @@ __all__ = [
     "read_folder",
     "results_table",
     "scene_page",
+    "show_page",
     "solution_of",
     "study_data",
     "study_page",

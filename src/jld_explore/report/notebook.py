@@ -1,11 +1,15 @@
-"""What a notebook shows of a finished study: facts, the front with its layouts, the first rows of both tables."""
+"""What a notebook shows of a finished study: facts, the front with its layouts, first rows of tables; or its page."""
 
 from __future__ import annotations
+
+import html
+from dataclasses import dataclass
 
 from jld_core.shown import show_with
 from jld_core.views import notebook
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.page_of_study import PATIENCE, study_page
 
 
 class ExplorationView:
@@ -28,3 +32,26 @@ class ExplorationView:
 
 
 show_with(Exploration, ExplorationView())
+
+
+@dataclass(frozen=True)
+class Page:
+    """The page of a search, which a notebook shows in a frame of its own. text: its HTML. height: pixels."""
+
+    text: str
+    height: int = 900
+
+    def _repr_html_(self) -> str:
+        frame = 'style="width: 100%; border: 1px solid #888" title="the page of a search"'
+        return f'<iframe srcdoc="{html.escape(self.text)}" height="{self.height}" {frame}></iframe>'
+
+    def __repr__(self) -> str:
+        return f"Page({len(self.text)} characters)"
+
+
+def show_page(done: Exploration, height: int = 900, patience: float = PATIENCE) -> Page:
+    """The page of a search as a notebook shows it, whole and alive; nothing is written.
+
+    height: pixels. patience: seconds for solving what is drawn; the best come first.
+    """
+    return Page(study_page(done, patience), height)

@@ -23,5 +23,6 @@ export function write(place) {
   const kept = new URLSearchParams();
   for (const key of KEYS) if (place[key]) kept.set(key, /** @type {string} */ (place[key]));
   const hash = `#${kept}`;
-  if (hash !== location.hash) history.replaceState(null, "", hash);
+  // a frame of a notebook has no address of its own to write
+  if (hash !== location.hash && location.protocol !== "about:") history.replaceState(null, "", hash);
 }
