@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.linalg import components
 from jld_core.shown import Shown
 
 DRY: Final = True
@@ -226,3 +227,16 @@ class Assembly(Shown):
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
         return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)
+
+
+def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:
+    """(n,) the block of each element, numbered by their first elements: what inner faces join.
+
+    labels: (m,) True dry. joined: (k,) and (k,) elements that are of one block whatever the labels. An element glued to
+    a support belongs to the support's block.
+    """
+    inner = ~np.asarray(labels, dtype=bool)
+    one, other = assembly.interfaces.a[inner], assembly.interfaces.b[inner]
+    if joined is not None:
+        one, other = np.concatenate([one, joined[0]]), np.concatenate([other, joined[1]])
+    return components(len(assembly.elements), one, other)

@@ -11,6 +11,7 @@ import pytest
 
 from browser_visits import Open, Visit, looks_like
 from jld_core import build_assembly, load_scene, parse_scene
+from jld_core.assembly import blocks_of
 from jld_core.views import look, quantities
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
@@ -261,7 +262,7 @@ def test_blocks_and_tints_are_those_of_the_pictures(visit: Open, tmp_path: Path)
         [data["structure"], letters, len(look.TINTS)],
     )
     for labels, (blocks, colours) in zip(labellings, got, strict=True):
-        assert blocks == quantities.blocks_of(assembly, labels).tolist()
+        assert blocks == blocks_of(assembly, labels).tolist()
         assert colours == quantities.block_colours(assembly, labels, len(look.TINTS)).tolist()
 
 

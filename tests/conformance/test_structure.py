@@ -37,7 +37,8 @@ ORDER = [
     ["jld_core.refinement"],
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
-    ["jld_core.scene", "jld_core.assembly", "jld_core.linalg"],
+    ["jld_core.scene", "jld_core.assembly"],
+    ["jld_core.linalg"],
     [
         "jld_core.shown",
         "jld_core.arrays",

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jld_core import InputError, LimitAnalysisResult, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.assembly import Assembly, Elements, Interfaces, Strengths
+from jld_core.assembly import Assembly, Elements, Interfaces, Strengths, blocks_of
 from jld_core.views import quantities as marks
 from jld_core.views.annotations import legend_inches
 from jld_core.views.figures import (
@@ -144,9 +144,9 @@ def test_neighbouring_blocks_get_different_tints(wall: LimitAnalysisResult) -> N
 
 
 def test_blocks_are_joined_through_inner_faces(beam: LimitAnalysisResult) -> None:
-    blocks = marks.blocks_of(beam.assembly, beam.labels)
+    blocks = blocks_of(beam.assembly, beam.labels)
     assert len(np.unique(blocks[beam.assembly.elements.free])) == 1
-    alone = marks.blocks_of(beam.assembly, np.ones(24, dtype=bool))
+    alone = blocks_of(beam.assembly, np.ones(24, dtype=bool))
     assert len(np.unique(alone)) == 17
 
 
@@ -271,17 +271,17 @@ def test_mechanism_moves_elements_by_scale_times_velocity(wall: LimitAnalysisRes
 def test_rocking_sliding_and_cracking_are_told_apart(beam: LimitAnalysisResult) -> None:
     rocking = solve(block_on_ground(PUSH, angle=45.0))
     kinds, places = marks.movements(rocking)
-    assert kinds == (marks.Movement.HINGE,)
+    assert kinds == (marks.MovementSign.HINGE,)
     assert places[0] == pytest.approx([2.0, 4.0])
     (hinge,) = draw_mechanism(axes(), rocking)["hinge"]
     assert hinge.get_xydata()[0] == pytest.approx([2.0, 4.0], abs=1e-4)  # type: ignore[attr-defined]
     sliding = solve(block_on_ground(PUSH, angle=10.0))
-    assert marks.movements(sliding)[0] == (marks.Movement.SLIDE,)
+    assert marks.movements(sliding)[0] == (marks.MovementSign.SLIDE,)
     lifted = outcome(block_on_ground(PUSH), mechanism=np.array([[0.1, 1.0, 0.0], [0.0, 0.0, 0.0]]))
-    assert marks.movements(lifted)[0] == (marks.Movement.OPEN,)
+    assert marks.movements(lifted)[0] == (marks.MovementSign.OPEN,)
     kinds, _ = marks.movements(beam)
-    assert kinds.count(marks.Movement.CRACK) == 6
-    assert set(kinds) == {marks.Movement.CRACK, marks.Movement.STILL}
+    assert kinds.count(marks.MovementSign.CRACK) == 6
+    assert set(kinds) == {marks.MovementSign.CRACK, marks.MovementSign.STILL}
     with pytest.raises(ValueError, match="no mechanism"):
         marks.movements(outcome(beam.assembly))
 
@@ -395,7 +395,7 @@ def test_spatial_mechanism_and_figure() -> None:
     mechanism[2] = (0.5, 0.0, 0.5, 0.0, 1.0, 0.0)  # the upper box turns about the far edge of its base, x = 2
     result = outcome(assembly, np.zeros((2, 6)), mechanism)
     kinds, places = marks.movements(result)
-    assert kinds == (marks.Movement.STILL, marks.Movement.HINGE)
+    assert kinds == (marks.MovementSign.STILL, marks.MovementSign.HINGE)
     assert places[1] == pytest.approx([2.0, 0.5, 1.0])
     figure = figure_of_result(result)
     figure.canvas.draw()

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import DRY, INNER, Assembly, Elements, Interfaces, LoadCase, Points
@@ -17,6 +15,7 @@ from jld_core.build.planar import planar_geometry
 from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
+from jld_core.linalg import components
 from jld_core.scene import BodyLoad, Contact, PointLoad, Scene
 
 LABELS = {"dry": DRY, "inner": INNER}
@@ -61,9 +60,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
 
 def _check_paths(elements: Elements, interfaces: Interfaces) -> None:
     """Every free element must reach a support through interfaces, or its equilibrium has no solution."""
-    count = len(elements)
-    links = coo_array((np.ones(len(interfaces)), (interfaces.a, interfaces.b)), shape=(count, count))
-    _, part = connected_components(links, directed=False)
+    part = components(len(elements), interfaces.a, interfaces.b)
     reached = np.isin(part, part[elements.support])
     if not reached.all():
         lost = elements.ids[int(np.flatnonzero(~reached)[0])]

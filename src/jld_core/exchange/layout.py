@@ -10,11 +10,10 @@ import numpy as np
 import shapely
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, blocks_of
 from jld_core.geometry import Region, Shape, Surface, extrude, shape_numbers, union_outlines, union_solids
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
-from jld_core.views.quantities import blocks_of
 
 
 @dataclass(frozen=True)

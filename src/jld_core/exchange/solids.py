@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
@@ -30,6 +28,7 @@ from jld_core.exchange.options import (
 )
 from jld_core.geometry import Faces, facets_of, find_spatial_contacts, merge_points, near_pairs, snap_solids
 from jld_core.geometry import solids as closed_solids
+from jld_core.linalg import components
 
 
 @dataclass(frozen=True)
@@ -277,9 +276,7 @@ def _connected(faces: Faces) -> list[Ints]:
     """Faces that share corners, by parts in order of their first face."""
     start = np.repeat([loop[0] for loop in faces], [len(loop) for loop in faces])
     end = np.array([index for loop in faces for index in loop])
-    size = int(end.max()) + 1
-    links = coo_array((np.ones(len(end)), (start, end)), shape=(size, size))
-    _, label = connected_components(links, directed=False)
+    label = components(int(end.max()) + 1, start, end)
     part = label[[loop[0] for loop in faces]]
     _, first = np.unique(part, return_index=True)
     return [np.flatnonzero(part == part[k]) for k in np.sort(first).tolist()]

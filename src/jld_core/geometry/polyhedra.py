@@ -19,6 +19,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry.misfits import Overlap, refuse_overlaps
+from jld_core.linalg import components
 
 Faces = tuple[tuple[int, ...], ...]
 
@@ -126,11 +127,9 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     """
     tree = cKDTree(vertices)
     near = tree.query_pairs(1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
-    size = len(vertices)
-    links = csr_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(size, size))
-    _, group = connected_components(links, directed=False)
-    first = np.full(size, size, dtype=np.int64)
-    np.minimum.at(first, group, np.arange(size))
+    group = components(len(vertices), near[:, 0], near[:, 1])
+    first = np.full(len(vertices), len(vertices), dtype=np.int64)
+    np.minimum.at(first, group, np.arange(len(vertices)))
     welded = []
     for loop in faces:
         named = [int(first[group[index]]) for index in loop]
@@ -245,8 +244,7 @@ def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Int
         off = np.maximum.reduceat(height, np.concatenate([[0], np.cumsum(surface.count[two])])[:-1])
         plane = off <= tolerances.FACE * np.maximum(size[one], size[two])
         one, two = one[plane], two[plane]
-    links = csr_array((np.ones(len(one)), (one, two)), shape=(count, count))
-    _, label = connected_components(links, directed=False)
+    label = components(count, one, two)
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))

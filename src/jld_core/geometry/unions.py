@@ -8,14 +8,13 @@ from typing import Final
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
+from jld_core.linalg import components
 
 _NEAR: Final = 1e-6
 """Distance, relative to a planar block, within which its corners are one: above what contacts may gape."""
@@ -147,9 +146,7 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
 def _weld(points: Floats, reach: float) -> Ints:
     """(n,) node of each point, numbered by first appearance; points within reach of one another are one."""
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    size = len(points)
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(size, size))
-    _, label = connected_components(links, directed=False)
+    label = components(len(points), pairs[:, 0], pairs[:, 1])
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, blocks_of
 
 
 @dataclass(frozen=True)
@@ -50,17 +48,9 @@ class Blocks:
 def blocks_of_labelling(assembly: Assembly, labels: Bits) -> Blocks:
     """The blocks of a labelling. labels: (m,) True dry. All supports are one fixed body of the ground."""
     faces, elements = assembly.interfaces, assembly.elements
-    inner = np.flatnonzero(~np.asarray(labels, dtype=bool))
     ground = np.flatnonzero(elements.support)
-    count = len(elements)
-    one = np.concatenate([faces.a[inner], ground[:-1]])
-    two = np.concatenate([faces.b[inner], ground[1:]])
-    _, part = connected_components(coo_array((np.ones(len(one)), (one, two)), shape=(count, count)), directed=False)
-    _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    of = rank[inverse.reshape(-1)]
-    fixed = np.zeros(len(first), dtype=bool)
+    of = blocks_of(assembly, labels, (ground[:-1], ground[1:]))
+    fixed = np.zeros(int(of.max()) + 1, dtype=bool)
     fixed[of[elements.support]] = True
     between = np.flatnonzero(of[faces.a] != of[faces.b])
     return Blocks(assembly, of, fixed, of[faces.a[between]], of[faces.b[between]], faces.normal[between])

@@ -23,7 +23,7 @@ from jld_core.mechanics import Contact, PrescribedFriction
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 
-_PRESSED = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
+_FAINT = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
 _STEPS = 5  # steps towards larger λ before the forces are held
 _SLACK = 1e-8  # asked of a state so that it fits the effective areas of its own forces, five times it at most
 _NARROW = 1e-6  # least side of an effective rectangle, relative to the face
@@ -50,7 +50,7 @@ def contact_of(assembly: Assembly, forces: Floats, labels: Bits) -> Contact:
     """Effective areas under scaled forces (m, 6); inner faces and those without pressure keep the whole face."""
     faces = assembly.interfaces
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so these are x2 / (l2 / 2) and x1 / (l1 / 2)
-    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _PRESSED**2), 0.0)
+    share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _FAINT**2), 0.0)
     x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
     x2 = np.clip(forces[:, 3] * share, -1.0, 1.0)
     side1 = faces.l1 * np.maximum(1.0 - np.abs(x1), _NARROW)

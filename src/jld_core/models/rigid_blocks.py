@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Floats, Ints
-from jld_core.assembly import Assembly, Elements
+from jld_core.assembly import Assembly, Elements, blocks_of
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status, element_velocities
 from jld_core.program import Template, pack
 from jld_core.solvers import ClarabelSolver, is_large
@@ -60,12 +59,9 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
     labels: (m,) True dry. apart: elements that stand for themselves. A block glued to a support is support.
     """
     elements, faces = assembly.elements, assembly.interfaces
-    count = len(elements)
-    alone = np.zeros(count, dtype=bool)
+    alone = np.zeros(len(elements), dtype=bool)
     alone[apart] = True
-    glued = ~labels & ~(alone[faces.a] | alone[faces.b])
-    links = sp.coo_array((np.ones(int(glued.sum())), (faces.a[glued], faces.b[glued])), shape=(count, count))
-    group: Ints = connected_components(links, directed=False)[1].astype(np.int64)
+    group = blocks_of(assembly, labels | alone[faces.a] | alone[faces.b])
     number = int(group.max()) + 1
     support = np.zeros(number, dtype=bool)
     np.logical_or.at(support, group, elements.support)

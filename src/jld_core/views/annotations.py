@@ -32,7 +32,7 @@ from jld_core.views.look import (
     USED_STOPS,
     YIELDS,
 )
-from jld_core.views.quantities import Movement
+from jld_core.views.quantities import MovementSign
 from jld_core.views.structure import DOTTED, Drawn, LineStyle, element_points, extent, projection_of
 
 USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))
@@ -42,7 +42,7 @@ THRUST: Final[dict[str, Any]] = {"color": THRUST_COLOUR, "linewidth": 1.2, "line
 YIELD: Final[dict[str, dict[str, Any]]] = {
     f"yield {kind}": {**mark.style, "markeredgewidth": 0.6 if kind == "dry" else 0.4} for kind, mark in YIELDS.items()
 }
-MOVES: Final[dict[Movement, dict[str, Any]]] = {kind: mark.style for kind, mark in MOVEMENTS.items()}
+MOVES: Final[dict[MovementSign, dict[str, Any]]] = {kind: mark.style for kind, mark in MOVEMENTS.items()}
 MEANING: Final = {kind: mark.meaning for kind, mark in MOVEMENTS.items()}
 FONT: Final = 7.5
 """Size of the legends' letters, points."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from jld_core.views.quantities import SMALL, YIELDING, Movement
+from jld_core.views.quantities import SMALL, YIELDING, MovementSign
 
 TINTS: Final = ("#CFE1F2", "#FBE3B5", "#D3EBCD", "#F6D3D9", "#E3D9EE", "#D5EFEE", "#EDE7CF", "#F9D9C0")
 """Fills of blocks: light, so that lines show; also apart in lightness."""
@@ -58,11 +58,11 @@ class Mark:
         return {"marker": _MARKERS[self.shape], "color": self.fill, "markeredgecolor": self.edge}
 
 
-MOVEMENTS: Final[dict[Movement, Mark]] = {
-    Movement.HINGE: Mark("circle", WHITE, INK, "hinge"),
-    Movement.SLIDE: Mark("diamond", "#E69F00", INK, "slide"),
-    Movement.OPEN: Mark("triangle", "#56B4E9", INK, "joint opens"),
-    Movement.CRACK: Mark("cross", LOAD, WHITE, "crack in a block"),
+MOVEMENTS: Final[dict[MovementSign, Mark]] = {
+    MovementSign.HINGE: Mark("circle", WHITE, INK, "hinge"),
+    MovementSign.SLIDE: Mark("diamond", "#E69F00", INK, "slide"),
+    MovementSign.OPEN: Mark("triangle", "#56B4E9", INK, "joint opens"),
+    MovementSign.CRACK: Mark("cross", LOAD, WHITE, "crack in a block"),
 }
 YIELDS: Final[dict[str, Mark]] = {
     "dry": Mark("thin diamond", "#F0E442", INK, "dry face at yield"),

@@ -9,12 +9,10 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
-from jld_core.limit import LimitAnalysisResult, displacement, face_motions, mechanism
+from jld_core.assembly import Assembly, blocks_of
+from jld_core.limit import LimitAnalysisResult, Movement, displacement, face_motions
 from jld_core.mechanics import scaling_of, yield_set
 
 REACH: Final = 0.12
@@ -31,26 +29,14 @@ YIELDING: Final = 0.995
 """Utilisation from which a face is marked as yielding: the forces belong to the proven lower end of λ."""
 
 
-class Movement(StrEnum):
-    """What a face does in a mechanism."""
+class MovementSign(StrEnum):
+    """What a picture says that a face does in a mechanism: the kinds of movement that have a mark of their own."""
 
     STILL = "still"
     HINGE = "hinge"
     SLIDE = "slide"
     OPEN = "open"
     CRACK = "crack"
-
-
-def blocks_of(assembly: Assembly, labels: Bits) -> Ints:
-    """(n,) block number of each element: components joined through inner faces.
-
-    labels: (m,) True dry. An element glued to a support belongs to the support's block.
-    """
-    faces, count = assembly.interfaces, len(assembly.elements)
-    inner = ~np.asarray(labels, dtype=bool)
-    pairs = (faces.a[inner], faces.b[inner])
-    graph = sp.coo_array((np.ones(int(inner.sum())), pairs), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
@@ -200,22 +186,22 @@ def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
     return min(REACH * assembly.size / reach, TURN / turn if turn > 0.0 else np.inf)
 
 
-def movements(result: LimitAnalysisResult) -> tuple[tuple[Movement, ...], Floats]:
+def movements(result: LimitAnalysisResult) -> tuple[tuple[MovementSign, ...], Floats]:
     """What each of the m faces does in the mechanism, and where, (m, d), scene units, on the undeformed face.
 
     Raises ValueError where the result holds no mechanism.
     """
     motions = face_motions(result)
-    kinds = tuple(_MARKS[motion.kind] for motion in motions)
+    kinds = tuple(_SIGNS[motion.kind] for motion in motions)
     return kinds, np.array([motion.place for motion in motions]).reshape(len(kinds), -1)
 
 
-_MARKS: Final = {
-    mechanism.Movement.CLOSED: Movement.STILL,
-    mechanism.Movement.HINGE: Movement.HINGE,
-    mechanism.Movement.SLIDE: Movement.SLIDE,
-    mechanism.Movement.TWIST: Movement.SLIDE,
-    mechanism.Movement.OPEN: Movement.OPEN,
-    mechanism.Movement.CRACK_TENSION: Movement.CRACK,
-    mechanism.Movement.CRACK_SHEAR: Movement.CRACK,
+_SIGNS: Final = {
+    Movement.CLOSED: MovementSign.STILL,
+    Movement.HINGE: MovementSign.HINGE,
+    Movement.SLIDE: MovementSign.SLIDE,
+    Movement.TWIST: MovementSign.SLIDE,
+    Movement.OPEN: MovementSign.OPEN,
+    Movement.CRACK_TENSION: MovementSign.CRACK,
+    Movement.CRACK_SHEAR: MovementSign.CRACK,
 }

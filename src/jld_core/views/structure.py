@@ -19,9 +19,9 @@ from matplotlib.collections import LineCollection, PolyCollection
 from shapely.geometry import Polygon
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, blocks_of
 from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
-from jld_core.views.quantities import blocks_of, typical
+from jld_core.views.quantities import typical
 
 Drawn = dict[str, list[Artist]]
 """Artists by what they show."""

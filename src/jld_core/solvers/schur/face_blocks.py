@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import SolverError
+from jld_core.linalg import components
 from jld_core.program import Structure
 from jld_core.solvers.schur.nesterov_todd import Cones
 
@@ -42,7 +41,7 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Blocks:
+class FaceBlocks:
     """A program's structure seen face by face.
 
     cones: the product of cones. families; border: columns that stand apart; idle: columns without yield rows,
@@ -58,8 +57,8 @@ class Blocks:
     edge: tuple[Ints, Ints, Ints]
 
 
-def blocks_of(structure: Structure) -> Blocks:
-    """Blocks of a structure.
+def face_blocks(structure: Structure) -> FaceBlocks:
+    """A structure seen face by face.
 
     Raises SolverError where it has cones of several sizes, or columns do not fall apart into small blocks.
     """
@@ -80,10 +79,7 @@ def blocks_of(structure: Structure) -> Blocks:
     apart[np.bincount(column, minlength=columns) > _WIDE] = True
     apart[-1] = True
     chosen = yields & ~apart[column]
-    links = sp.coo_array(
-        (np.ones(int(chosen.sum())), (column[chosen], columns + head[row[chosen]])), shape=(columns + rows,) * 2
-    )
-    _, part = connected_components(links, directed=False)
+    part = components(columns + rows, column[chosen], columns + head[row[chosen]])
     # a column alone in its rows is a load factor, not a face
     own = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
     touched = np.zeros(columns, dtype=bool)
@@ -106,7 +102,7 @@ def blocks_of(structure: Structure) -> Blocks:
         raise SolverError("a cone of this program belongs to no face")
     in_edge, in_loose = apart[column] & ~yields, apart[column] & yields & loose
     laid = _Layout(face_column, column_face, row_face, equalities, first, columns)
-    return Blocks(
+    return FaceBlocks(
         cones=cones,
         families=laid.families(row, column, data, yields, apart, border_index, size),
         border=border,

@@ -20,7 +20,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.errors import SolverError
 from jld_core.linalg import Factor, Fronts
 from jld_core.program import ConicProgram, Structure
-from jld_core.solvers.schur.face_blocks import Blocks, Family, blocks_of, filled
+from jld_core.solvers.schur.face_blocks import FaceBlocks, Family, face_blocks, filled
 from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 
 _SHIFT = 1e-14  # added to the diagonal of the Schur complement scaled to ones
@@ -33,7 +33,7 @@ class SchurSystem:
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
-        self.blocks: Blocks = blocks_of(structure)
+        self.blocks: FaceBlocks = face_blocks(structure)
         self._lay_out(structure.equalities, structure.places)
         self._inverse: list[Floats] = []
         self._half: list[Floats] = []
