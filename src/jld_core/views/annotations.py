@@ -15,7 +15,7 @@ from matplotlib.quiver import Quiver
 from matplotlib.transforms import ScaledTranslation
 
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, blocks_of
 from jld_core.limit import LimitAnalysisResult
 from jld_core.views import quantities as marks
 from jld_core.views.look import (
@@ -200,7 +200,7 @@ def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Arti
 
 def block_handle(assembly: Assembly, labels: Bits) -> Artist:
     """Legend of the tints, with the number of blocks that hold a free element."""
-    count = len(np.unique(marks.blocks_of(assembly, labels)[assembly.elements.free]))
+    count = len(np.unique(blocks_of(assembly, labels)[assembly.elements.free]))
     name = "1 block" if count == 1 else f"{count} blocks, by tint"
     return Patch(facecolor=TINTS[0], edgecolor=SOFT, linewidth=0.6, label=name)
 
