@@ -18,6 +18,7 @@
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
 - `Motion`: velocities with their jumps, margin and bound
 - `Movement`: what a face does in a mechanism
+- `Movements`: how far faces move in the mechanisms of many labellings
 - `Proof`: what has been proven of one labelling, and by what
 - `Prover`: raw points and multipliers → checked bounds
 - `Relaxation`: bounds on λ where some faces are undecided
@@ -59,6 +60,7 @@ from jld_core.limit.mechanism import (
     flow_rule,
     work_balance,
 )
+from jld_core.limit.movements import Movements
 from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.relaxation import DualBound, Relaxation
@@ -85,6 +87,7 @@ __all__ = [
     "LimitAnalysisResult",
     "Motion",
     "Movement",
+    "Movements",
     "Proof",
     "Prover",
     "Relaxation",

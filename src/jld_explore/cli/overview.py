@@ -25,6 +25,7 @@ DRIVERS: Final = {
     "genetic": "good layouts of large scenes, and fronts. Default elsewhere",
     "random": "a baseline",
     "hillclimb": "a baseline",
+    "anneal": "the strongest layout of a large scene, without proof",
     "optuna": "any of its samplers",
 }
 

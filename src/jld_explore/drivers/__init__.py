@@ -2,6 +2,7 @@
 
 - `DRIVERS`: drivers by name
 - `MEMORY`: labellings the surrogate learns from
+- `Anneal`: chains that follow mechanisms, ever colder
 - `BufferedRandom`: random choices, drawn in blocks
 - `Conflict`: labels that no labelling worth finding has together
 - `Driver`: one strategy of search
@@ -25,6 +26,7 @@
 
 from __future__ import annotations
 
+from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
 from jld_explore.drivers.exact import (
@@ -44,6 +46,7 @@ from jld_explore.drivers.surrogate import MEMORY, Surrogate
 __all__ = [
     "DRIVERS",
     "MEMORY",
+    "Anneal",
     "BufferedRandom",
     "Conflict",
     "Driver",

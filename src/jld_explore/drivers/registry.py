@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from jld_core.errors import InputError
+from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact import Exact
@@ -16,7 +17,7 @@ from jld_explore.drivers.random import Random
 from jld_explore.space import SearchSpace
 
 DRIVERS: Final[dict[str, type[Driver]]] = {
-    kind.name: kind for kind in (Enumeration, Random, HillClimb, Genetic, Optuna, Exact)
+    kind.name: kind for kind in (Enumeration, Random, HillClimb, Anneal, Genetic, Optuna, Exact)
 }
 """All that go by a name; one of your own that is put here goes by its name as well."""
 

@@ -82,9 +82,9 @@ class Segmentations:
         self.cutter = Cutter(self.graph, self.limits)
         self.repair = Repair(self.graph, self.limits, self.cutter)
         # cuts that keep all limits there are need no repair
-        self._sound = self.cutter.exact and not self.repair.counted
+        self.sound = self.cutter.exact and not self.repair.counted
         self.keys = len(self.graph.pairs)
-        whole = self._sound and self.keys > 0 and not any(self.graph.walls)
+        whole = self.sound and self.keys > 0 and not any(self.graph.walls)
         self._batches = Batches(space, self.graph, self.limits) if whole else None
         self.offspring_factor = _BROOD if whole else FreeBits.offspring_factor
         self._corner: list[list[float]] = self.graph.sized.corner.tolist()
@@ -167,7 +167,7 @@ class Segmentations:
             pieces = self.cutter.assemble(self._every, keyed, threshold)
             if pieces is not None:
                 break
-        sound = self._sound and pieces is not None
+        sound = self.sound and pieces is not None
         if pieces is None:
             # none of them had: start from parts that are not too large
             pieces = self.cutter.grow(self._every, keyed, 1.0)
@@ -186,7 +186,11 @@ class Segmentations:
 
     def split(self, part: Parts, rng: BufferedRandom) -> Parts | None:
         """One block becomes two or more."""
-        name = part[rng.below(len(part))]
+        return self.split_at(part, rng.below(len(part)), rng)
+
+    def split_at(self, part: Parts, atom: int, rng: BufferedRandom) -> Parts | None:
+        """The block that holds an atom becomes two or more."""
+        name = part[atom]
         members = [a for a, other in enumerate(part) if other == name]
         if len(members) < 2:
             return None
@@ -317,4 +321,4 @@ class Segmentations:
         for number, piece in enumerate(pieces):
             for a in piece:
                 child[a] = fresh + number
-        return child if self._sound else self.repair(child, rng, list(range(fresh, fresh + len(pieces))))
+        return child if self.sound else self.repair(child, rng, list(range(fresh, fresh + len(pieces))))

@@ -1,0 +1,47 @@
+"""How far every face moves when a labelling collapses, for many labellings: a hint for searches and no proof."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.lanes import Lanes, chosen, fits
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import usable
+from jld_core.solvers import make_solver
+
+_RESIDUAL: Final = 1e-8
+"""Asked of the solver where there is no kernel: a hint needs no more digits."""
+
+
+class Movements:
+    """Jumps of the mechanisms of labellings of one assembly, in the kernel where that knows the rows."""
+
+    def __init__(self, analysis: LimitAnalysis) -> None:
+        self.template, self._prover = analysis.template, analysis.prover
+        self._lanes: Lanes | None = None
+        if chosen() is not None and fits(self.template):
+            opening = analysis.interior.opening()
+            velocity = None if opening is None else opening.velocity
+            self._lanes = Lanes(self.template, velocity, zero=analysis.floor)
+        self._route = make_solver("clarabel", tolerance=_RESIDUAL)
+
+    def of(self, labellings: Bits) -> Floats:
+        """(k, m) largest entry of each scaled jump beside the largest of all faces; zero where no mechanism is found.
+
+        labellings: (k, m) True dry.
+        """
+        if self._lanes is not None:
+            velocities = self._lanes.solve(labellings, vectors=True).velocity
+            assert velocities is not None
+        else:
+            rows = self.template.matrix.shape[0]
+            velocities = np.array([self._route.solve(self.template.program(row)).dual[:rows] for row in labellings])
+        found = np.zeros(labellings.shape)
+        for k, velocity in enumerate(velocities):
+            if usable(velocity):
+                size = abs(self._prover.motion(velocity, labellings[k], normalise=False).jumps).max(axis=1)
+                found[k] = size / max(float(size.max()), 1e-300)
+        return found

@@ -1,0 +1,59 @@
+"""Annealing: what its moves do to a labelling, and that it reaches proven optima."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import grid_document
+from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis, Movements
+from jld_core.scene import parse_scene
+from jld_explore import ExploreSettings, explore
+from jld_explore.drivers import BufferedRandom, operators
+from jld_explore.drivers.operators import Following
+from jld_explore.space import feasible, search_space
+
+WALL = [*["aaaa"] * 4, "####"]
+OPTIONS = {"block_cells": [1, 3], "tension": 5e3, "shear": 5e3}
+
+
+@pytest.mark.parametrize("kernel", ["", "off"])
+def test_a_tower_moves_at_its_foot_alone(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rocking about the foot: λ = 1/4 there, 1/3 at the joint above (width over height of what rocks), all dry."""
+    monkeypatch.setenv("JLD_KERNEL", kernel)
+    assembly = build_assembly(parse_scene(grid_document(["a", "a", "a", "a", "#"])))
+    moving = Movements(LimitAnalysis(assembly)).of(np.ones((3, len(assembly.interfaces)), dtype=bool))
+    feet = assembly.elements.support[assembly.interfaces.a] | assembly.elements.support[assembly.interfaces.b]
+    assert moving.shape == (3, 4)
+    assert moving[:, feet] == pytest.approx(1.0)
+    assert moving[:, ~feet] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_face_that_moves_is_joined() -> None:
+    assembly = build_assembly(parse_scene(grid_document(WALL, **OPTIONS)))
+    space = search_space(parse_scene(grid_document(WALL, **OPTIONS)), assembly)
+    moves, rng = operators(space), BufferedRandom(np.random.default_rng(1))
+    follow = Following(space, moves)
+    rows = moves.draw(40, rng)
+    joined = 0
+    for labels in rows:
+        faces = np.flatnonzero(labels & space.candidates)
+        moving = np.zeros((1, len(labels)))
+        moving[0, faces[0]] = 1.0
+        child, of = follow.changes(labels[None], follow.parts(labels[None]), moving, rng)
+        assert feasible(space, child).all()
+        assert of.tolist() == [0] * len(child)
+        joined += int((~child[:, faces[0]]).sum())
+    assert joined > 20
+
+
+def test_it_reaches_what_is_proven(tmp_path: Path) -> None:
+    scene = parse_scene(grid_document(WALL, **OPTIONS))
+    proven = explore(scene, tmp_path / "exact", ExploreSettings(driver="exact", pictures=False)).summary
+    settings = ExploreSettings(driver="anneal", budget=600, pictures=False, options={"chains": 8})
+    found = explore(scene, tmp_path / "anneal", settings).summary
+    assert proven["proven"]
+    assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
