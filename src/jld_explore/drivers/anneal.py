@@ -25,11 +25,11 @@ from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, standing
 from jld_explore.space import SearchSpace, canonical, keys
 
-HOT: Final = 0.02
-COLD: Final = 2e-4
+_HOT: Final = 0.02
+_COLD: Final = 2e-4
 """Temperatures at the beginning and the end of a cycle, beside the largest λ known."""
 
-CYCLE: Final = 8
+_CYCLE: Final = 8
 """Changes of each chain in the first cycle, for each face that can change."""
 
 _TURNS: Final = 12
@@ -79,7 +79,7 @@ class Anneal(Searcher):
         self._known: dict[bytes, tuple[float, int]] = {}
         self._best: tuple[float, Bits | None, int] = (math.inf, None, 0)
         self._steps, self._began = 0, 0
-        self._length = CYCLE * max(1, self.operators.keys)
+        self._length = _CYCLE * max(1, self.operators.keys)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -156,7 +156,7 @@ class Anneal(Searcher):
         part = min((self._steps - self._began) / self._length, 1.0)
         energy = self._best[0]
         size = abs(energy) if abs(energy) < _BARRED else 1.0
-        return float(HOT * (COLD / HOT) ** part * max(size, 1e-300))
+        return float(_HOT * (_COLD / _HOT) ** part * max(size, 1e-300))
 
     def _step(self, number: int, row: Bits, energy: float, case: int) -> None:
         """A chain goes to a labelling, or stays."""
