@@ -16,6 +16,7 @@ BENCHMARKS: Final = (
     "zero_dilation",
     "zero_dilation_floor",
     "certificates",
+    "cases",
     "exact",
     "spared",
     "drivers",

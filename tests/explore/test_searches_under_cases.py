@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import InputError, SolveOptions, build_assembly, parse_scene, solve
+from jld_core import InputError, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
+from jld_explore.drivers import Enumeration
+from jld_explore.drivers.exact import Exact
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
 from jld_explore.space import from_string
 
 RIGHT, LEFT, DOWN = [{"body": [1, 0]}], [{"body": [-1, 0]}], [{"body": [0, -1]}]
@@ -88,6 +91,34 @@ def test_fronts_of_cases(tmp_path: Path) -> None:
     assert found.summary["proven"]
     assert proven == pytest.approx({k: v for k, v in known.items() if k in proven}, rel=1e-5)
     assert set(known.index) <= set(proven)
+
+
+@pytest.mark.parametrize("name", ["two winds", "unequal winds"])
+def test_a_tree_of_blocks_under_cases_is_enumeration(name: str) -> None:
+    scene = scene_of(name)
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    driver = Exact(space, by_blocks="on", search=0)
+    evaluator = evaluator_of(assembly, EvaluatorSettings())
+    while len(rows := driver.ask()):
+        driver.tell(rows, evaluator.evaluate_all(rows))
+    every = np.concatenate([rows for rows, _ in Enumeration(space).batches()])
+    best = max(found.load_factor for found in evaluator.evaluate_all(every) if found.status is Status.COLLAPSE)
+    assert driver.finished
+    assert driver.relaxations > 0
+    assert driver.found[None].load_factor == pytest.approx(best, rel=2e-6)
+    assert driver.found[None].bound >= best * (1.0 - 1e-9)
+
+
+def test_a_case_that_cannot_matter_is_not_solved() -> None:
+    """Unstable under one case: the others need no solve, and whoever asks again is told the same."""
+    assembly = build_assembly(scene_of("overhang"))
+    labels = np.ones(len(assembly.interfaces), dtype=bool)
+    slow = evaluator_of(assembly, EvaluatorSettings(SolveOptions(friction="zero-dilation")))
+    quick = evaluator_of(assembly, EvaluatorSettings())
+    found, whole = slow.evaluate(labels), quick.evaluate_all(labels[None])[0]
+    assert found.status is whole.status is Status.UNSTABLE
+    assert np.isnan(found.cases).all()
 
 
 def test_a_mirror_maps_winds_onto_one_another() -> None:

@@ -5,6 +5,7 @@
 - `Batch`: the kernel for one limit analysis
 - `BatchAnswers`: what is settled of k labellings
 - `BlockRelaxation`: bounds on λ over all choices of blocks
+- `CaseBlockRelaxation`: the same of the choice of blocks
 - `CaseRelaxation`: bounds on the governing factor where faces are undecided
 - `Choice`: what that relaxation says of some blocks
 - `Climb`: one labelling on its way up
@@ -50,7 +51,7 @@ from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
-from jld_core.limit.case_relaxation import CaseRelaxation
+from jld_core.limit.case_relaxation import CaseBlockRelaxation, CaseRelaxation
 from jld_core.limit.governing import Governing, Known, governing
 from jld_core.limit.mechanism import (
     Movement,
@@ -74,6 +75,7 @@ __all__ = [
     "Batch",
     "BatchAnswers",
     "BlockRelaxation",
+    "CaseBlockRelaxation",
     "CaseRelaxation",
     "Choice",
     "Climb",

@@ -7,7 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from jld_core.arrays import Bits, Bools
+from jld_core.limit.block_relaxation import BlockRelaxation, Choice
 from jld_core.limit.relaxation import DualBound, Relaxation
+
+_ROUNDING = 4.0 * float(np.finfo(float).eps)
+"""Part by which bounds are raised, and thresholds lowered, so that nothing is lost by putting them into other units."""
 
 
 class CaseRelaxation:
@@ -36,12 +40,47 @@ class CaseRelaxation:
             found = self._cases[case].refute(labels, undecided, threshold / unit)
             if found is not None:
                 self._order.insert(0, self._order.pop(position))
-                # rounded up: a bound must not lose by being put into other units
                 bound = found.bound * unit
-                return DualBound(found.excess, found.cost, bound + abs(bound) * 4.0 * np.finfo(float).eps)
+                return DualBound(found.excess, found.cost, bound + abs(bound) * _ROUNDING)
         return None
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Governing factor that no labelling exceeds that agrees where decided; inf where none was found."""
         each = (one.bound(labels, undecided) * unit for one, unit in zip(self._cases, self._units, strict=True))
         return min(each, default=np.inf)
+
+
+class CaseBlockRelaxation:
+    """The relaxation by blocks under several load cases: no segmentation has more than any one case leaves it.
+
+    cases: the relaxation of each case. required: factor of each. Bounds are of the governing factor, not scaled. The
+    case that refuted last is asked first, and where one refutes the others are not asked.
+    """
+
+    def __init__(self, cases: Sequence[BlockRelaxation], required: Sequence[float]) -> None:
+        self._cases = list(cases)
+        self._units = [one.template.scaling.load / factor for one, factor in zip(cases, required, strict=True)]
+        self._order = list(range(len(self._cases)))
+
+    @property
+    def solves(self) -> int:
+        """Programs solved so far."""
+        return sum(one.solves for one in self._cases)
+
+    def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
+        """What is known of the segmentations into allowed blocks (p,); threshold, most: governing factors."""
+        useless = np.zeros(len(allowed), dtype=bool)
+        least: Choice | None = None
+        for position, case in enumerate(self._order):
+            unit = self._units[case]
+            aim = (threshold - abs(threshold) * _ROUNDING) / unit
+            found = self._cases[case].choose(allowed, aim, (most + abs(most) * _ROUNDING) / unit)
+            useless |= found.useless
+            if found.refuted:
+                self._order.insert(0, self._order.pop(position))
+                return Choice(min(most, threshold), True, found.share, useless)
+            bound = min(most, found.bound * unit + abs(found.bound * unit) * _ROUNDING)
+            if least is None or bound < least.bound:
+                least = Choice(bound, False, found.share, useless)
+        assert least is not None
+        return Choice(least.bound, False, least.share, useless)

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+import time
+from functools import cached_property
+from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import Known, Status, governing
+from jld_core.limit import Known, LimitAnalysis, Status, governing
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
+
+_UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
+"""Of a case that cannot matter any more."""
 
 
 class CasesEvaluator:
@@ -26,6 +32,8 @@ class CasesEvaluator:
 
         A labelling counts as evaluated when all its cases are.
         """
+        if not self.settings.in_lanes:
+            return self._one_by_one(labellings, floors, waiting, deadline)
         found: list[list[Evaluation]] = []
         count = len(labellings)
         for evaluator, factor in zip(self._each, self._required, strict=True):
@@ -37,9 +45,40 @@ class CasesEvaluator:
         return [self._together([answers[k] for answers in found]) for k in range(count)]
 
     def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
-        """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of the governing factor."""
-        pairs = zip(self._each, self._required, strict=True)
-        return self._together([each.evaluate(labels, floor * factor, waiting) for each, factor in pairs])
+        """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of the governing factor.
+
+        Once a case shows that the labelling is unstable, or not worth more than the floor, no other is solved.
+        """
+        found = [_UNSOLVED] * len(self._each)
+        for case in self._order:
+            factor = self._required[case]
+            found[case] = self._each[case].evaluate(labels, floor * factor, waiting)
+            if found[case].settled == BOUND or found[case].status is Status.UNSTABLE:
+                break
+        return self._together(found)
+
+    @cached_property
+    def _order(self) -> list[int]:
+        """Cases by what the scene's own labelling carries of them, the most critical first: one order for all."""
+        worth = []
+        for case, factor in zip(self.assembly.by_case, self._required, strict=True):
+            analysis = LimitAnalysis(case)
+            proof = analysis.prove(self.assembly.labels)
+            none = -math.inf if proof.status is Status.UNSTABLE else math.inf
+            number = proof.load_factor * analysis.template.scaling.load / factor
+            worth.append(number if proof.status is Status.COLLAPSE else none)
+        return sorted(range(len(worth)), key=worth.__getitem__)
+
+    def _one_by_one(
+        self, labellings: Bits, floors: Floats | None, waiting: Bits | None, deadline: float | None
+    ) -> list[Evaluation]:
+        values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
+        found: list[Evaluation] = []
+        for labels, floor in zip(labellings, values, strict=True):
+            if deadline is not None and time.time() >= deadline:
+                break
+            found.append(self.evaluate(labels, floor, waiting))
+        return found
 
     def _together(self, cases: list[Evaluation]) -> Evaluation:
         known = [Known(one.status, one.low, one.high, one.load_factor) for one in cases]

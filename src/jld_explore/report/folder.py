@@ -107,7 +107,11 @@ def write_pictures(done: Exploration, ending: str = "png", out: Path | None = No
     pictures = {"pareto": drawings.front_picture(done)}
     best = done.summary["best_labelling"]
     if best is not None:
-        pictures["best"] = drawings.plot_best(solve(done.assembly, from_string(best), **vars(done.model)))
+        found = solve(done.assembly, from_string(best), **vars(done.model))
+        pictures["best"] = drawings.plot_best(found)
+        # of several load cases the best picture shows the one that governs, and each has one of its own
+        for number, one in enumerate(found.cases.values(), 1):
+            pictures[f"best-{number}"] = drawings.plot_best(one)
     pictures["distribution"] = drawings.plot_distribution(done.results)
     pictures["dry_frequency"] = drawings.plot_dry_frequency(done.results, done.assembly)
     history = done.folder / tables.CONVERGENCE

@@ -7,16 +7,16 @@ root, which it does for blocks of a few cells, and given up where strengths are 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
+from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, LimitAnalysis, applies_to
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
-from jld_explore.drivers.exact.conflicts import Conflict
+from jld_explore.drivers.exact.conflicts import AnyRelaxation, Conflict
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
@@ -46,22 +46,22 @@ class Found:
 
 
 class BlockSearch:
-    """The tree of one space, if it has one. relaxation: face by face, to look at single labellings. wanted: whether
+    """The tree of one space, if it has one. analyses: of its load cases. relaxation: face by face, to look at single labellings. wanted: whether
     there is to be one; "auto": where it promises more than conflicts of faces.
     """
 
     def __init__(
         self,
-        analysis: LimitAnalysis,
+        analyses: Sequence[LimitAnalysis],
         space: SearchSpace,
         blocks: PossibleBlocks | None,
-        relaxation: Relaxation,
+        relaxation: AnyRelaxation,
         wanted: ByBlocks = "auto",
     ) -> None:
         self._wanted = wanted
-        self._analysis, self._space, self._relaxation = analysis, space, relaxation
+        self._analyses, self._space, self._relaxation = analyses, space, relaxation
         self._blocks = blocks
-        self._choices: BlockRelaxation | None = None
+        self._choices: BlockRelaxation | CaseBlockRelaxation | None = None
         self._tree: BlockTree | None = None
         self._seen: set[bytes] = set()
         self._blunt = 0
@@ -69,11 +69,15 @@ class BlockSearch:
     def start(self, least: float, root: float) -> None:
         """Begin a tree where there is to be one. least, root: scaled λ to reach, and bound."""
         blocks = self._blocks
-        if self._wanted == "off" or blocks is None or not math.isfinite(root) or not applies_to(self._analysis):
+        if self._wanted == "off" or blocks is None or not math.isfinite(root):
+            return
+        if not all(applies_to(analysis) for analysis in self._analyses):
             return
         if self._wanted == "auto" and len(blocks) > _LISTED * len(self._space.assembly.elements.free):
             return
-        self._choices = BlockRelaxation(self._analysis, blocks.members, blocks.inside)
+        each = [BlockRelaxation(analysis, blocks.members, blocks.inside) for analysis in self._analyses]
+        required = self._space.assembly.required.tolist()
+        self._choices = CaseBlockRelaxation(each, required) if self._space.assembly.cases else each[0]
         tree = BlockTree(self._choices, self._space, blocks, least, root)
         if self._wanted == "on" or root - tree.root.bound >= _CLOSER * (root - least):
             self._tree = tree

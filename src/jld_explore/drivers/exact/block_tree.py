@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit import BlockRelaxation, Choice
+from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, Choice
 from jld_explore.drivers.exact.conflicts import Conflict
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
@@ -72,7 +72,12 @@ class BlockTree:
     """
 
     def __init__(
-        self, relaxation: BlockRelaxation, space: SearchSpace, blocks: PossibleBlocks, threshold: float, most: float
+        self,
+        relaxation: BlockRelaxation | CaseBlockRelaxation,
+        space: SearchSpace,
+        blocks: PossibleBlocks,
+        threshold: float,
+        most: float,
     ) -> None:
         self._relaxation, self._space, self._blocks = relaxation, space, blocks
         self._lay_out(space, blocks)

@@ -106,8 +106,7 @@ class Exact(Driver):
         if covered:
             each = [Relaxation(analysis) for analysis in analyses]
             self._relaxation = CaseRelaxation(each, required) if space.assembly.cases else each[0]
-            trees = "off" if space.assembly.cases else by_blocks  # the relaxation by blocks knows one load
-            self._by_blocks = BlockSearch(analyses[0], space, self._blocks, each[0], trees)
+            self._by_blocks = BlockSearch(analyses, space, self._blocks, self._relaxation, by_blocks)
         self._free = space.candidates.copy()
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
