@@ -114,8 +114,9 @@ def main() -> None:
         beside.append(f"{name}: {plain:.2f} s without, {pool:.2f} s with")
     note = f"Processor seconds of one process, medians of {TURNS} turns; λ of every case is in the tables."
     why = (
-        "**Why cases take no certificates.** The kernel solves a layout sooner than a pool of certificates is asked about "
-        f"it. Enumerations under one load, {'; '.join(beside)}. With cases a pool would have to settle every one of them."
+        "**Why cases take no certificates.** The kernel solves a layout sooner than a pool of certificates is asked "
+        f"about it. Enumerations under one load, {'; '.join(beside)}. "
+        "With cases a pool would have to settle every one of them."
     )
     write("cases", f"# Two mirrored load cases beside one load\n\n{table(head, rows)}\n\n{note}\n\n{why}")
 

@@ -46,8 +46,8 @@ class Found:
 
 
 class BlockSearch:
-    """The tree of one space, if it has one. analyses: of its load cases. relaxation: face by face, to look at single labellings. wanted: whether
-    there is to be one; "auto": where it promises more than conflicts of faces.
+    """The tree of one space, if it has one. analyses: of its load cases. relaxation: face by face, to look at single
+    labellings. wanted: whether there is to be one; "auto": where it promises more than conflicts of faces.
     """
 
     def __init__(
