@@ -46,8 +46,11 @@ def scenes() -> dict[str, tuple[dict[str, Any], Loads]]:
     rows = arch["grid"]["rows"]
     cells = [(c, r) for r, row in enumerate(rows) for c, letter in enumerate(row) if letter.isalpha()]
     width = len(rows[0])
-    left = [{"element": f"c{c}r{r}", "force": [0.0, -1.0]} for c, r in cells if r == 0 and 2 * c + 1 < width]
-    right = [{**load, "element": f"c{width - 1 - int(load['element'][1:].split('r')[0])}r0"} for load in left]
+    columns = [c for c, r in cells if r == 0 and 2 * c + 1 < width]
+    left, right = (
+        [{"element": f"c{c}r0", "force": [0.0, -1.0]} for c in side]
+        for side in (columns, [width - 1 - c for c in columns])
+    )
     return {
         "wall 4 × 3 in wind, blocks up to 3": (_wall(4, 3, 3), wind),
         "beam-arch, one half loaded": (arch, (left, right)),
