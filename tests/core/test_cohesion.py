@@ -16,9 +16,10 @@ import pytest
 
 import cases_spatial
 import reference_spatial
+from balances import flow_rule
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solve
-from jld_core.limit import flow_rule, result_of
+from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
 from jld_core.models import solve_zero_dilation
 from jld_core.views import quantities

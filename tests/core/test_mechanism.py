@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import cases_spatial
+from balances import flow_rule, work_balance
 from cases import CASES, grid_assembly
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
-from jld_core.limit import Movement, face_jumps, face_motions, flow_rule, work_balance
+from jld_core.limit import Movement, face_jumps, face_motions
 from jld_core.models import solve_zero_dilation
 from paths import SCENES
 

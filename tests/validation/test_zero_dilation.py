@@ -13,6 +13,7 @@ import pytest
 from benchmarks.gilbert import Smoothing, smoothed
 
 import cases_spatial
+from balances import flow_rule, work_balance
 from cases import CASES, grid_assembly
 from jld_core import (
     Assembly,
@@ -22,7 +23,6 @@ from jld_core import (
     build_assembly,
     load_scene,
 )
-from jld_core.limit import flow_rule, work_balance
 from jld_core.models import Scheme, solve_zero_dilation, zero_dilation
 from jld_core.samples import random_wall
 from nondilatant import block, certify

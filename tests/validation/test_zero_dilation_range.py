@@ -16,10 +16,10 @@ import pytest
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 import cases_spatial
+from balances import flow_rule
 from cases import CASES, grid_assembly, grid_document
 from command import call
 from jld_core import Assembly, InputError, SolveOptions, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.limit import flow_rule
 from jld_core.samples import halved_bond, random_wall
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify

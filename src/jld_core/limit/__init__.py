@@ -35,14 +35,12 @@
 - `element_velocities`: scaled velocities → scene units
 - `face_jumps`: velocities → jumps of the faces
 - `face_motions`: what each face does in a mechanism
-- `flow_rule`: how well every face obeys its flow rule
 - `governing`: the governing factor of a labelling from what is known of its load cases
 - `governing_result`: results of load cases → the result of the structure
 - `load_floor`: λ below which differences are no matter
 - `number`: a JSON number, or null
 - `relative_width`: width of a bracket, relative
 - `result_of`: a proof → a result in scene units
-- `work_balance`: power of the loads against what is dissipated
 """
 
 from __future__ import annotations
@@ -58,8 +56,6 @@ from jld_core.limit.mechanism import (
     displacement,
     face_jumps,
     face_motions,
-    flow_rule,
-    work_balance,
 )
 from jld_core.limit.movements import Movements
 from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
@@ -105,12 +101,10 @@ __all__ = [
     "element_velocities",
     "face_jumps",
     "face_motions",
-    "flow_rule",
     "governing",
     "governing_result",
     "load_floor",
     "number",
     "relative_width",
     "result_of",
-    "work_balance",
 ]

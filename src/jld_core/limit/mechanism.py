@@ -1,6 +1,6 @@
-"""What a mechanism does at every face, and whether it balances: jumps, flow rules, work (docs/method.md (3.1), (4.5)).
+"""What a mechanism does at every face: jumps, and the movement they amount to (docs/method.md (3.1)).
 
-m interfaces, n elements, d = 2 or 3, q resultants per interface. Nothing here solves anything.
+m interfaces, n elements, d = 2 or 3, q resultants per interface.
 """
 
 from __future__ import annotations
@@ -14,16 +14,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 from jld_core.limit.result import LimitAnalysisResult
-from jld_core.mechanics import (
-    Contact,
-    InnerBending,
-    PrescribedFriction,
-    YieldSet,
-    equilibrium_matrix,
-    load_vectors,
-    scaling_of,
-    yield_set,
-)
+from jld_core.mechanics import equilibrium_matrix
 
 SMALL: Final = 0.01
 """Share of the largest movement of a mechanism below which a face counts as closed."""
@@ -51,32 +42,6 @@ class FaceMotion:
     kind: Movement
     place: Floats
     size: float
-
-
-@dataclass(frozen=True)
-class FlowRule:
-    """How far each face's jump and force are from its flow rule, both (m,), scaled; 0 is exact.
-
-    margin: least slack of the conditions on the jump (δ ≥ bending + dilation), negative where violated.
-    gap: D(J) + F·J ≥ 0, zero where the force works as much as any admissible force could.
-    """
-
-    margin: Floats
-    gap: Floats
-
-
-@dataclass(frozen=True)
-class WorkBalance:
-    """Powers of a mechanism, scene units: of the loads at the upper end of the bracket, and dissipated."""
-
-    external: float
-    dissipated: float
-    size: float
-
-    @property
-    def error(self) -> float:
-        """|external − dissipated| over the largest of the powers that make them up."""
-        return abs(self.external - self.dissipated) / self.size if self.size > 0.0 else 0.0
 
 
 def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Floats) -> Floats:
@@ -149,56 +114,3 @@ def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
         return float(abs(jumps[face, 1]))
     slip = float(np.hypot(jumps[face, 1], jumps[face, 2]))
     return max(slip, float(assembly.interfaces.c_t[face] * abs(jumps[face, 5])))
-
-
-def yield_set_of(
-    result: LimitAnalysisResult, inner_bending: InnerBending = "paper", contact: Contact | None = None
-) -> YieldSet:
-    """The yield set that a result's forces and mechanism answer to, scaled by `scaling_of` its assembly.
-
-    Under zero dilation the friction is frozen at μN of the result's own forces. inner_bending, contact: what
-    the run was given. Raises ValueError where friction is to be frozen and the result holds no forces.
-    """
-    assembly = result.assembly
-    scaling = scaling_of(assembly)
-    base = yield_set(assembly, scaling, inner_bending)
-    none = np.zeros(len(assembly.interfaces))
-    if result.friction == "associative":
-        return base if contact is None else PrescribedFriction(base, 1.0, none, contact)
-    if result.forces is None:
-        raise ValueError("the result holds no forces")
-    return PrescribedFriction(base, 0.0, result.forces[:, 0] / scaling.face[:, 0], contact)
-
-
-def flow_rule(result: LimitAnalysisResult, sets: YieldSet | None = None) -> FlowRule:
-    """How well every face obeys its flow rule: normality, without dilation where the result has none.
-
-    sets: the yield set where `yield_set_of` does not know it. Raises ValueError without forces or mechanism.
-    """
-    forces, jumps = _scaled(result)
-    sets = sets or yield_set_of(result)
-    gap = sets.dissipation(jumps, result.labels) + np.einsum("ij,ij->i", forces, jumps)
-    return FlowRule(sets.margin(jumps, result.labels), gap)
-
-
-def work_balance(result: LimitAnalysisResult, sets: YieldSet | None = None) -> WorkBalance:
-    """Power of the loads at λ_hi against what the faces dissipate. Arguments and errors as for `flow_rule`."""
-    if result.mechanism is None:
-        raise ValueError("the result holds no mechanism")
-    assembly, scaling = result.assembly, scaling_of(result.assembly)
-    sets = sets or yield_set_of(result)
-    velocity = result.mechanism[assembly.elements.free].ravel()
-    dead, live = load_vectors(assembly)
-    pushed, carried = float(result.bracket[1] * (live @ velocity)), float(dead @ velocity)
-    jumps = face_jumps(assembly, result.mechanism) * scaling.face
-    dissipated = float(sets.dissipation(jumps, result.labels).sum())
-    return WorkBalance(pushed + carried, dissipated, max(abs(pushed), abs(carried), abs(dissipated)))
-
-
-def _scaled(result: LimitAnalysisResult) -> tuple[Floats, Floats]:
-    """Scaled forces (m, q), and jumps (m, q) dual to them: their product is a power in scene units over none."""
-    if result.mechanism is None or result.forces is None:
-        raise ValueError("the result holds no mechanism" if result.mechanism is None else "no forces")
-    scaling = scaling_of(result.assembly)
-    jumps = face_jumps(result.assembly, result.mechanism) * scaling.face
-    return result.forces / scaling.face, jumps
