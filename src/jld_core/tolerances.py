@@ -40,6 +40,10 @@ CRUSHING_WIDTH: Final = 3e-8
 ROUNDING: Final = 1e-12
 """What a jump or a force that is zero by construction may show in floating point, relative to its vector."""
 
+VERTEX_ROUNDING: Final = 1e-13
+"""The same at a vertex of a linear program, whose equations hold exactly: jumps below it, relative to the largest
+velocity, are zero."""
+
 CONTACT: Final = 1e-7
 """Gap, offset and misalignment, relative to the shorter edge, at which two faces still touch."""
 

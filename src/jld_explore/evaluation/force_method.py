@@ -32,18 +32,31 @@ from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, me
 LARGEST: Final = 64
 """Faces, beyond which a vertex takes longer than an interior point and its proofs: 4.7 ms against 2.2 at 88 faces."""
 
-_MARGIN: Final = 1e-12  # slack asked of every row, so that a vertex is inside after rounding
-_TIE: Final = 1e-9  # price of motion where rows have no slack to spare, and idle motions none
-_UNIT: Final = 1e3  # of costs: HiGHS tells forces apart by 1e-10, which is more than the margin
-_CAP: Final = 1e3  # most that a row of the labelling itself may move: where it does, nothing carries the loads
-_WISH: Final = 1e-5  # most that a row of another label may move: so little that no λ is given up for it
-_PASSES: Final = 2  # times that wishes are weighed anew by what the answer before leaves of them
-_EXCESS: Final = 1e-2  # excess below which a wish counts as nearly met
-_MET: Final = 1e-9  # excess that is rounding
-_LOST: Final = 1e-8  # share of λ that wishes may cost
-_SAME: Final = 1e-7  # difference between bounds, relative, that labellings of one family show
-_REST: Final = 1e-13  # jumps below this, relative to the largest velocity, are the rounding of zero
-_BEYOND: Final = 1e6  # stands for a dissipation that has no bound
+
+@dataclass(frozen=True)
+class VertexSettings:
+    """How vertices are chosen; every number is dimensionless, of forces and jumps scaled to order one.
+
+    margin: slack asked of every row, so that a vertex is inside after rounding. tie: price of motion where rows have
+    no slack to spare, and idle motions none. unit: of costs: HiGHS tells forces apart by 1e-10, which is more than
+    the margin. most: that a row of the labelling itself may move: where it does, nothing carries the loads.
+    most_of_others: that a row of another label may move: so little that no λ is given up for it. passes: times that
+    other labels are weighed anew by what the answer before leaves of them. excess: below which another label is nearly
+    met. met: excess that is rounding. given_up: share of λ that other labels may cost. same: relative difference
+    between bounds that labellings of one family show. unbounded: stands for a dissipation that has no bound.
+    """
+
+    margin: float = 1e-12
+    tie: float = 1e-9
+    unit: float = 1e3
+    most: float = 1e3
+    most_of_others: float = 1e-5
+    passes: int = 2
+    excess: float = 1e-2
+    met: float = 1e-9
+    given_up: float = 1e-8
+    same: float = 1e-7
+    unbounded: float = 1e6
 
 
 @dataclass(frozen=True)
@@ -58,8 +71,11 @@ class Vertex:
 class ForceMethod:
     """The linear program of one template; `usable` says whether it has one."""
 
-    def __init__(self, template: Template, prover: Prover, interior: Repair) -> None:
+    def __init__(
+        self, template: Template, prover: Prover, interior: Repair, settings: VertexSettings | None = None
+    ) -> None:
         self.template, self.prover, self.interior = template, prover, interior
+        self.settings = settings or VertexSettings()
         assembly, sets = template.assembly, template.yield_set
         faces = len(assembly.interfaces)
         every = np.ones(faces, dtype=bool)
@@ -98,12 +114,12 @@ class ForceMethod:
         self._face = np.tile(pattern.row_face, 2)[used]
         self._dry = np.repeat([True, False], len(pattern.h_dry))[used]
         program = np.vstack([self._spread.T @ self._rows.T, self._rows @ self._live])
-        program[abs(program) < _REST] = 0.0
+        program[abs(program) < tolerances.VERTEX_ROUNDING] = 0.0
         self._program = program
         self._cost = self._limit - self._rows @ self._dead
         self._places = np.arange(len(self._cost), dtype=np.int32)
         self._nothing = np.zeros(len(self._cost))
-        self._highs = _highs(program, _UNIT * (self._cost - _MARGIN))
+        self._highs = _highs(program, self.settings.unit * (self._cost - self.settings.margin))
         # the labelling of all rows at once, which none is weaker than
         self._highs.run()
         self._start = self._highs.getBasis()
@@ -115,26 +131,27 @@ class ForceMethod:
 
         labels: (m,) True dry. waiting: (k, m) labellings that the forces had better carry as well.
         """
-        found = self._solve(labels, waiting, _MARGIN)
+        found = self._solve(labels, waiting, self.settings.margin)
         if found is not None and (found.state is None or found.state.admissible):
             return found
         # sets that leave no room at all: no margin can be kept
         try:
-            self._price(_TIE)
+            self._price(self.settings.tie)
             return self._solve(labels, waiting, 0.0)
         finally:
-            self._price(-_MARGIN)
+            self._price(-self.settings.margin)
 
     def _solve(self, labels: Bits, waiting: Bits | None, margin: float) -> Vertex | None:
+        chosen = self.settings
         own = labels[self._face] == self._dry
-        if not self._run(np.where(own, _CAP, 0.0), anew=bool(margin)):
+        if not self._run(np.where(own, chosen.most, 0.0), anew=bool(margin)):
             return None
         moves = self._moves()
         motion = self._checked(self._velocity(moves), labels)
         if not motion.margin >= 0.0:
             return None
         falls = motion.bound < -max(tolerances.ROUNDING, motion.noise)
-        if not falls and moves.max() > 0.5 * _CAP:
+        if not falls and moves.max() > 0.5 * chosen.most:
             return None
         mechanism = mechanism_of(self.template, motion, labels)
         if falls:
@@ -142,17 +159,17 @@ class ForceMethod:
         if not margin:
             # what made idle motions dear has made room for forces, too
             self._price(0.0)
-            if not self._run(np.where(own, _CAP, 0.0)):
+            if not self._run(np.where(own, chosen.most, 0.0)):
                 return None
         family = self._family(mechanism, motion.bound, labels, waiting)
         points = [self._point()]
         # where it is known for whom, and there is nobody, nothing is gained by other forces
-        for _ in range(_PASSES if waiting is None or family is not None else 0):
-            wishes = self._wishes(points[-1], labels, own, family)
-            if wishes is None or not self._run(np.where(own, _CAP, _WISH * wishes)):
+        for _ in range(chosen.passes if waiting is None or family is not None else 0):
+            weights = self._weights(points[-1], labels, own, family)
+            if weights is None or not self._run(np.where(own, chosen.most, chosen.most_of_others * weights)):
                 break
             points.append(self._point())
-        least = points[0][-1] - _LOST * max(abs(points[0][-1]), self._floor)
+        least = points[0][-1] - chosen.given_up * max(abs(points[0][-1]), self._floor)
         for point in reversed(points):
             state = self._admitted(point, labels, exact=not margin)
             if point[-1] >= least and state.admissible:
@@ -162,7 +179,7 @@ class ForceMethod:
 
     def _price(self, extra: float) -> None:
         """Set what each row costs beside its limit."""
-        self._highs.changeColsCost(len(self._places), self._places, _UNIT * (self._cost + extra))
+        self._highs.changeColsCost(len(self._places), self._places, self.settings.unit * (self._cost + extra))
 
     def _run(self, most: Floats, *, anew: bool = False) -> bool:
         """Solve under bounds (k,); False where there is no optimum. anew: from the basis all labellings begin at."""
@@ -175,7 +192,7 @@ class ForceMethod:
 
     def _point(self) -> Floats:
         """Forces and λ of the answer, (q·m + 1,)."""
-        free = np.array(self._highs.getSolution().row_dual) / _UNIT
+        free = np.array(self._highs.getSolution().row_dual) / self.settings.unit
         return np.asarray(self._table @ free + self._dead_point)
 
     def _moves(self) -> Floats:
@@ -186,7 +203,7 @@ class ForceMethod:
         """Velocities (q·free,) with these moves: those of the tree's faces say them all."""
         return np.asarray(-(moves @ self._tree_rows) @ self._inverse)
 
-    # --- wishes -----------------------------------------------------------------------------------------
+    # --- other labels -----------------------------------------------------------------------------------
 
     def _family(self, mechanism: Mechanism, bound: float, labels: Bits, waiting: Bits | None) -> Bits | None:
         """Others of the waiting that the mechanism gives the same bound; None where there are none."""
@@ -194,16 +211,16 @@ class ForceMethod:
             return None
         if self._asked[0] is not waiting:
             self._asked = waiting, waiting.astype(np.float64)
-        dry, inner = np.minimum(mechanism.dry, _BEYOND), np.minimum(mechanism.inner, _BEYOND)
+        dry, inner = (np.minimum(each, self.settings.unbounded) for each in (mechanism.dry, mechanism.inner))
         value = mechanism.constant + inner.sum() + self._asked[1] @ (dry - inner)
-        family = waiting[abs(value - bound) <= _SAME * max(abs(bound), self._floor)]
+        family = waiting[abs(value - bound) <= self.settings.same * max(abs(bound), self._floor)]
         family = family[(family != labels).any(axis=1)]
         return family if len(family) else None
 
-    def _wishes(self, point: Floats, labels: Bits, own: Bools, family: Bits | None) -> Floats | None:
+    def _weights(self, point: Floats, labels: Bits, own: Bools, family: Bits | None) -> Floats | None:
         """(k,) weight of keeping each row of another label: large where little lacks, or much hangs on it.
 
-        None where the point meets all wishes.
+        None where the point meets the rows of every label.
         """
         excess = np.maximum(self._rows @ point[:-1] - self._limit, 0.0)
         lacking = np.bincount(self._face[~own], excess[~own], len(labels))
@@ -212,10 +229,10 @@ class ForceMethod:
         weight = np.ones(len(labels))
         if family is not None:
             other = family != labels
-            left = other @ (lacking > _MET).astype(np.float64)
+            left = other @ (lacking > self.settings.met).astype(np.float64)
             weight = (1.0 + left) ** -2 @ other
             weight = weight / weight.max() + 1e-6
-        weight /= lacking + _EXCESS
+        weight /= lacking + self.settings.excess
         return np.asarray((weight / weight.max())[self._face])
 
     # --- proofs -----------------------------------------------------------------------------------------
@@ -238,13 +255,13 @@ class ForceMethod:
         if opening is not None and np.isfinite(size):
             jumps = (velocity @ self._matrix).reshape(len(labels), -1)
             margin = float(self.template.yield_set.margin(jumps, labels).min())
-            share = max(_REST * size, -1.001 * margin) / opening.margin
+            share = max(tolerances.VERTEX_ROUNDING * size, -1.001 * margin) / opening.margin
             motion = self.prover.motion(velocity + share * opening.velocity, labels)
             return motion if motion.margin >= 0.0 else self.prover.open_up(motion, opening, labels)
         motion = self.prover.motion(velocity, labels)
         if not np.isfinite(motion.margin):
             return motion
-        rest = _REST * float(abs(motion.velocity).max())
+        rest = tolerances.VERTEX_ROUNDING * float(abs(motion.velocity).max())
         # a vertex meets its equations exactly: what is left of them in floating point is zero
         jumps = np.where(abs(motion.jumps) < rest, 0.0, motion.jumps)
         margins = [self.template.yield_set.margin(jumps, label) for label in (labels, ~labels)]
