@@ -114,7 +114,7 @@ def rows_of(study: Study) -> list[tuple[Any, ...]]:
 def front_of(study: Study) -> list[tuple[str, float]]:
     table = tables.results_table(study.records, study.assembly, study.space, "any")
     front = study.scene.search.front
-    kept = tables.front_table(table, front.count, front.sense)
+    kept = tables.front_table(table, front.axes)
     return list(zip(kept["labelling"], kept["load_factor"], strict=True))
 
 

@@ -19,7 +19,7 @@ from jld_core.errors import InputError
 from jld_core.scene import Scene, Search, parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Enumeration, Exact
-from jld_explore.report.pictures import front_picture
+from jld_explore.report.pictures_of_three import front_picture
 from jld_explore.space import (
     MEASURES,
     SHAPED,

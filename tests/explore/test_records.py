@@ -312,7 +312,7 @@ def test_a_million_rows(tmp_path: Path) -> None:
     records = Records(tmp_path, HEADER, faces)
     assert len(records) == count
     table = tables.results_table(records, assembly, space, "any")
-    front = tables.front_table(table, "dry_faces", "max")
+    front = tables.front_table(table, [("dry_faces", "max")])
     seconds = time.process_time() - start
     records.close()
     assert len(table) == count

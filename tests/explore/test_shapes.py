@@ -96,6 +96,7 @@ LIMITS: dict[str, dict[str, Any]] = {
     "shapes": {"shapes": [1, 2], "block_cells": [1, 3]},
     "moulds": {"shapes": [1, 1], "moulds": {"rotate": True, "flip": True}, "block_cells": [1, 3]},
     "mass": {"block_mass": [None, 70.0]},
+    "except": {"block_cells": [2, 2], "convex_blocks": True, "except": ["c0r0"]},
 }
 
 
@@ -118,6 +119,9 @@ def brute(name: str) -> Iterator[bytes]:
             [place[e] for e in np.flatnonzero(names == n) if not assembly.elements.support[e]]
             for n in np.unique(names[assembly.elements.free])
         ]
+        corner = (0, round(assembly.elements.centroid[0][1] / 0.2 - 0.5))
+        if name == "except":
+            groups = [group for group in groups if corner not in group]
         if _good(name, groups, mass):
             yield np.packbits(labels).tobytes()
 
@@ -133,6 +137,8 @@ def _good(name: str, groups: list[list[tuple[int, int]]], mass: float) -> bool:
     most = LIMITS[name].get("block_cells", [1, 99])[1]
     if any(len(group) > most for group in groups):
         return False
+    if name == "except":
+        return all(len(group) == most for group in groups)
     sizes = [(np.ptp([x for x, _ in g]) + 1, np.ptp([y for _, y in g]) + 1) for g in groups]
     filled = [w * h == len(g) for (w, h), g in zip(sizes, groups, strict=True)]
     if name == "convex":

@@ -176,7 +176,7 @@ def test_twenty_thousand_layouts_stay_below_five_megabytes() -> None:
     front = results.iloc[[0, rows - 1]].assign(evidence="found")
     kept = page_table.chosen_rows(results, front)
     assert len(kept) == page_table.MOST + 1
-    table = page_table.table_of(kept, front, assembly, count="dry_faces", sense="max", left_out=rows - len(kept))
+    table = page_table.table_of(kept, front, assembly, axes=[("dry_faces", "max")], left_out=rows - len(kept))
     assert table["evidence"][-1] == "found"
     solution = solution_of(solve(assembly))
     data = page_data(

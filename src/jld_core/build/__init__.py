@@ -2,10 +2,12 @@
 
 - `Geometry`: elements and interfaces, before materials and loads
 - `Resultant`: what a set of generalised forces adds up to
+- `Settlement`: a movement of supports, known up to its size
 - `build_assembly`: Scene → Assembly
 - `build_geometry`: Scene → Geometry
 - `faces_of_pairs`: the interfaces between the elements of each pair
 - `resultant`: its force, line of action and moment
+- `settlements_of`: the settlements of a scene, in their order
 """
 
 from __future__ import annotations
@@ -13,12 +15,15 @@ from __future__ import annotations
 from jld_core.build.assemble import build_assembly, build_geometry
 from jld_core.build.elements import Geometry, faces_of_pairs
 from jld_core.build.plausibility import Resultant, resultant
+from jld_core.build.settlements import Settlement, settlements_of
 
 __all__ = [
     "Geometry",
     "Resultant",
+    "Settlement",
     "build_assembly",
     "build_geometry",
     "faces_of_pairs",
     "resultant",
+    "settlements_of",
 ]

@@ -7,11 +7,19 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import shapely
 
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly, blocks_of
-from jld_core.geometry import Region, Shape, Surface, extrude, shape_numbers, union_outlines, union_solids
+from jld_core.geometry import (
+    Region,
+    Surface,
+    extrude,
+    outline_of,
+    reach_of,
+    shape_numbers,
+    union_outlines,
+    union_solids,
+)
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
 
@@ -136,16 +144,12 @@ class Layout:
         elements = self.assembly.elements
         planar = self.assembly.dimension == 2
         chosen = [k for k, one in enumerate(self.members) if not elements.support[one].all()]
-        shapes = []
-        for k in chosen:
-            if planar:
-                polygons = [shapely.Polygon(region.shell, region.holes) for region in self.regions[k]]
-                corners = np.concatenate([ring for r in self.regions[k] for ring in (r.shell, *r.holes)])
-                shapes.append(Shape(corners, sum(p.area for p in polygons), sum(p.length for p in polygons)))
-            else:
-                shapes.append(_spatial_shape(self.surfaces[k][0]))
+        # what the block is without a support that it is glued to
+        outlines = [
+            outline_of(self.assembly, one[~elements.support[one]]) for one in map(self.members.__getitem__, chosen)
+        ]
         numbers = [0] * len(self.members)
-        for k, number in zip(chosen, shape_numbers(shapes, flip=planar), strict=True):
+        for k, number in zip(chosen, shape_numbers(outlines, reach_of(self.assembly), flip=planar), strict=True):
             numbers[k] = number
         return numbers
 
@@ -176,17 +180,3 @@ class Layout:
             {key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in row.items()}
             for row in rows
         ]
-
-
-def _spatial_shape(surface: Surface) -> Shape:
-    """Corners where faces of three directions meet, volume, and area."""
-    points: Floats = surface.points
-    triangles = np.array(surface.triangles)
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    double = np.cross(b - a, c - a)
-    volume = float(np.einsum("ij,ij->i", a - points[0], double).sum() / 6.0)
-    # corners of neighbours in straight edges are no corners of the shape
-    around = [double[(triangles == k).any(axis=1)] for k in range(len(points))]
-    scale = 1e-6 * np.abs(double).max()
-    corner = np.array([np.linalg.matrix_rank(sides, tol=scale) > 2 for sides in around])
-    return Shape(points[corner], volume, float(0.5 * np.linalg.norm(double, axis=1).sum()))

@@ -1,12 +1,13 @@
-"""Polygons, polyhedra, and where they touch. Knows no Assembly.
+"""Polygons, polyhedra, and where they touch; outlines of blocks, and which are alike.
 
 - `Faces`: faces of polyhedra
 - `Facets`: plane facets of all elements, as arrays
+- `Kinds`: outlines numbered by their shape as they come: each is compared with one of every kind so far
 - `NearMiss`: two faces that nearly touch and are not joined
+- `Outline`: one block's boundary
 - `Overlap`: two elements that share an area or a volume
 - `PlanarContact`: a straight contact of two polygons
 - `Region`: a plane area
-- `Shape`: what is compared of a shape
 - `Snapped`: paths after snapping
 - `SnappedSolids`: solids after snapping
 - `SpatialContact`: a plane contact of two polyhedra
@@ -23,7 +24,9 @@
 - `near_misses`: edges that nearly touch
 - `near_pairs`: boxes that touch or overlap
 - `near_solids`: facets that nearly touch
+- `outline_of`: of the union of some elements of an assembly
 - `planar_interfaces`: frames and sizes of straight contacts
+- `reach_of`: distance within which corners of blocks of an assembly are one
 - `rectangle_torsion_length`: c_T of rectangles
 - `refuse_overlaps`: the complaint about all overlaps, with depth and place
 - `region_of`: a polygon of shapely → Region
@@ -42,8 +45,9 @@
 
 from __future__ import annotations
 
-from jld_core.geometry.congruence import Shape, congruent, shape_numbers
+from jld_core.geometry.congruence import Kinds, congruent, shape_numbers
 from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps, words_of
+from jld_core.geometry.outlines import Outline, outline_of, reach_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
@@ -69,11 +73,12 @@ from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_
 __all__ = [
     "Faces",
     "Facets",
+    "Kinds",
     "NearMiss",
+    "Outline",
     "Overlap",
     "PlanarContact",
     "Region",
-    "Shape",
     "Snapped",
     "SnappedSolids",
     "SpatialContact",
@@ -90,7 +95,9 @@ __all__ = [
     "near_misses",
     "near_pairs",
     "near_solids",
+    "outline_of",
     "planar_interfaces",
+    "reach_of",
     "rectangle_torsion_length",
     "refuse_overlaps",
     "region_of",

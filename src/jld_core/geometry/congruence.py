@@ -1,107 +1,138 @@
-"""Which shapes are the same, wherever they stand and however they are turned."""
+"""Which shapes are the same, wherever they stand and, where that is allowed, however they are turned or turned over."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from jld_core.arrays import Floats
+from jld_core.geometry.outlines import Outline
 
 _SAME: Final = 1e-6
-"""Distance of corners, relative to the shape, within which two shapes are one."""
+"""Distance of corners, relative to the shape, within which two sets of corners are one."""
+
+_MOMENTS: Final = 20.0
+"""How far squares of lengths of one shape may differ, over reach and radius: 4 where every corner is off by twice the
+reach, and more for higher moments."""
 
 
-@dataclass(frozen=True)
-class Shape:
-    """What is compared. corners: (k, d). measure: area or volume. boundary: length or area of the boundary."""
+class Kinds:
+    """Outlines numbered by their shape as they come: each is compared with one of every kind so far.
 
-    corners: Floats
-    measure: float
-    boundary: float
-
-
-def shape_numbers(shapes: Sequence[Shape], *, rotate: bool = True, flip: bool = False) -> list[int]:
-    """Number of the shape of each entry, from 1 by first appearance.
-
-    rotate: turned copies are the same shape. flip: mirrored ones too.
+    reach: distance within which corners are one. rotate: turned copies are the same shape. flip: mirrored ones too;
+    without turns along an axis only.
     """
-    kinds: list[Shape] = []
-    numbers = []
-    for shape in shapes:
-        for number, kind in enumerate(kinds, start=1):
-            if _alike(shape, kind) and congruent(shape.corners, kind.corners, rotate=rotate, flip=flip):
-                numbers.append(number)
-                break
-        else:
-            kinds.append(shape)
-            numbers.append(len(kinds))
-    return numbers
+
+    def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
+        self.reach, self.rotate, self.flip = reach, rotate, flip
+        self._count = 0
+        self._kinds: dict[tuple[int, int], list[tuple[int, Floats, Outline]]] = {}
+
+    def number(self, outline: Outline) -> int:
+        """Number of its shape, from 0 by first appearance."""
+        around = self._kinds.setdefault((outline.count, len(outline.points)), [])
+        moments = self._moments(outline.points)
+        if around:
+            # kinds are many, and their moments tell nearly all apart
+            radius = float(np.sqrt((outline.points**2).sum(axis=1).max()))
+            differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
+            for k in np.flatnonzero(differ <= _MOMENTS * self.reach * radius).tolist():
+                number, _, kind = around[k]
+                if alike(outline, kind, self.reach, rotate=self.rotate, flip=self.flip):
+                    return number
+        around.append((self._count, moments, outline))
+        self._count += 1
+        return self._count - 1
+
+    def _moments(self, points: Floats) -> Floats:
+        """Squares of lengths that a move which is allowed leaves as they are."""
+        square = (points**2).sum(axis=1)
+        found = [square.mean(), np.sqrt((square**2).mean())]
+        if not self.rotate:
+            found += (points**2).mean(axis=0).tolist()
+        if not (self.rotate or self.flip):
+            found += (points * abs(points)).mean(axis=0).tolist()
+        return np.array(found)
 
 
-def _alike(one: Shape, other: Shape) -> bool:
-    return (
-        len(one.corners) == len(other.corners)
-        and abs(one.measure - other.measure) <= _SAME * max(one.measure, other.measure)
-        and abs(one.boundary - other.boundary) <= _SAME * max(one.boundary, other.boundary)
-    )
+def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = True, flip: bool = False) -> list[int]:
+    """Number of the shape of each outline, from 1 by first appearance; options as of `Kinds`."""
+    kinds = Kinds(reach, rotate=rotate, flip=flip)
+    return [kinds.number(outline) + 1 for outline in outlines]
 
 
 def congruent(one: Floats, other: Floats, *, rotate: bool = True, flip: bool = False) -> bool:
     """Whether two sets of corners (k, d) are one by a shift, a turn if allowed, and a mirror if allowed."""
-    if len(one) != len(other):
-        return False
     one, other = one - one.mean(axis=0), other - other.mean(axis=0)
-    reach = _SAME * float(np.linalg.norm(one, axis=1).max())
-    if np.abs(np.sort(np.linalg.norm(one, axis=1)) - np.sort(np.linalg.norm(other, axis=1))).max() > 4.0 * reach:
+    reach = 5.0 * _SAME * float(np.linalg.norm(one, axis=1).max())
+    first, second = (Outline(points, len(points), 1.0, 1.0, 0) for points in (one, other))
+    return alike(first, second, reach, rotate=rotate, flip=flip)
+
+
+def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
+    """Whether two outlines are one by a shift, a turn if allowed, and a mirror if allowed."""
+    near = abs(one.size - other.size) <= 1e-3 * other.size
+    if not near or one.count != other.count or len(one.points) != len(other.points):
         return False
-    tree = cKDTree(other)
-
-    def falls(matrix: Floats) -> bool:
-        distance, index = (np.asarray(found) for found in tree.query(one @ matrix.T))
-        return bool(distance.max() <= 10.0 * reach) and len(np.unique(index)) == len(other)
-
-    mirrors = [np.eye(one.shape[1])]
-    if flip:
-        mirrors.append(np.diag([-1.0, *([1.0] * (one.shape[1] - 1))]))
-    if not rotate:
-        return any(falls(mirror) for mirror in mirrors)
-    for mirror in mirrors:
-        for matrix in _turns(one @ mirror.T, other, reach):
-            if falls(matrix @ mirror):
-                return True
-    return False
+    if _falls_on(one.points, one.count, other, reach):
+        return True
+    if not (rotate or flip):
+        return False
+    turns = _turns(one, other, reach, rotate, flip)
+    return any(_falls_on(one.points @ matrix.T, one.count, other, reach) for matrix in turns)
 
 
-def _turns(one: Floats, other: Floats, reach: float) -> list[Floats]:
-    """Rotations that bring the frame of the first corners of one onto corners of the other."""
-    radius = np.linalg.norm(one, axis=1)
+def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
+    """Whether every corner falls on a corner of the other and every middle on a middle, one to one."""
+    for part in (slice(0, count), slice(count, None)):
+        mine, there = points[part], other.points[part]
+        if not len(mine):
+            continue
+        distance, to = cKDTree(there).query(mine)
+        if float(np.max(distance)) > 2.0 * reach or len(np.unique(to)) != len(there):
+            return False
+    return True
+
+
+def _turns(one: Outline, other: Outline, reach: float, rotate: bool, flip: bool) -> list[Floats]:
+    """Orthogonal matrices that may lay one block onto the other: turns, mirrors, or both, as is allowed."""
+    d = one.points.shape[1]
+    corners, images = one.points[: one.count], other.points[: other.count]
+    radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
     first = int(np.argmax(radius))
-    starts = np.flatnonzero(np.abs(np.linalg.norm(other, axis=1) - radius[first]) <= 4.0 * reach)
-    if one.shape[1] == 2:
-        angle = np.arctan2(other[starts, 1], other[starts, 0]) - np.arctan2(one[first, 1], one[first, 0])
-        return [np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angle]
-    across = np.linalg.norm(np.cross(one, one[first]), axis=1)
-    second = int(np.argmax(across))
-    if across[second] <= 1e-9 * radius[first] ** 2:
-        return [np.eye(3)]
-    gap = float(np.linalg.norm(one[second] - one[first]))
-    base = _axes(one[first], one[second])
-    found = []
-    for a in starts.tolist():
-        ends = (np.abs(np.linalg.norm(other, axis=1) - radius[second]) <= 4.0 * reach) & (
-            np.abs(np.linalg.norm(other - other[a], axis=1) - gap) <= 8.0 * reach
-        )
-        found += [_axes(other[a], other[b]).T @ base for b in np.flatnonzero(ends).tolist()]
-    return found
+    slack = 4.0 * reach
+    matrices: list[Floats] = []
+    signs = [1.0] * rotate + [-1.0] * flip
+    if d == 2:
+        for q in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
+            for sign in signs:
+                angle = np.arctan2(images[q, 1], images[q, 0]) - sign * np.arctan2(corners[first, 1], corners[first, 0])
+                c, s = np.cos(angle), np.sin(angle)
+                matrices.append(np.array([[c, -s], [s, c]]) @ np.diag([1.0, sign]))
+        return matrices if rotate else [m for m in matrices if _is_mirror_along_an_axis(m)]
+    away = np.linalg.norm(np.cross(corners, corners[first]), axis=1)
+    second = int(np.argmax(away))
+    gram = float(corners[first] @ corners[second])
+    base = _frame(corners[first], corners[second])
+    for p in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
+        for q in np.flatnonzero(abs(there - radius[second]) <= slack).tolist():
+            if p == q or abs(float(images[p] @ images[q]) - gram) > slack * 2.0 * radius[first]:
+                continue
+            for sign in signs:
+                matrices.append(_frame(images[p], images[q]).T @ np.diag([1.0, 1.0, sign]) @ base)
+    return matrices if rotate else [m for m in matrices if _is_mirror_along_an_axis(m)]
 
 
-def _axes(one: Floats, other: Floats) -> Floats:
-    """(3, 3) rows of a right-handed frame along the first of two vectors, the second in its plane."""
-    x = one / np.linalg.norm(one)
-    z = np.cross(one, other)
-    z /= np.linalg.norm(z)
-    return np.array([x, np.cross(z, x), z])
+def _is_mirror_along_an_axis(matrix: Floats) -> bool:
+    """Whether a matrix only turns axes round, without turning the block: moulds that may be turned over, not round."""
+    return bool(abs(abs(matrix) - np.eye(len(matrix))).max() < 1e-6)
+
+
+def _frame(first: Floats, second: Floats) -> Floats:
+    one = first / np.linalg.norm(first)
+    two = second - (second @ one) * one
+    two = two / np.linalg.norm(two)
+    return np.array([one, two, np.cross(one, two)])

@@ -204,7 +204,7 @@ class Repair:
             return self.template
         endless = np.full(len(assembly.interfaces), np.inf)
         strengths = replace(strengths, friction=friction, crush_dry=endless, crush_inner=endless)
-        return Template(replace(assembly, strengths=strengths), scaling)
+        return Template(replace(assembly, strengths=strengths), scaling, beside=self.template.beside)
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
         """Add a little opening to a motion whose work of the live load is negative by rounding."""

@@ -1,5 +1,6 @@
 """The conic program of one labelling, and what a relabelling changes in it.
 
+- `Beside`: one equation beside equilibrium, scaled: row·F + dead + λ live = 0
 - `ConicProgram`: the numbers of one program
 - `Structure`: what all programs of one template share
 - `Template`: what does not depend on the labelling, scaled
@@ -9,9 +10,10 @@
 from __future__ import annotations
 
 from jld_core.program.conic import ConicProgram, Structure, pack
-from jld_core.program.template import Template
+from jld_core.program.template import Beside, Template
 
 __all__ = [
+    "Beside",
     "ConicProgram",
     "Structure",
     "Template",

@@ -10,12 +10,13 @@ chooses, entry by entry, between two arrays of numbers.
 from __future__ import annotations
 
 import copy
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.mechanics import (
     Rows,
@@ -30,14 +31,31 @@ from jld_core.program.conic import ConicProgram, Structure
 from jld_core.tolerances import Precision
 
 
+@dataclass(frozen=True)
+class Beside:
+    """One equation beside equilibrium, scaled: row·F + dead + λ live = 0. row: (q·m,) of the resultants."""
+
+    row: Floats
+    dead: float
+    live: float
+
+
 class Template:
     """Everything about an assembly that does not depend on the labelling, scaled.
+
+    beside: one more equation, whose multiplier is the last velocity.
 
     Attributes: assembly, scaling, yield_set; matrix A_eq (scaled, all resultants active), dead and live (the
     scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
     """
 
-    def __init__(self, assembly: Assembly, scaling: Scaling | None = None, sets: YieldSet | None = None) -> None:
+    def __init__(
+        self,
+        assembly: Assembly,
+        scaling: Scaling | None = None,
+        sets: YieldSet | None = None,
+        beside: Beside | None = None,
+    ) -> None:
         if assembly.cases:
             raise ValueError("an assembly with load cases has a template for each: see Assembly.by_case")
         self.assembly = assembly
@@ -46,10 +64,15 @@ class Template:
         row, face = self.scaling.row.ravel(), self.scaling.face.ravel()
         matrix = equilibrium_matrix(assembly)
         self.matrix = sp.csc_array(sp.diags_array(1.0 / row) @ matrix @ sp.diags_array(face))
-        self.matrix.sort_indices()
         dead, live = load_vectors(assembly)
         self.dead = dead / row
         self.live = self.scaling.load * live / row
+        self.beside = beside
+        if beside is not None:
+            self.matrix = sp.csc_array(sp.vstack([self.matrix, sp.csr_array(beside.row[None, :])]))
+            self.dead = np.append(self.dead, beside.dead)
+            self.live = np.append(np.zeros(len(self.live)), beside.live)
+        self.matrix.sort_indices()
         # a fraction of the weight, and not a round one: live loads that mirror the dead ones would otherwise
         # make λ = −floor the edge of admissibility itself
         self.floor = 0.3 * (assembly.total_dead / self.scaling.force or 1.0)
@@ -87,7 +110,6 @@ class Template:
 
     def _lay_out(self, sets: Rows) -> None:
         pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
-        elements = self.assembly.elements
         equalities, resultants = matrix.shape
         every = np.ones(len(self.assembly.interfaces), dtype=bool)
         on_dry, on_inner = sets.active(every), sets.active(~every)
@@ -112,7 +134,7 @@ class Template:
             equalities=equalities,
             linear=1 + pattern.linear,
             cones=pattern.cones,
-            places=np.repeat(elements.centroid[elements.free], q, axis=0),
+            places=self._places(),
         )
         head = np.concatenate([-self.dead, [self.floor]])
         self._rhs_dry = np.concatenate([head, pattern.h_dry])
@@ -126,6 +148,12 @@ class Template:
         self._objective[-1] = -1.0
         self._pressure = np.zeros(last + 1)
         self._pressure[np.arange(0, resultants, q)] = -1.0
+
+    def _places(self) -> Floats:
+        """(equations, d) where each equation is, for the order of elimination."""
+        elements = self.assembly.elements
+        places = np.repeat(elements.centroid[elements.free], self.assembly.freedoms, axis=0)
+        return places if self.beside is None else np.vstack([places, places.mean(axis=0)])
 
     def program(
         self, labels: Bits, margin: float = 0.0, *, other: Template | None = None, taken: Bools | None = None

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from jld_core.errors import InputError
@@ -45,10 +46,10 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
     if kind == "value_error" and isinstance(cause := context["error"], InputError):
         return InputError((where + cause.where).lstrip("."), cause.problem, cause.expected)
     owner = _owner(model, keys)
-    field = owner.model_fields.get(str(keys[-1])) if keys else None
+    field = _spelled(owner).get(str(keys[-1])) if keys else None
     meaning = field.description if field is not None else None
     if kind == "extra_forbidden":
-        names = [*(known if owner is model else ()), *owner.model_fields]
+        names = [*(known if owner is model else ()), *_spelled(owner)]
         names = list(dict.fromkeys(names))
         near = get_close_matches(str(keys[-1]), names, 1)
         listed = ", ".join(names)
@@ -105,6 +106,11 @@ def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
         if isinstance(key, str) and key in model.model_fields:
             model = _model_in(model.model_fields[key].annotation) or model
     return model
+
+
+def _spelled(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields by the keys that a file has for them."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

@@ -22,7 +22,7 @@ def json_schema() -> Node:
         node = schema if model is Scene else schema["$defs"].get(model.__name__)
         if node is None:
             continue
-        for key, meaning in MEANINGS[model].items():
+        for key, meaning in _spelled(model).items():
             unit = f" [{meaning.unit}]" if meaning.unit else ""
             node["properties"][key]["description"] = meaning.text.replace("`", '"') + unit
     # an editor is told of its schema by this key, which the program does not read
@@ -57,7 +57,7 @@ def key_tables() -> str:
         node = schema if model is Scene else schema["$defs"][model.__name__]
         lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
         for key, value in node["properties"].items():
-            meaning = MEANINGS.get(model, {}).get(key, Meaning("", "–"))
+            meaning = _spelled(model).get(key, Meaning("", "–"))
             default = "required" if key in node.get("required", []) else _default(value)
             kind = _kind(value).replace("|", "\\|")
             lines.append(f"| `{key}` | {kind} | {meaning.unit} | {default} | {meaning.text} |")
@@ -66,6 +66,12 @@ def key_tables() -> str:
             title += f" with `{node['required'][0]}`"
         pages.append("\n".join([title, "", *lines]))
     return "\n\n".join(pages) + "\n"
+
+
+def _spelled(model: type[BaseModel]) -> dict[str, Meaning]:
+    """Meanings by the key as it is written, which may be no name for a field."""
+    fields = model.model_fields
+    return {fields[name].alias or name: meaning for name, meaning in MEANINGS.get(model, {}).items()}
 
 
 def _references(node: Node) -> Iterator[tuple[str, bool]]:

@@ -47,6 +47,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "interfaces": Meaning("", "Given, they are used as they are; else they are found where elements touch."),
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
+        "settlements": Meaning("", "Movements of supports, for `jld settlement`."),
         "labels": Meaning("", "The scene's own labelling; else blocks decide: inner within one, dry between two."),
         "search": Meaning("", "What `jld explore` may relabel, and which layouts count."),
     },
@@ -131,6 +132,17 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     schema.BodyLoad: {
         "body": Meaning("", "On every free element its weight, as a positive number, times this vector."),
     },
+    schema.Settling: {
+        "name": Meaning("", "What it is called."),
+        "supports": Meaning("", "Which supports move, and how; supports that are not named stay."),
+        "load": Meaning("", "Share of the live load that acts meanwhile."),
+    },
+    schema.Moved: {
+        "elements": Meaning("", "Ids of supports that move as one."),
+        "move": Meaning("", "Translation, for a unit of the movement."),
+        "turn": Meaning("", "Rotation, for a unit of the movement: counter-clockwise, in space a vector."),
+        "about": Meaning("length", "Point that they turn about; the middle of their centroids where it is not given."),
+    },
     schema.Labels: {
         "default": Meaning("", "Label of all faces between free elements that nothing else labels."),
         "inner": Meaning("", "Pairs of ids whose faces are inner."),
@@ -151,6 +163,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "block_extent": Meaning("length", "Least and most extent of a block along any axis."),
         "block_mass": Meaning("mass", "Least and most mass of a block: its weight over gravity, kg with m and N."),
         "block_aspect": Meaning("", "Longest over shortest side of the smallest box around a block."),
+        "except_": Meaning("", "Ids of free elements: blocks that hold one are under no limit on single blocks."),
         "convex_blocks": Meaning("", "Convex blocks only; in the plane a number: at most so many re-entrant corners."),
         "blocks": Meaning("", "Least and most blocks that hold a free element."),
         "dry_faces": Meaning("", "Least and most dry faces between free elements."),
@@ -179,7 +192,8 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     },
     schema.Front: {
         "count": Meaning("", "A count: `dry_faces`, `dry_length` (in space an area), `blocks`, or a registered one."),
-        "sense": Meaning("", "Whether more of it or less is better."),
+        "counts": Meaning("", "Two counts instead of one: a front of three objectives."),
+        "sense": Meaning("", "Whether more of it or less is better; of two counts a list, or one word for both."),
     },
 }
 """By part of the scene and by key, in the order of the schema."""

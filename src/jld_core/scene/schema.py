@@ -262,6 +262,26 @@ class Loads(_Part):
         return self
 
 
+class Moved(_Part):
+    """Supports that move together, and how."""
+
+    elements: Annotated[str | list[str], Field(description="the id of a support, or a list of them")]
+    move: Annotated[Vector | None, Field(description="a vector")] = None
+    turn: Annotated[
+        float | Annotated[list[float], Field(min_length=3, max_length=3)],
+        Field(description="a number, spatial a vector"),
+    ] = 0.0
+    about: Annotated[Vector | None, Field(description="a point")] = None
+
+
+class Settling(_Part):
+    """A movement of supports whose direction is known: a foundation that sinks, spreads or tilts."""
+
+    name: Annotated[str, Field(min_length=1, description="a name of its own")]
+    supports: Annotated[list[Moved], Field(min_length=1)]
+    load: NonNegative = 0.0
+
+
 class Labels(_Part):
     default: LabelName | None = None
     inner: list[Pair] = []
@@ -286,9 +306,39 @@ Counts = Annotated[list[Annotated[int, Field(ge=0)] | None], Field(min_length=2,
 Sizes = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
 
 
+Sense = Literal["max", "min"]
+
+
 class Front(_Part):
+    """What λ is weighed against: one count, or two."""
+
     count: Annotated[str, Field(min_length=1)] = "dry_faces"
-    sense: Literal["max", "min"] = "max"
+    counts: Annotated[list[str] | None, Field(min_length=2, max_length=2, description="two names of counts")] = None
+    sense: Annotated[Sense | list[Sense], Field(description='"max" or "min", or one of them for each count')] = "max"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _first_of_counts(cls, given: Any) -> Any:
+        if isinstance(given, dict) and isinstance(given.get("counts"), list) and given["counts"]:
+            return {"count": given["counts"][0], **given}
+        return given
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        if self.counts is not None and self.count != self.counts[0]:
+            raise InputError(".count", 'it stands beside "counts"', "one of them")
+        if self.counts is not None and self.counts[0] == self.counts[1]:
+            raise InputError(".counts", f"{self.count!r} stands there twice", "two different counts")
+        if isinstance(self.sense, list) and len(self.sense) != len(self.counts or [self.count]):
+            raise InputError(".sense", f"it has {len(self.sense)} entries", "one for each count")
+        return self
+
+    @property
+    def axes(self) -> tuple[tuple[str, Sense], ...]:
+        """Every count with its better direction."""
+        names = self.counts or [self.count]
+        senses = self.sense if isinstance(self.sense, list) else [self.sense] * len(names)
+        return tuple(zip(names, senses, strict=True))
 
 
 class Moulds(_Part):
@@ -301,6 +351,8 @@ class Moulds(_Part):
 class Search(_Part):
     """What may be relabelled, and which labellings count."""
 
+    model_config = ConfigDict(serialize_by_alias=True)
+
     candidates: Annotated[
         Literal["all", "all+supports", "inside-blocks"] | list[Pair],
         Field(description='"all", "all+supports", "inside-blocks" or a list of pairs of ids'),
@@ -312,6 +364,7 @@ class Search(_Part):
     block_extent: Sizes = [None, None]
     block_mass: Sizes = [None, None]
     block_aspect: Sizes = [None, None]
+    except_: Annotated[list[str], Field(description="a list of ids of free elements")] = Field([], alias="except")
     convex_blocks: Annotated[bool | Annotated[int, Field(ge=0)], Field(description="true, false or a number")] = False
     blocks: Counts = [None, None]
     dry_faces: Counts = [None, None]
@@ -349,6 +402,7 @@ class Scene(_Part):
     interfaces: list[Contact] | None = None
     materials: Annotated[Materials, Field(description='an object with "dry", "inner" or both')]
     loads: Annotated[Loads, Field(description='an object with "live"')]
+    settlements: list[Settling] = []
     labels: Labels = Labels()
     search: Search = Search()
 

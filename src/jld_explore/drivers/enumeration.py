@@ -227,7 +227,8 @@ class Enumeration(Driver):
     def _hopeless(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
         """(r,) True where the union of the named blocks is above the most (or below the least) of a limit."""
         limits, free = self._limits, rows.block[: self._free]
-        if not (limits.has_most if most else limits.has_least):
+        # a block that is too large may yet be joined with one that limits except
+        if (not limits.has_most or limits.mendable) if most else not limits.has_least:
             return np.zeros(rows.block.shape[1], dtype=bool)
         members = np.zeros(free.shape, dtype=bool)
         for name in names:

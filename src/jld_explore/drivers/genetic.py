@@ -1,6 +1,6 @@
 """A genetic search: the library's selection, sorting and crowding, our operators, and a guess at what is worth it.
 
-Two objectives are NSGA-II: larger λ, and the count of the scene's front; one objective looks at λ alone. Far
+Two or three objectives are NSGA-II: larger λ, and the counts of the scene's front; one objective looks at λ alone. Far
 more children are made than evaluated: new ones wait in a **pool**, and of those there the surrogate picks the
 ones it expects most of, whichever generation they are from. Where generations bring no progress, another
 population is begun at random; what was learned stays known, so it settles elsewhere.
@@ -21,7 +21,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.base import Aim, DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
-from jld_explore.evaluation import Evaluation, front_counts, objectives, places
+from jld_explore.evaluation import Envelope, Evaluation, front_counts, objectives, places
 from jld_explore.space import SearchSpace
 
 CROSSING: Final = 0.5
@@ -79,14 +79,15 @@ class Genetic(Searcher):
         if population is None:
             population = int(np.clip(_PER_KEY * self.operators.keys, *_SIZES))
         self.population, self.aim = population, aim
-        self.aims = 2 if aim == "front" else 1
+        counts = len(space.search.front.axes)
+        self.aims = 1 + counts if aim == "front" else 1
         self._generator = np.random.default_rng([seed, 1])
         self._selection: Any = TournamentSelection(func_comp=self._winners)
         self._surrogate = Surrogate(space)
         self._sort: Any = NonDominatedSorting().do
         self._crowd: Any = calc_crowding_distance
-        self._pool, self._counts = self._none, np.empty(0)
-        self._front = np.empty((0, 2))
+        self._pool, self._counts = self._none, np.empty((0, counts))
+        self._front = Envelope(counts)
         self._pending: list[tuple[Bits, Floats, Ints]] = []
         self._proposed = self._told = 0
         self._begin()
@@ -94,7 +95,11 @@ class Genetic(Searcher):
     def _begin(self) -> None:
         """Begin a population with what is proposed from now on."""
         self._first = self._proposed
-        self._rows, self._place, self._values = self._none, np.empty(0, dtype=np.int64), np.empty((0, 2))
+        self._rows, self._place, self._values = (
+            self._none,
+            np.empty(0, dtype=np.int64),
+            np.empty((0, 1 + self._counts.shape[1])),
+        )
         self._leaders: list[tuple[str, ...]] = []
         self._idle = 0
 
@@ -108,7 +113,7 @@ class Genetic(Searcher):
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:
             self.register.forget(self._pool)
-            self._pool, self._counts = self._none, np.empty(0)
+            self._pool, self._counts = self._none, self._counts[:0]
             self._begin()
         rows = self._generation() if len(self._rows) > 1 else self.fresh(self.draw, self.size)
         self._proposed += len(rows)
@@ -138,9 +143,7 @@ class Genetic(Searcher):
         good = place == 0
         worth = np.where(good, -values[:, 0], _BELOW * place)
         self._surrogate.learn(labellings, worth)
-        front = np.concatenate([self._front, values[good]])
-        if len(front):
-            self._front = front[self._sort(front, only_non_dominated_front=True)]
+        self._front.learn(-values[good, 0], values[good, 1:])
         own = np.arange(self._told, self._told + len(labellings)) >= self._first
         self._told += len(labellings)
         self._rows = np.concatenate([self._rows, labellings[own]])
@@ -182,9 +185,9 @@ class Genetic(Searcher):
         order = np.argsort(-guess, kind="stable")
         taken = order[: wanted if self.aims == 1 else -(-wanted // 2)]
         order = order[len(taken) :]
-        if self.aims == 2:
+        if self.aims > 1:
             # how much more than the best known with as good a count
-            gain = guess - self._surrogate.share(self._envelope(self._counts))
+            gain = guess - self._surrogate.share(self._front.best(self._counts))
             second = order[np.argsort(-gain[order], kind="stable")[: wanted - len(taken)]]
             taken, order = np.concatenate([taken, second]), order[~np.isin(order, second)]
         rows = self._pool[taken]
@@ -192,12 +195,6 @@ class Genetic(Searcher):
         stay = np.sort(order[:POOL])
         self._pool, self._counts = self._pool[stay], self._counts[stay]
         return rows
-
-    def _envelope(self, counts: Floats) -> Floats:
-        """(k,) the best known λ among labellings that count as well or better than counts (k,); −inf for none."""
-        order = np.argsort(self._front[:, 1], kind="stable")
-        best = np.concatenate([[-np.inf], np.maximum.accumulate(-self._front[order, 0])])
-        return np.asarray(best[np.searchsorted(self._front[order, 1], counts, "right")])
 
     def _winners(self, _: Any, pairs: Ints, **__: Any) -> Ints:
         """Winner of each pair (k, 2): fewer violations, then lower rank, then less crowded; (k, 1)."""

@@ -90,7 +90,7 @@ class Optuna(Searcher):
     """Trials of one sampler, `size` in flight.
 
     sampler: its name. storage: URL of a database; a file in the folder of the study where none is given. Samplers made
-    for several objectives get two, λ and the scene's count; others λ alone.
+    for several objectives get λ and the counts of the scene's front; others λ alone.
     """
 
     name = "optuna"
@@ -106,7 +106,7 @@ class Optuna(Searcher):
         super().__init__(space, seed, size)
         optuna.logging.set_verbosity(optuna.logging.WARNING)  # its log would land among our own output
         self.sampler, chosen = make_sampler(sampler, seed)
-        self.aims = 2 if self.sampler.startswith("NSGA") else 1
+        self.aims = 1 + len(space.search.front.axes) if self.sampler.startswith("NSGA") else 1
         self._directions = [StudyDirection.MINIMIZE] * self.aims
         self._study = optuna.create_study(sampler=chosen, directions=self._directions)
         self._copy = Copy(storage, self._directions)

@@ -7,6 +7,7 @@
 - `RECORDS_FILE`: name of the file of records
 - `Bounds`: what the pool knows of labellings
 - `CertificateEvaluator`: evaluates with a pool of certificates
+- `Envelope`: the largest λ known for what counts as well or better
 - `Evaluating`: what a study asks for evaluations
 - `Evaluation`: what is known of one labelling
 - `Evaluator`: evaluates labellings of one assembly
@@ -48,7 +49,7 @@ from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evalua
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 from jld_explore.evaluation.pruning import IncumbentFront
-from jld_explore.evaluation.ranking import ORDER, front_counts, objectives, places, standing, worth
+from jld_explore.evaluation.ranking import ORDER, Envelope, front_counts, objectives, places, standing, worth
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records, record_type, settled, statuses
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
@@ -62,6 +63,7 @@ __all__ = [
     "RECORDS_FILE",
     "Bounds",
     "CertificateEvaluator",
+    "Envelope",
     "Evaluating",
     "Evaluation",
     "Evaluator",

@@ -13,30 +13,23 @@ import numpy as np
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import Evaluation
-from jld_explore.evaluation.ranking import front_counts
+from jld_explore.evaluation.ranking import Envelope, front_counts
 from jld_explore.space import SearchSpace
 
 
 class IncumbentFront:
-    """The largest λ known for each count of the scene's front. space: whose front."""
+    """The largest λ known for what the scene's front counts. space: whose front."""
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
-        self._count, self._best = np.empty(0), np.empty(0)
+        self._known = Envelope(len(space.search.front.axes))
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in evaluations of labellings (k, m)."""
         good = np.array([found.status is Status.COLLAPSE for found in evaluations], dtype=bool)
         value = np.array([found.load_factor for found in evaluations])[good]
-        count = np.concatenate([self._count, front_counts(self.space, labellings[good])])
-        best = np.concatenate([self._best, value])
-        order = np.lexsort((-best, count))
-        count, best = count[order], np.maximum.accumulate(best[order])
-        # a larger count is worth keeping only for a larger λ
-        rises = np.concatenate([[True], best[1:] > best[:-1]])[: len(best)]
-        self._count, self._best = count[rises], best[rises]
+        self._known.learn(value, front_counts(self.space, labellings[good]))
 
     def below(self, labellings: Bits) -> Floats:
         """(k,) λ at or below which each of labellings (k, m) does not matter, scene units; −inf: it does."""
-        place = np.searchsorted(self._count, front_counts(self.space, labellings), "right")
-        return np.asarray(np.concatenate([[-np.inf], self._best])[place])
+        return self._known.best(front_counts(self.space, labellings))

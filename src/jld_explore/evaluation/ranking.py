@@ -44,16 +44,43 @@ def places(evaluations: Sequence[Evaluation]) -> Ints:
 
 
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
-    """(k,) the count of the scene's front of labellings (k, m), with the sign that makes less better."""
-    front = space.search.front
-    sign = -1.0 if front.sense == "max" else 1.0
-    return np.asarray(
-        sign * values_of(count_named(front.count), space.assembly, labellings, space.graph, space.limits.block_shapes)
-    )
+    """(k, c) the counts of the scene's front of labellings (k, m), with the signs that make less better."""
+    graph, shapes = space.graph, space.limits.block_shapes
+    found = [
+        (-1.0 if sense == "max" else 1.0) * values_of(count_named(name), space.assembly, labellings, graph, shapes)
+        for name, sense in space.search.front.axes
+    ]
+    return np.column_stack(found)
+
+
+class Envelope:
+    """The largest λ known for what counts as well or better. size: counts of the front."""
+
+    def __init__(self, size: int) -> None:
+        self.values, self.counts = np.empty(0), np.empty((0, size))
+
+    def learn(self, values: Floats, counts: Floats) -> None:
+        """Take in λ (k,) of labellings that count (k, c), less being better."""
+        values, counts = np.concatenate([self.values, values]), np.concatenate([self.counts, counts])
+        # the best first: what comes later matters only where it counts better than all before
+        order = np.lexsort((*counts.T, -values))
+        values, counts = values[order], counts[order]
+        kept: list[int] = []
+        for row in range(len(values)):
+            if not (counts[kept] <= counts[row]).all(axis=1).any():
+                kept.append(row)
+        self.values, self.counts = values[kept], counts[kept]
+
+    def best(self, counts: Floats) -> Floats:
+        """(k,) for counts (k, c); −inf where nothing is known."""
+        if not len(self.values):
+            return np.full(len(counts), -np.inf)
+        as_good = (self.counts[None] <= counts[:, None]).all(axis=2)
+        return np.asarray(np.where(as_good, self.values[None], -np.inf).max(axis=1))
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """(k, 2) what is minimised: −λ, and the count of the scene's front with the sign of its sense.
+    """(k, 1 + c) what is minimised: −λ, and the counts of the scene's front with the signs of their senses.
 
     labellings: (k, m). Rows without collapse have no λ: theirs is 0 and must be kept apart by `places`.
     """

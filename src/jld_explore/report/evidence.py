@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import pandas as pd
@@ -15,18 +15,21 @@ COLUMN: Final = "evidence"
 
 
 def front_rows(
-    front: pd.DataFrame, summary: Mapping[str, Any], count: str, *, complete: bool, aimed: bool
+    front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
-    """`front` of summary.json: count, load_factor, bound, proven and evidence, a row for each value of the count.
+    """`front` of summary.json: count, load_factor, bound, proven and evidence, a row for each value of the count;
+    of two counts `count` is the list of both.
 
     front: rows of the results that no other row beats. summary: of the study so far, with the driver's own front where
     it has one. complete: every class of the space has its evaluation. aimed: the driver looked for the whole front.
     """
-    given = {row["count"]: row for row in summary.get("front") or []}
+    given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
     rows = []
-    for value, group in front.groupby(count):
+    for key, group in front.groupby(list(counts)):
+        values = key if isinstance(key, tuple) else (key,)
+        value = _value(values)
         best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
-        known = given.pop(value, None)
+        known = given.pop(value, None) if len(values) == 1 else None
         # the first of several that tie may carry less by rounding
         strongest = bool(best["load_factor"] >= summary["best"])
         sure = bool(complete or (known or {}).get("proven") or (strongest and summary["proven"]))
@@ -35,7 +38,7 @@ def front_rows(
             bound = summary["bound"] if strongest and not complete else best["bracket_hi"]
         rows.append(
             {
-                "count": value if isinstance(value, float) else int(str(value)),
+                "count": value,
                 "load_factor": float(best["load_factor"]),
                 "bound": None if bound is None else float(bound),
                 "proven": sure,
@@ -44,10 +47,18 @@ def front_rows(
         )
     # counts whose best is below that of another count are on no front, and known all the same
     rest = [{**row, COLUMN: PROVEN if row["proven"] else FOUND} for row in given.values()]
-    return sorted([*rows, *rest], key=lambda row: float(row["count"]))
+    return sorted([*rows, *rest], key=lambda row: row["count"] if isinstance(row["count"], list) else [row["count"]])
 
 
-def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], count: str) -> pd.DataFrame:
+def _value(values: Sequence[Any]) -> Any:
+    """Counts as JSON has them: a number, or of several the list."""
+    numbers = [value if isinstance(value, float) else int(str(value)) for value in values]
+    return numbers if len(numbers) > 1 else numbers[0]
+
+
+def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:
     """The front with its column, from `front` of a summary; what a summary does not know was merely visited."""
-    known = {row["count"]: row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in summary.get("front") or []}
-    return front.assign(**{COLUMN: [known.get(value, VISITED) for value in front[count].tolist()]})
+    told = summary.get("front") or []
+    known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
+    rows = zip(*(front[name].tolist() for name in counts), strict=True)
+    return front.assign(**{COLUMN: [known.get(str(_value(row)), VISITED) for row in rows]})

@@ -54,8 +54,9 @@ def check_writable(folder: Path) -> None:
 def write_tables(study: Study, reason: StopReason) -> Exploration:
     """Write every table of a study that ended for a reason."""
     results = tables.results_table(study.records, study.assembly, study.space, study.driver.name)
-    front_of = study.scene.search.front
-    front = tables.front_table(results, front_of.count, front_of.sense)
+    axes = study.scene.search.front.axes
+    counts = [name for name, _ in axes]
+    front = tables.front_table(results, axes)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive
     found = tables.summary(
         results,
@@ -79,8 +80,8 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found |= study.driver.facts(results, complete)
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
-    found["front"] = front_rows(front, found, front_of.count, complete=sure, aimed=aimed)
-    front = with_evidence(front, found, front_of.count)
+    found["front"] = front_rows(front, found, counts, complete=sure, aimed=aimed)
+    front = with_evidence(front, found, counts)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
     with whole_file(study.folder / "results.parquet") as fresh:
@@ -103,8 +104,9 @@ def write_pictures(done: Exploration, ending: str = "png", out: Path | None = No
     """
     from jld_core.views.figures import save_figure
     from jld_explore.report import pictures as drawings
+    from jld_explore.report.pictures_of_three import front_picture
 
-    pictures = {"pareto": drawings.front_picture(done)}
+    pictures = {"pareto": front_picture(done)}
     best = done.summary["best_labelling"]
     if best is not None:
         found = solve(done.assembly, from_string(best), **vars(done.model))
@@ -132,13 +134,13 @@ def read_folder(folder: Path) -> Exploration:
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")
     results = pd.read_parquet(folder / "results.parquet")
-    front_of = scene.search.front
+    axes = scene.search.front.axes
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     return Exploration(
         scene=scene,
         assembly=build_assembly(scene),
         results=results,
-        front=with_evidence(tables.front_table(results, front_of.count, front_of.sense), summary, front_of.count),
+        front=with_evidence(tables.front_table(results, axes), summary, [name for name, _ in axes]),
         summary=summary,
         folder=folder,
         stop_reason=StopReason(summary["stop_reason"]),

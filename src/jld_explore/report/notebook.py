@@ -20,7 +20,7 @@ class ExplorationView:
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
         from jld_core.views.figures import svg_of
-        from jld_explore.report.pictures import front_picture
+        from jld_explore.report.pictures_of_three import front_picture
 
         return svg_of(front_picture(thing))
 

@@ -64,7 +64,7 @@ def study_data(
 ) -> dict[str, Any]:
     """The data of the page of a search, as `page_data` has it."""
     rows = chosen_rows(done.results, done.front)
-    front_of = done.scene.search.front
+    axes = done.scene.search.front.axes
     history = done.folder / CONVERGENCE
     curves = [curve_of(str(done.summary["driver"]), pd.read_csv(history))] if history.exists() else []
     left_out = len(done.results) - len(rows)
@@ -76,7 +76,7 @@ def study_data(
         facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary, done.results)},
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
-        table=table_of(rows, done.front, done.assembly, count=front_of.count, sense=front_of.sense, left_out=left_out),
+        table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),
         solutions=_solutions(rows, done, patience),
         convergence=curves,
         summary=done.summary,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -40,13 +40,14 @@ def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) ->
 
 
 def table_of(
-    results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, count: str, sense: str, left_out: int
+    results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], left_out: int
 ) -> dict[str, Any]:
     """The object `table` of a page's data.
 
     results: columns of results.csv, the rows to show. front: those of them on the front, with a column `evidence`.
-    count, sense: the front's. left_out: rows that are not shown.
+    axes: counts of the front, each with its sense. left_out: rows that are not shown.
     """
+    count, sense = axes[0]
     bits = np.array([from_string(text) for text in results["labelling"]], dtype=bool).reshape(len(results), -1)
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
@@ -64,6 +65,7 @@ def table_of(
         "evidence": evidence.tolist(),
         "count": count,
         "sense": sense,
+        "line": len(axes) == 1,
         "counts": sorted(counts, key=lambda name: name != count),
         "left_out": left_out,
     }

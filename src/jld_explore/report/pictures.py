@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +27,6 @@ from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.evidence import COLUMN, PROVEN, VISITED
-from jld_explore.report.exploration import Exploration
 from jld_explore.space import Count, count_named, from_string, registered
 
 FIRST: Final = registered()[0].name
@@ -66,19 +66,18 @@ def plot_pareto(
     if count not in [known.name for known in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
     counted = count_named(count)
-    shown = _collapsed(results)
-    best = _collapsed(front).sort_values(count, kind="stable")
+    shown = collapsed(results)
+    best = collapsed(front).sort_values(count, kind="stable")
     if COLUMN in best:
         # what was merely visited on the way is no front
         best = best[best[COLUMN] != VISITED]
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.3
-    chosen = _spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
-    rows, columns = (1, len(chosen)) if len(chosen) <= 5 else (2, math.ceil(len(chosen) / 2))
-    cell = (width / max(columns, 4), _thumbnail_height(assembly, width / max(columns, 4)) + 0.42)
-    total = 0.25 + height + 0.75 + (rows * cell[1] if len(chosen) else 0.0) + 0.35
-    figure = _figure(width, total)
-    ax = _axes(figure, (0.75, total - 0.35 - height, width - 1.0, height))
+    chosen = spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
+    gallery = Gallery.of(len(chosen), assembly, width)
+    total = 0.25 + height + 0.75 + gallery.height + 0.35
+    figure = figure_of(width, total)
+    ax = axes_of(figure, (0.75, total - 0.35 - height, width - 1.0, height))
     ax.set_xlabel(counted.label(assembly), fontsize=9)
     ax.set_ylabel("load factor λ [–]", fontsize=9)
     if len(shown):
@@ -100,19 +99,12 @@ def plot_pareto(
         _whole_numbers(ax, counted)
         ax.margins(x=0.04, y=0.07)
     else:
-        _say_nothing(ax, "no labelling collapses at a finite load factor")
+        say_nothing(ax, "no labelling collapses at a finite load factor")
     for number, k in enumerate(chosen):
-        ax.text(points[k, 0], points[k, 1], str(number + 1), **_circle(), zorder=3.0)
-        row, column = divmod(number, columns)
-        left = (width - min(columns, len(chosen)) * cell[0]) / 2.0 + column * cell[0]
-        bottom = 0.35 + (rows - 1 - row) * cell[1]
-        thumb = _axes(figure, (left + 0.08, bottom + 0.06, cell[0] - 0.16, cell[1] - 0.42))
-        core.draw_assembly(thumb, assembly, labels_of(best["labelling"].iloc[k], assembly), plain=True)
-        y = (bottom + cell[1] - 0.2) / total
-        figure.text((left + 0.2) / width, y, str(number + 1), **_circle())
+        ax.text(points[k, 0], points[k, 1], str(number + 1), **circle(), zorder=3.0)
         value = f"λ = {points[k, 1]:#.4g}   {counted.words(points[k, 0], assembly)}"
-        figure.text((left + 0.36) / width, y, value, fontsize=8, va="center", color=INK)
-    figure.text(0.5, 0.1 / total, _caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
+        gallery.draw(figure, number, assembly, best["labelling"].iloc[k], value)
+    figure.text(0.5, 0.1 / total, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
     if len(shown):
         place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
@@ -131,14 +123,14 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
     results: columns of results.csv. count: one in whole numbers. The numbers along the top
     say how many classes each box holds.
     """
-    shown = _collapsed(results)
-    figure = _figure(8.0, 4.6)
-    ax = _axes(figure, (0.75, 0.85, 7.0, 3.25))
+    shown = collapsed(results)
+    figure = figure_of(8.0, 4.6)
+    ax = axes_of(figure, (0.75, 0.85, 7.0, 3.25))
     counted = count_named(count)
     ax.set_xlabel(counted.axis if isinstance(counted.axis, str) else f"{counted.noun}s", fontsize=9)
     ax.set_ylabel("load factor λ [–]", fontsize=9)
     if shown.empty:
-        _say_nothing(ax, "no labelling collapses at a finite load factor")
+        say_nothing(ax, "no labelling collapses at a finite load factor")
     else:
         dry, value = shown[count].to_numpy(dtype=int), shown["load_factor"].to_numpy(dtype=float)
         groups = {int(k): value[dry == k] for k in np.unique(dry)}
@@ -159,7 +151,7 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
         for place, part in groups.items() if len(groups) <= 40 else ():
             turned = 90 if len(groups) > 24 else 0
             ax.text(place, 1.015, str(len(part)), transform=ax.get_xaxis_transform(), rotation=turned, **note)
-    figure.text(0.5, 0.1 / 4.6, _caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
+    figure.text(0.5, 0.1 / 4.6, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     return figure
 
 
@@ -169,16 +161,16 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
     results: columns of results.csv; each class counts once, with the labelling that stands for it. Faces to
     supports stay thin. Raises ValueError for labellings that do not fit the assembly.
     """
-    best = _collapsed(results).sort_values("load_factor", ascending=False, kind="stable").head(top)
+    best = collapsed(results).sort_values("load_factor", ascending=False, kind="stable").head(top)
     lower, upper = extent(assembly, projection_of(assembly))
     span = upper - lower
     width = float(np.clip(4.6 * span[0] / span[1], 3.2, 7.6))
     height = float(np.clip(width * span[1] / span[0], 0.8, 6.5))
     total = (width + 1.0, height + 1.5)
-    figure = _figure(*total)
-    ax = _axes(figure, (0.65, 1.15, width, height))
+    figure = figure_of(*total)
+    ax = axes_of(figure, (0.65, 1.15, width, height))
     if best.empty:
-        _say_nothing(ax, "no labelling collapses at a finite load factor")
+        say_nothing(ax, "no labelling collapses at a finite load factor")
         return figure
     share = np.mean([labels_of(text, assembly) for text in best["labelling"]], axis=0)
     between = assembly.free_faces
@@ -189,7 +181,7 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
     )
     paint(ax, assembly, share > 0.0, [PLAIN] * len(assembly.elements), ink)
     frame(ax, assembly, [lower, upper])
-    bar = _axes(figure, (0.65 + 0.1 * width, 0.5, 0.8 * width, 0.11))
+    bar = axes_of(figure, (0.65 + 0.1 * width, 0.5, 0.8 * width, 0.11))
     figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), SHARE), cax=bar, orientation="horizontal")
     bar.set_xlabel("share in which the face is dry; dotted: in none", fontsize=8)
     bar.tick_params(labelsize=8)
@@ -204,9 +196,9 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
     histories: by name, tables with the columns `solves` (so far), `seconds` (since the start) and `best`
     (best λ so far, blank while there is none), in order.
     """
-    figure = _figure(9.6, 4.2)
+    figure = figure_of(9.6, 4.2)
     names = {"solves": "programs solved", "seconds": "time [s]"}
-    axes = [_axes(figure, (0.75 + 4.45 * k, 0.95, 4.1, 2.95)) for k in range(2)]
+    axes = [axes_of(figure, (0.75 + 4.45 * k, 0.95, 4.1, 2.95)) for k in range(2)]
     drawn = 0
     for number, (name, history) in enumerate(histories.items()):
         colour, dash = LINES[number % len(LINES)]
@@ -222,7 +214,7 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
     for ax, label in zip(axes, names.values(), strict=True):
         ax.set_xlabel(label, fontsize=9)
         if not drawn:
-            _say_nothing(ax, "no finite load factor yet")
+            say_nothing(ax, "no finite load factor yet")
     axes[0].set_ylabel("best load factor λ so far [–]", fontsize=9)
     if drawn:
         low = min(ax.get_ylim()[0] for ax in axes)
@@ -245,13 +237,13 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
     return from_string(text)
 
 
-def _collapsed(table: pd.DataFrame) -> pd.DataFrame:
+def collapsed(table: pd.DataFrame) -> pd.DataFrame:
     """Rows with a finite load factor, by proof."""
     kept = (table["status"] == str(Status.COLLAPSE)) & np.isfinite(table["load_factor"].astype(float))
     return table[kept]
 
 
-def _spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
+def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
     """Indices of points (k, 2) that lie well apart on paper: the ends first, then always the farthest from
     those taken, until circles would touch. every: all points on the axes; inches: size of the axes."""
     if not len(points):
@@ -268,13 +260,52 @@ def _spread(points: Floats, every: Floats, inches: tuple[float, float], most: in
     return sorted(taken)
 
 
+@dataclass(frozen=True)
+class Gallery:
+    """Layouts in one row or two along the foot of a figure. count: layouts; cell: width and height of each, inches."""
+
+    count: int
+    columns: int
+    cell: tuple[float, float]
+    width: float
+
+    @classmethod
+    def of(cls, count: int, assembly: Assembly, width: float) -> Gallery:
+        """Room for so many layouts across a figure of this width."""
+        columns = count if count <= 5 else math.ceil(count / 2)
+        wide = width / max(columns, 4)
+        return cls(count, columns, (wide, _thumbnail_height(assembly, wide) + 0.42), width)
+
+    @property
+    def rows(self) -> int:
+        """Rows of layouts."""
+        return -(-self.count // self.columns) if self.count else 0
+
+    @property
+    def height(self) -> float:
+        """Inches."""
+        return self.rows * self.cell[1]
+
+    def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:
+        """One layout with its number in a circle and words above."""
+        width, total = figure.get_size_inches()
+        row, column = divmod(number, self.columns)
+        left = (width - min(self.columns, self.count) * self.cell[0]) / 2.0 + column * self.cell[0]
+        bottom = 0.35 + (self.rows - 1 - row) * self.cell[1]
+        thumb = axes_of(figure, (left + 0.08, bottom + 0.06, self.cell[0] - 0.16, self.cell[1] - 0.42))
+        core.draw_assembly(thumb, assembly, labels_of(labelling, assembly), plain=True)
+        y = (bottom + self.cell[1] - 0.2) / total
+        figure.text((left + 0.2) / width, y, str(number + 1), **circle())
+        figure.text((left + 0.36) / width, y, words, fontsize=8, va="center", color=INK)
+
+
 def _thumbnail_height(assembly: Assembly, width: float) -> float:
     lower, upper = extent(assembly, projection_of(assembly))
     span = upper - lower
     return float(np.clip((width - 0.16) * span[1] / span[0], 0.3, 2.2))
 
 
-def _caption(results: pd.DataFrame) -> str:
+def caption(results: pd.DataFrame) -> str:
     """How many labellings the table holds and what became of those that are not on the axes."""
     tally = results["status"].value_counts()
     parts = [f"{int(tally.get(str(s), 0))} {s}" for s in Status if s is not Status.FAILED or str(s) in tally]
@@ -287,24 +318,24 @@ def _whole_numbers(ax: Axes, count: Count) -> None:
         ax.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True, min_n_ticks=1))
 
 
-def _say_nothing(ax: Axes, text: str) -> None:
+def say_nothing(ax: Axes, text: str) -> None:
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=10, color=SOFT)
     ax.set_xticks([])
     ax.set_yticks([])
 
 
-def _circle() -> dict[str, Any]:
+def circle() -> dict[str, Any]:
     box = {"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": FRONT, "linewidth": 1.1}
     return {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold", "color": INK, "bbox": box}
 
 
-def _figure(width: float, height: float) -> Figure:
+def figure_of(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), dpi=120)
     FigureCanvasAgg(figure)
     return figure
 
 
-def _axes(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
+def axes_of(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
     """Axes at left, bottom, width, height in inches, with small ticks and without a box."""
     width, height = figure.get_size_inches()
     left, bottom, wide, high = inches
@@ -313,9 +344,3 @@ def _axes(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return ax
-
-
-def front_picture(done: Exploration) -> Figure:
-    """The front of a study with its layouts."""
-    front_of = done.scene.search.front
-    return plot_pareto(done.results, done.front, done.assembly, count=front_of.count, sense=front_of.sense)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -99,11 +100,12 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
     return {"governing": names[rows["governing"]], **each}
 
 
-def front_table(results: pd.DataFrame, count: str, sense: str) -> pd.DataFrame:
-    """pareto.csv: the rows of the results on the front of λ against the scene's count."""
+def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.DataFrame:
+    """pareto.csv: the rows of the results on the front of λ against the scene's counts, given with senses."""
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
-    return results[on_front(value, results[count].to_numpy(dtype=float), sense)]
+    names, senses = zip(*axes, strict=True)
+    return results[on_front(value, results[list(names)].to_numpy(dtype=float), *senses)]
 
 
 def convergence_table(records: Records) -> pd.DataFrame:

@@ -103,4 +103,4 @@ def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
 
 def front_name(done: Exploration) -> str:
     """What the front weighs against what."""
-    return f"λ against {done.scene.search.front.count} ({done.scene.search.front.sense})"
+    return "λ against " + " and ".join(f"{count} ({sense})" for count, sense in done.scene.search.front.axes)

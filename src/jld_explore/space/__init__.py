@@ -1,6 +1,7 @@
 """What may be labelled, under which limits, and what is counted.
 
 - `CELLS`: the measure of a block that counts its elements
+- `EXEMPT`: how large a block is, over its free elements, scene units; a part of a block is never larger than it
 - `MEASURES`: measures of blocks that limits may speak of
 - `SHAPED`: limits on the shape of single blocks, and what they measure
 - `BlockShapes`: the shapes of all blocks that are asked for, of one assembly
@@ -62,12 +63,13 @@ from jld_explore.space.labelling import (
     to_strings,
     unpack,
 )
-from jld_explore.space.limits import CELLS, MEASURES, SHAPED, Limits, Measure, Range, Sized, block_sizes
+from jld_explore.space.limits import CELLS, EXEMPT, MEASURES, SHAPED, Limits, Measure, Range, Sized, block_sizes
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
 from jld_explore.space.shapes import BlockShapes
 
 __all__ = [
     "CELLS",
+    "EXEMPT",
     "MEASURES",
     "SHAPED",
     "BlockShapes",

@@ -17,6 +17,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, Elements
+from jld_core.errors import InputError
 from jld_core.scene import Search
 from jld_explore.space.counts import Count, Terms, registered, values_of
 from jld_explore.space.labelling import Connectivity, blocks_of
@@ -88,6 +89,9 @@ MASS: Final = Measure("block_mass", "of mass", False, lambda elements: elements.
 
 MEASURES: Final = (CELLS, WEIGHT, MASS, EXTENT)
 
+EXEMPT: Final = Measure("", "of elements that limits except", True, None)
+"""How many elements that limits on single blocks except a block holds; no limit speaks of it."""
+
 SizeOf = Callable[[Measure], Floats]
 """Sizes of some blocks by a measure, in whatever shape the blocks come."""
 
@@ -103,12 +107,13 @@ class Sized:
     corner: Floats
 
     @classmethod
-    def elements(cls, elements: Elements) -> Sized:
-        """The elements of an assembly; supports have no size."""
+    def elements(cls, elements: Elements, excepted: Bools) -> Sized:
+        """The elements of an assembly; supports have no size. excepted: (n,) those that limits except."""
         free = ~elements.support
         adds = {
             measure.key: np.where(free, measure.of(elements), 0.0).astype(float) for measure in MEASURES if measure.of
         }
+        adds[EXEMPT.key] = excepted.astype(float)
         return cls(adds, np.where(free[:, None], np.hstack([elements.upper, -elements.lower]), -inf))
 
     def take(self, order: Ints) -> Sized:
@@ -124,13 +129,13 @@ class Sized:
 
     def all(self) -> SizeOf:
         """Sizes (n,) of each by itself."""
-        return lambda measure: self.adds[measure.key] if measure.of else _longest(self.corner.T)
+        return lambda measure: self.adds[measure.key] if measure.key in self.adds else _longest(self.corner.T)
 
     def together(self, members: Bools) -> SizeOf:
         """Sizes (r,) of r sets at once; members: (n, r)."""
 
         def size(measure: Measure) -> Floats:
-            if measure.of:
+            if measure.key in self.adds:
                 return np.asarray(self.adds[measure.key] @ members)
             return _longest(np.array([np.where(members, side[:, None], -inf).max(axis=0) for side in self.corner.T]))
 
@@ -141,7 +146,7 @@ class Sized:
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:
-            if measure.of:
+            if measure.key in self.adds:
                 return np.asarray(self.adds[measure.key][rows].sum())
             return _longest(self.corner[rows].max(axis=0))
 
@@ -202,9 +207,28 @@ class Limits:
         return tuple((count.terms(self.assembly), bounds) for count, bounds in self.on_counts if count.terms)
 
     @cached_property
+    def excepted(self) -> Bools:
+        """(n,) elements that limits on single blocks except, with the blocks that hold them.
+
+        Raises InputError for an id that is none of a free element.
+        """
+        found, elements = np.zeros(len(self.assembly.elements), dtype=bool), self.assembly.elements
+        for place, name in enumerate(self.search.except_):
+            if name not in elements.index or elements.support[elements.index[name]]:
+                what = "is a support" if name in elements.index else "names no element"
+                raise InputError(f"search.except[{place}]", f"{name!r} {what}", "the id of a free element")
+            found[elements.index[name]] = True
+        return found
+
+    @property
+    def mendable(self) -> bool:
+        """Whether a block that is too large may be mended by what is added: an element that limits except."""
+        return bool(self.excepted.any())
+
+    @cached_property
     def sized(self) -> Sized:
         """The sizes of the elements."""
-        return Sized.elements(self.assembly.elements)
+        return Sized.elements(self.assembly.elements, self.excepted)
 
     @cached_property
     def block_shapes(self) -> BlockShapes:
@@ -225,9 +249,10 @@ class Limits:
 
     def misshapen(self, members: Iterable[int]) -> bool:
         """Whether one block, by its free elements, has a shape that is not wanted."""
-        if not self.on_shapes:
+        rows = np.array(sorted(members), dtype=np.int64)
+        if not self.on_shapes or self.excepted[rows].any():
             return False
-        shape = self.block_shapes.one(np.array(sorted(members), dtype=np.int64))
+        shape = self.block_shapes.one(rows)
         return any(
             bool(bounds.above(getattr(shape, name), _MEASURED) | bounds.below(getattr(shape, name), _MEASURED))
             for name, bounds in self.on_shapes
@@ -253,14 +278,21 @@ class Limits:
         return any(bounds.low is not None for _, bounds in self.on_blocks)
 
     def too_large(self, size: SizeOf, slack: float = 0.0) -> Bools:
-        """Where blocks of some sizes exceed a limit; nothing that is added can mend it."""
+        """Where blocks of some sizes exceed a limit; unless `mendable` nothing that is added can mend it."""
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
-        return np.asarray(np.logical_or.reduce(found)) if found else np.asarray(False)
+        return self._held(found, size)
 
     def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
         """Where blocks of some sizes fall short of a limit."""
         found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
-        return np.asarray(np.logical_or.reduce(found)) if found else np.asarray(False)
+        return self._held(found, size)
+
+    def _held(self, broken: list[Bools], size: SizeOf) -> Bools:
+        """Where any is broken and the block is not excepted."""
+        if not broken:
+            return np.asarray(False)
+        found = np.logical_or.reduce(broken)
+        return np.asarray(found & (size(EXEMPT) == 0.0) if self.mendable else found)
 
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
         """(k,) True where all limits are kept. labellings: (k, m); blocks: (k, n), theirs, where they are known."""
@@ -269,11 +301,14 @@ class Limits:
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
             sizes = block_sizes(self.assembly, blocks, [CELLS, *(m for m, _ in self.on_blocks if m is not CELLS)])
             holds = sizes[CELLS.key] > 0
+            sizes[EXEMPT.key] = self._exempt(blocks)
             wrong = self.too_large(lambda m: sizes[m.key]) | self.too_small(lambda m: sizes[m.key])
             good &= ~np.any(holds & wrong, axis=1)
         if self.on_shapes and good.any():
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
             holds, places = self.block_shapes.look(blocks)
+            if self.mendable:
+                holds &= self._exempt(blocks) == 0.0
             for name, bounds in self.on_shapes:
                 each = self.block_shapes.values(name)
                 odd = np.asarray(bounds.above(each, _MEASURED) | bounds.below(each, _MEASURED))
@@ -282,6 +317,12 @@ class Limits:
             values = values_of(count, self.assembly, labellings, graph, self.block_shapes)
             good &= ~(bounds.above(values) | bounds.below(values))
         return good
+
+    def _exempt(self, blocks: Ints) -> Floats:
+        """(k, n) elements that are excepted in each block (k, n), at the column of its name."""
+        rows, width = blocks.shape
+        place = (blocks[:, self.excepted] + width * np.arange(rows)[:, None]).ravel()
+        return np.bincount(place, minlength=rows * width).reshape(rows, width).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:
         """Ranges on single blocks made of some sets, by key; where sizes go with cells, as limits on cells.

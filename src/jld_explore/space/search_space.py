@@ -98,7 +98,8 @@ def search_space(
     fixed labels that contradict each other, limits that nothing satisfies, a material that lacks, no such symmetry.
     """
     search = scene.search
-    count_named(search.front.count)
+    for place, (name, _) in enumerate(search.front.axes):
+        count_named(name, f"search.front.counts[{place}]" if search.front.counts else "search.front.count")
     candidates = _candidate_faces(scene, assembly)
     keep_dry = faces_of_pairs(search.keep.dry, assembly.elements, assembly.interfaces, "search.keep.dry")
     keep_inner = faces_of_pairs(search.keep.inner, assembly.elements, assembly.interfaces, "search.keep.inner")
@@ -118,6 +119,7 @@ def search_space(
         kept = " that search.keep does not fix" if candidates.any() else ""
         raise InputError("search.candidates", "no face is a candidate", f"at least one face{kept}")
     limits = Limits(assembly, search)
+    _ = limits.excepted
     _refuse_impossible(limits, chosen, fixed, least, most)
     if need_materials:
         _require_materials(limits, chosen, fixed, least, graph)
@@ -156,6 +158,8 @@ def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
     """(m,) False where the blocks beside a face are too large to be one."""
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
+    if limits.mendable:
+        return joined
     for measure, bounds in limits.on_blocks:
         if measure.of:
             size = block_sizes(limits.assembly, least[None], [measure])[measure.key][0]
@@ -173,6 +177,9 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
     for measure in MEASURES:
         bounds, where = limits.bounds(measure), f"search.{measure.key}"
         smallest, largest = small[measure.key][0, holds], large[measure.key][0, whole]
+        if limits.mendable:
+            # blocks that limits except may take in whatever is too large or too small
+            continue
         if (heavy := bounds.above(smallest)).any():
             worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
             found = f"the block of {ids[holds[worst]]!r} has {smallest[worst]:g} {measure.words}"

@@ -140,6 +140,9 @@ def _image(
         turned = elements.weight @ matrix.T - elements.weight[to]
         if abs(turned).max() > 1e-8 * weight.max(initial=0.0):
             return "its weights are not mapped onto themselves"
+    excepted = np.isin(elements.ids, search.except_)
+    if np.any(excepted[to] != excepted):
+        return "its elements that limits except are not mapped onto themselves"
     count = len(elements)
     pair = np.minimum(faces.a, faces.b) * count + np.maximum(faces.a, faces.b)
     pair_to = np.minimum(to[faces.a], to[faces.b]) * count + np.maximum(to[faces.a], to[faces.b])

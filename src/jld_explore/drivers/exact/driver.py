@@ -85,6 +85,8 @@ class Exact(Driver):
     ) -> None:
         super().__init__(space, seed)
         self.aim, self._step_after, self._programs = aim, step_after, programs
+        if aim == "front" and space.search.front.counts:
+            raise InputError("search.front.counts", "two counts have no exact front", "one count, or --driver genetic")
         self._count = count_named(space.search.front.count) if aim == "front" else None
         if self._count is not None and self._count.terms is None:
             known = " or ".join(count.name for count in registered() if count.terms)

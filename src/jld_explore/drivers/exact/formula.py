@@ -159,13 +159,14 @@ class Formula:
         free = self.space.assembly.elements.free
         for name in np.unique(blocks[free]).tolist():
             members = frozenset(free[blocks[free] == name].tolist())
-            if self._limits.too_large(self._sized.one(members)):
+            large = bool(self._limits.too_large(self._sized.one(members)))
+            if large and not self._limits.mendable:
                 tree = self._tree(labels, min(members))
                 found.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
             elif self._limits.too_small(self._sized.one(members)):
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
                 found.append((border, np.ones(len(border), dtype=bool)))
-            elif self._limits.misshapen(members):
+            elif large or self._limits.misshapen(members):
                 # this very block: all that is inside it inner, all around it dry
                 touched = np.flatnonzero((blocks[graph.a] == name) | (blocks[graph.b] == name))
                 found.append((touched, labels[touched]))

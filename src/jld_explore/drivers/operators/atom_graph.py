@@ -16,7 +16,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Ints
-from jld_explore.space import CELLS, Range, SearchSpace, Sized
+from jld_explore.space import CELLS, EXEMPT, Range, SearchSpace, Sized
 
 Parts = list[int]
 """The name of the part of each atom, (atoms,); names are any integers."""
@@ -68,12 +68,14 @@ class PartLimits:
     """Limits of a search as operators keep them; those on counts that are no sums of ones are left to `feasible`.
 
     sizes: on each part that holds a free element, by the keys of measures, as far as they do not go with cells.
-    parts: (least, most) parts. seams: of counts of dry faces, with their (least, most).
+    parts: (least, most) parts. seams: of counts of dry faces, with their (least, most). exempt: atoms that limits on
+    single parts except.
     """
 
     sizes: dict[str, Range]
     parts: tuple[float, float]
     seams: tuple[tuple[Seams, float, float], ...]
+    exempt: frozenset[int] = frozenset()
 
     @property
     def cells(self) -> tuple[int, float]:
@@ -84,7 +86,7 @@ class PartLimits:
     @property
     def only_cells(self) -> bool:
         """Whether cells alone decide if a part is allowed."""
-        return not any(bounds.given for key, bounds in self.sizes.items() if key != CELLS.key)
+        return not self.exempt and not any(bounds.given for key, bounds in self.sizes.items() if key != CELLS.key)
 
 
 @dataclass(frozen=True)
@@ -204,4 +206,5 @@ def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
             parts = max(parts[0], bounds.least), min(parts[1], bounds.most)
         elif not terms.blocks:
             seams.append((_seams(graph.face_a, graph.face_b, terms.faces), bounds.least, bounds.most))
-    return PartLimits(space.limits.by_cells(graph.sized), parts, tuple(seams))
+    exempt = frozenset(np.flatnonzero(graph.sized.adds[EXEMPT.key]).tolist())
+    return PartLimits(space.limits.by_cells(graph.sized), parts, tuple(seams), exempt)

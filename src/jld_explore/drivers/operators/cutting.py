@@ -42,7 +42,8 @@ class Cutter:
     def fits(self, members: list[int]) -> bool:
         """Whether a part is within the upper limits and holds no wall."""
         cells = self.graph.cells
-        if sum([cells[a] for a in members]) > self._most:
+        free = self._is_exempt(members)
+        if not free and sum([cells[a] for a in members]) > self._most:
             return False
         if self.exact:
             return True
@@ -50,17 +51,21 @@ class Cutter:
             inside = set(members)
             if any(other in inside for a in members for other in self.graph.walls[a]):
                 return False
-        return all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
+        return free or all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
     def enough(self, members: list[int]) -> bool:
         """Whether a part is within the lower limits; one without a free element has none."""
         cells = self.graph.cells
         count = sum([cells[a] for a in members])
-        if count == 0:
+        if count == 0 or self._is_exempt(members):
             return True
         if count < self._least:
             return False
         return all(self._size(members, adds) >= bounds.least for bounds, adds in self._others)
+
+    def _is_exempt(self, members: list[int]) -> bool:
+        """Whether limits on single parts except a part."""
+        return bool(self.limits.exempt) and any(a in self.limits.exempt for a in members)
 
     def _size(self, members: list[int], adds: list[float] | None) -> float:
         """What the atoms of a part add up to, or the longest side of the box around them."""

@@ -95,6 +95,7 @@
  * @property {string[]} evidence proven, found or visited, for each row
  * @property {string} count name of the column that the picture weighs against λ
  * @property {string} sense max or min: the better direction of the count
+ * @property {boolean} line whether the front is a line in that picture: it weighs λ against one count
  * @property {string[]} counts names of the columns that the picture may have across
  * @property {number} left_out rows of the results that the page does not hold
  */
@@ -176,7 +177,7 @@ export const REQUIRED = Object.freeze({
   Element: ["id", "support", "shape", "faces", "centroid", "weight"],
   Face: ["elements", "polygon", "origin", "normal", "area", "candidate"],
   Load: ["case", "kind", "element", "at", "vector"],
-  Table: ["rows", "columns", "labellings", "evidence", "count", "sense", "counts", "left_out"],
+  Table: ["rows", "columns", "labellings", "evidence", "count", "sense", "line", "counts", "left_out"],
   Column: ["name", "title", "unit", "kind", "values"],
   Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
   CaseSolution: [

@@ -130,7 +130,7 @@ export class Scatter {
       }
     }
     pen.globalAlpha = 1;
-    if (this.count === this.table.count) this.#front(pen, rows);
+    if (this.table.line && this.count === this.table.count) this.#front(pen, rows);
     for (const row of rows) {
       const name = this.table.evidence[row];
       if (name === "visited") continue;

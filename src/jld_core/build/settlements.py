@@ -1,0 +1,73 @@
+"""Settlements of a scene → velocities of its supports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.build.loads import moment_about
+from jld_core.errors import InputError
+from jld_core.scene import Scene
+
+
+@dataclass(frozen=True)
+class Settlement:
+    """A movement of supports, known up to its size.
+
+    velocity: (n, q) of each element about its centroid, rotations last; zeros but for supports that move. load: share
+    of the live load that acts meanwhile.
+    """
+
+    name: str
+    velocity: Floats
+    load: float = 0.0
+
+
+def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
+    """The settlements of a scene, in their order.
+
+    Raises InputError: an unknown element, one that is no support or bears nothing, a vector of the wrong length, no
+    movement at all.
+    """
+    return tuple(
+        Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
+    )
+
+
+def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
+    elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
+    velocity = np.zeros((len(elements), q))
+    faces = assembly.interfaces
+    bearing = set(np.concatenate([faces.a, faces.b]).tolist())
+    for number, part in enumerate(scene.settlements[place].supports):
+        key = f"settlements[{place}].supports[{number}]"
+        names = [part.elements] if isinstance(part.elements, str) else part.elements
+        rows = []
+        for name in names:
+            if name not in elements.index:
+                raise InputError(f"{key}.elements", f"no element is named {name!r}", "ids of supports")
+            row = elements.index[name]
+            if not elements.support[row]:
+                raise InputError(f"{key}.elements", f"{name!r} is no support", "ids of supports")
+            rows.append(row)
+        if not bearing.intersection(rows):
+            raise InputError(f"{key}.elements", "no free element touches them", "supports that bear something")
+        move = _sized(part.move if part.move is not None else [0.0] * d, d, f"{key}.move")
+        turn = _sized(np.atleast_1d(part.turn).tolist() if np.any(part.turn) else [0.0] * (q - d), q - d, f"{key}.turn")
+        about = elements.centroid[rows].mean(axis=0) if part.about is None else _sized(part.about, d, f"{key}.about")
+        for row in rows:
+            arm = elements.centroid[row] - about
+            spin = turn[0] * np.array([-arm[1], arm[0]]) if d == 2 else moment_about(turn, arm)
+            velocity[row] += np.concatenate([move + spin, turn])
+    if not velocity.any():
+        raise InputError(f"settlements[{place}]", "nothing moves", '"move" or "turn" of some support')
+    return velocity
+
+
+def _sized(values: list[float], size: int, where: str) -> Floats:
+    if len(values) != size:
+        raise InputError(where, f"it has {len(values)} numbers", f"{size} in this scene")
+    return np.array(values, dtype=float)

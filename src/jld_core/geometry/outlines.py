@@ -1,0 +1,171 @@
+"""The outline of a block: the boundary of the union of its elements, how slender it is, where it turns inwards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+from scipy.spatial import ConvexHull, cKDTree
+
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Assembly
+
+_REACH: Final = 1e-6
+"""Distance, relative to the structure, within which corners of congruent blocks fall on one another."""
+
+_FLAT: Final = 1e-5
+"""Share of its hull's area or volume that a block may lack and still count as convex."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """One block's boundary.
+
+    points: (k + e, d) corners about its centroid, then middles of edges or faces. count: k. size: area or volume.
+    aspect: longest over shortest side of the smallest box around it. reentrant: corners that turn inwards (planar);
+    spatial: 1 where it is not convex, else 0.
+    """
+
+    points: Floats
+    count: int
+    size: float
+    aspect: float
+    reentrant: int
+
+
+def reach_of(assembly: Assembly) -> float:
+    """Distance within which corners of blocks of an assembly are one."""
+    return max(_REACH * assembly.size, 4.0 * assembly.moved)
+
+
+def outline_of(assembly: Assembly, members: Ints) -> Outline:
+    """Of the union of some elements of an assembly."""
+    elements, reach = assembly.elements, reach_of(assembly)
+    if assembly.dimension == 2:
+        return flat_outline([elements.shape[e] for e in members], reach)
+    solids = [(elements.shape[e], elements.faces[e]) for e in members]
+    return solid_outline(solids, np.abs(elements.volume[members]), elements.centroid[members], reach)
+
+
+def flat_outline(polygons: Sequence[Floats], reach: float) -> Outline:
+    """Of the union of polygons (k, 2). reach: distance within which corners are one."""
+    if len(polygons) == 1:
+        region = shapely.Polygon(polygons[0])
+    else:
+        region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=1e-3 * reach)
+    centre = shapely.get_coordinates(region.centroid)[0]
+    corners, middles, inwards = [], [], 0
+    for part in shapely.get_parts(region):
+        for ring in [part.exterior, *part.interiors]:
+            points = _straightened(shapely.get_coordinates(ring)[:-1], reach)
+            before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+            turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+            way = 1.0 if ring.is_ccw else -1.0
+            outer = ring is part.exterior or ring.equals(part.exterior)
+            inwards += int(np.count_nonzero(way * turn < 0.0 if outer else way * turn > 0.0))
+            corners.append(points - centre)
+            middles.append(points + 0.5 * after - centre)
+    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(region))
+    sides = np.hypot(*(box[1:3] - box[:2]).T)
+    points = np.concatenate(corners + middles)
+    count = sum(len(ring) for ring in corners)
+    return Outline(points, count, float(region.area), float(sides.max() / sides.min()), inwards)
+
+
+def solid_outline(
+    solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], volumes: Floats, centroids: Floats, reach: float
+) -> Outline:
+    """Of the union of solids, each its corners (k, 3) and faces; volumes: (n,), centroids: (n, 3)."""
+    corners = np.concatenate([points for points, _ in solids])
+    volume = float(volumes.sum())
+    hull = ConvexHull(corners)
+    convex = hull.volume <= (1.0 + _FLAT) * volume
+    outline = _skin(solids, reach)
+    unique = _merged(np.concatenate(outline), reach)
+    middles = np.array([face.mean(axis=0) for face in outline])
+    centre = np.average(centroids, axis=0, weights=volumes)
+    points = np.concatenate([unique - centre, middles - centre])
+    return Outline(points, len(unique), volume, _box_aspect(corners, hull), int(not convex))
+
+
+def _straightened(points: Floats, reach: float) -> Floats:
+    """A ring (k, 2) without corners that lie on the line of their neighbours within the reach."""
+    while len(points) > 3:
+        before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        chord = after - before
+        length = np.hypot(*chord.T)
+        arm = points - before
+        off = abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.where(length > 0.0, length, 1.0)
+        idle = off <= reach
+        if not idle.any():
+            return points
+        # one at a time where neighbours are idle both, the flattest first
+        kept = np.ones(len(points), dtype=bool)
+        kept[int(np.argmin(np.where(idle, off, np.inf)))] = False
+        points = points[kept]
+    return points
+
+
+def _merged(points: Floats, reach: float) -> Floats:
+    """Points without those that repeat one before within the reach."""
+    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    kept = np.ones(len(points), dtype=bool)
+    kept[pairs[:, 1]] = False
+    return points[kept]
+
+
+def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: float) -> list[Floats]:
+    """Outlines of the faces of a union of solids, idle corners left out: what two of them share is inside."""
+    planes: list[tuple[Floats, float, list[tuple[float, Floats]]]] = []
+    for corners, faces in solids:
+        for loop in faces:
+            ring = corners[list(loop)]
+            arm = ring - ring[0]
+            vector = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+            normal = vector / np.linalg.norm(vector)
+            for other, offset, members in planes:
+                sign = float(np.sign(normal @ other))
+                if abs(abs(normal @ other) - 1.0) < 1e-9 and abs(float(ring.mean(axis=0) @ other) - offset) < reach:
+                    members.append((sign, ring))
+                    break
+            else:
+                planes.append((normal, float(ring.mean(axis=0) @ normal), [(1.0, ring)]))
+    found = []
+    for normal, offset, members in planes:
+        across = _across(normal)
+        sides = [
+            shapely.union_all([shapely.Polygon(ring @ across.T) for sign, ring in members if sign == side])
+            for side in (1.0, -1.0)
+        ]
+        for here, there in (sides, sides[::-1]):
+            for part in shapely.get_parts(shapely.difference(here, there, grid_size=1e-3 * reach)):
+                if part.geom_type != "Polygon" or part.area <= reach * part.length:
+                    continue
+                for ring in [part.exterior, *part.interiors]:
+                    flat = _straightened(shapely.get_coordinates(ring)[:-1], reach)
+                    found.append(flat @ across + offset * normal)
+    return found
+
+
+def _across(normal: Floats) -> Floats:
+    other = np.eye(3)[int(np.argmin(abs(normal)))]
+    one = np.cross(normal, other)
+    one = one / np.linalg.norm(one)
+    return np.array([one, np.cross(normal, one)])
+
+
+def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
+    """Longest over shortest side of the smallest box with a side in a face of the hull."""
+    best, sides_of = np.inf, np.ones(3)
+    for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
+        across = _across(normal / np.linalg.norm(normal))
+        high = float(np.ptp(corners @ normal))
+        box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapely.multipoints(corners @ across.T)))
+        sides = np.array([high, *(float(np.hypot(*(b - a))) for a, b in pairwise(box[:3]))])
+        if np.prod(sides) < best:
+            best, sides_of = float(np.prod(sides)), sides
+    return float(sides_of.max() / sides_of.min())
