@@ -101,6 +101,43 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     assert ruled_out >= len(conflicts)
 
 
+def test_a_face_that_may_crush_is_taken_as_its_hull() -> None:
+    """A block under W and λW at half its height: N = W, m = λW, and above N = 0 the hull of the parabola and of (−T, 0)
+    is the tangent m = (1 − 2 Nt/C)(N + T) up to Nt = √(T² + TC) − T (docs/method.md (2.3), (2.5), (6.3))."""
+    strengths = {"tension": 1e3, "shear": 1e5, "friction": 5.0, "crush_dry": 1e4, "crush_inner": 1e4}
+    assembly = grid_assembly(["a", "#"], **strengths)
+    relaxation = Relaxation(LimitAnalysis(assembly))
+    face, weight = 0.01, assembly.total_dead
+    tension, crush = 1e3 * face, 1e4 * face
+    touching = np.sqrt(tension * (tension + crush)) - tension
+    assert weight < touching
+    expected = (1.0 - 2.0 * touching / crush) * (weight + tension) / weight
+    one = np.ones(1, dtype=bool)
+    scale = relaxation.template.scaling.load
+    assert relaxation.bound(one, one) * scale == pytest.approx(expected, rel=1e-6)
+    assert relaxation.bound(one, ~one) * scale == pytest.approx(1.0 - weight / crush, rel=1e-6)
+    assert relaxation.bound(~one, ~one) * scale == pytest.approx((weight + tension) / 3.0 / weight, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["wall", "crushable wall", "in space"])
+def test_many_at_once_are_refuted_as_one_by_one(name: str) -> None:
+    assembly = assemblies()[name]
+    relaxation = Relaxation(LimitAnalysis(assembly))
+    rng = np.random.default_rng(2)
+    m = len(assembly.interfaces)
+    rows, undecided = rng.random((12, m)) < 0.5, rng.random((12, m)) < 0.3
+    bounds = np.array([relaxation.bound(*pair) for pair in zip(rows, undecided, strict=True)])
+    thresholds = bounds * np.where(np.arange(12) % 2, 1.001, 0.999)
+    together = relaxation.refute_all(rows, undecided, thresholds)
+    for k, found in enumerate(together):
+        alone = relaxation.refute(rows[k], undecided[k], float(thresholds[k]))
+        assert (found is None) == (alone is None) == (k % 2 == 0)
+        if found is not None and alone is not None:
+            assert found.bound == pytest.approx(alone.bound, rel=1e-9)
+            assert found.excess == pytest.approx(alone.excess, rel=1e-9)
+            assert found.cost == pytest.approx(alone.cost, rel=1e-9, abs=1e-12)
+
+
 def test_crushing_joints_in_space_have_no_hull() -> None:
     document = scene(
         [box("ground", [0, 0, -1], [1, 1, 0], support=True), box("a", [0, 0, 0], [1, 1, 1])],

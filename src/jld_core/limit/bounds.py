@@ -187,10 +187,17 @@ class Prover:
 
     def noise(self, velocity: Floats, bound: float) -> float:
         """Rounding that a bound may carry: of the sums that make it up, and of the velocities themselves."""
-        speed = abs(velocity)
-        return tolerances.ROUNDING * (
-            float(self._weight @ speed) + abs(bound) + 1e-3 * self._total * float(speed.max())
-        )
+        return float(self.noises(velocity[None], np.array([bound]))[0])
+
+    def noises(self, velocities: Floats, bounds: Floats) -> Floats:
+        """The same of velocities (k, q·free) and bounds (k,)."""
+        speed = abs(velocities)
+        sizes = speed @ self._weight + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
+        return np.asarray(tolerances.ROUNDING * sizes)
+
+    def jumps(self, velocities: Floats) -> Floats:
+        """(k, m, q) scaled jumps of velocities (k, q·free)."""
+        return np.ascontiguousarray((self._jumps @ velocities.T).T).reshape(-1, *self._everything.shape)
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of a strictly opening motion for the dissipation to become finite."""

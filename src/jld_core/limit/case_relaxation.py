@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice
 from jld_core.limit.relaxation import DualBound, Relaxation
 
@@ -17,7 +17,7 @@ _ROUNDING = 4.0 * float(np.finfo(float).eps)
 class CaseRelaxation:
     """Upper bounds on the governing factor, min over cases of λ / required, for partial labellings; not scaled.
 
-    cases: the relaxation of each case. required: factor of each. The case that refuted last is asked first.
+    cases: the relaxation of each case. required: factor of each. The case that refuted most is asked first.
     """
 
     def __init__(self, cases: Sequence[Relaxation], required: Sequence[float]) -> None:
@@ -30,19 +30,40 @@ class CaseRelaxation:
         """Programs solved so far."""
         return sum(one.solves for one in self._cases)
 
+    @property
+    def many(self) -> bool:
+        """Whether relaxations of every case are solved many at a time."""
+        return all(one.many for one in self._cases)
+
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
         """A proof, by one case, that no labelling that agrees where decided reaches a factor; None where none is found.
 
         labels: (m,) True dry. undecided: (m,). threshold: governing factor.
         """
-        for position, case in enumerate(self._order):
+        return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
+
+    def refute_all(
+        self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
+    ) -> list[DualBound | None]:
+        """The same for labellings and undecided faces (k, m), factors (k,); thorough (k,) as of one case."""
+        found: list[DualBound | None] = [None] * len(labellings)
+        left = np.arange(len(labellings))
+        counts = [0] * len(self._cases)
+        for case in self._order:
+            if not left.size:
+                break
             unit = self._units[case]
-            found = self._cases[case].refute(labels, undecided, threshold / unit)
-            if found is not None:
-                self._order.insert(0, self._order.pop(position))
-                bound = found.bound * unit
-                return DualBound(found.excess, found.cost, bound + abs(bound) * _ROUNDING)
-        return None
+            careful = None if thorough is None else thorough[left]
+            answers = self._cases[case].refute_all(labellings[left], undecided[left], thresholds[left] / unit, careful)
+            for k, one in zip(left.tolist(), answers, strict=True):
+                if one is not None:
+                    bound = one.bound * unit
+                    found[k] = DualBound(one.excess, one.cost, bound + abs(bound) * _ROUNDING)
+                    counts[case] += 1
+            left = np.array([k for k in left.tolist() if found[k] is None], dtype=np.int64)
+        # the case that refuted most is asked first
+        self._order.sort(key=lambda case: -counts[case])
+        return found
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Governing factor that no labelling exceeds that agrees where decided; inf where none was found."""

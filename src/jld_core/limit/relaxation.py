@@ -1,7 +1,8 @@
 """Faces whose label is not decided: what bounds λ over all labellings that agree on the faces that are.
 
 The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3), which the
-yield set knows (`YieldSet.hull`); a set that does not leaves no relaxation.
+yield set knows (`YieldSet.hull`); a set that does not leaves no relaxation. Where planar joints may crush, its rows are
+wide of the hull, and two copies share the forces instead (`SharedHull`).
 
 What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the
 rows were: a bound is right for every labelling it speaks of, however loose the program that it came from.
@@ -15,10 +16,10 @@ from typing import Final
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.lanes import CARRIES, OPEN, Lanes, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
-from jld_core.limit.bounds import Motion, usable
+from jld_core.limit.shared_hull import SharedHull
 from jld_core.program import ConicProgram
 from jld_core.solvers import make_solver
 
@@ -59,6 +60,9 @@ class Relaxation:
         if hull is None:
             raise TypeError("no hull is known of these yield sets")
         self._open = self.template.with_rows(hull)
+        strengths, planar = self.template.assembly.strengths, self.template.assembly.dimension == 2
+        # while dry joints never crush the hull has rows
+        self._shared = SharedHull(self.template) if planar and np.isfinite(strengths.crush_dry).any() else None
         self._lanes: Lanes | None = None
         if chosen() is not None and fits(self.template, hull):
             opening = analysis.interior.opening()
@@ -70,6 +74,8 @@ class Relaxation:
 
     def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
         """The program of a partial labelling: labels (m,) True dry, of no force where undecided (m,)."""
+        if self._shared is not None:
+            return self._shared.program(labels, undecided, self._margin)
         return self.template.program(labels, self._margin, other=self._open, taken=undecided)
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
@@ -79,92 +85,118 @@ class Relaxation:
         """
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
-    def refute_all(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """The same for labellings and undecided faces (k, m) and thresholds (k,): at once where the kernel can."""
+    @property
+    def many(self) -> bool:
+        """Whether relaxations are solved many at a time."""
+        return self._lanes is not None
+
+    def refute_all(
+        self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
+    ) -> list[DualBound | None]:
+        """The same for labellings and undecided faces (k, m) and thresholds (k,): at once where the kernel can.
+
+        thorough: (k,) whether what the kernel leaves open is worth another route, default all.
+        """
         count = len(labellings)
         self.solves += count
         found: list[DualBound | None] = [None] * count
-        left = list(range(count))
+        left = np.arange(count)
         if self._lanes is not None:
             answers = self._lanes.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             assert answers.velocity is not None
-            left = []
-            for k in range(count):
-                # forces that carry more are a hint: to refute nothing is never wrong
-                if answers.verdict[k] == CARRIES:
-                    continue
-                if answers.verdict[k] == OPEN:
-                    left.append(k)
-                else:
-                    found[k] = self._weighed(answers.velocity[k], labellings[k], undecided[k], float(thresholds[k]))
-        for k in left:
-            raw = self._route.solve(self.program(labellings[k], undecided[k]))
-            velocity = raw.dual[: self.template.matrix.shape[0]]
-            found[k] = self._weighed(velocity, labellings[k], undecided[k], float(thresholds[k]))
+            # forces that carry more are a hint: to refute nothing is never wrong
+            told = np.flatnonzero(answers.verdict != CARRIES)
+            self._weigh_all(answers.velocity[told], told, labellings, undecided, thresholds, found)
+            left = np.array([k for k in told.tolist() if found[k] is None and answers.verdict[k] == OPEN], dtype=int)
+            if thorough is not None:
+                left = left[thorough[left]]
+        if len(left):
+            rows = self.template.matrix.shape[0]
+            raws = [self._route.solve(self.program(labellings[k], undecided[k])).dual[:rows] for k in left.tolist()]
+            self._weigh_all(np.array(raws), left, labellings, undecided, thresholds, found)
         return found
 
-    def _weighed(self, velocity: Floats, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """What velocities bound, as they are or with a little of a motion that opens all faces."""
-        if not usable(velocity):
-            return None
-        size = float(abs(velocity).max())
-        if not size > 0.0:
-            return None
-        motion = self._prover.motion(velocity / size, labels, normalise=False)
-        found = self._weigh(motion, labels, undecided, threshold)
-        return found if found is not None else self._weigh(self._parted(motion), labels, undecided, threshold)
+    def _weigh_all(
+        self,
+        velocities: Floats,
+        which: Ints,
+        labellings: Bits,
+        undecided: Bools,
+        thresholds: Floats,
+        found: list[DualBound | None],
+    ) -> None:
+        """Put into `found` what velocities (j, q·free) bound, as they are or with a little of a motion that opens all.
+
+        which: (j,) which of the k labellings they are of.
+        """
+        fine = np.isfinite(velocities).all(axis=1)
+        which, velocities = which[fine], velocities[fine]
+        size = abs(velocities).max(axis=1, initial=0.0)
+        moving = (size > 0.0) & (size < 1e30)  # what a failed solve leaves behind may be anything
+        which, velocities = which[moving], velocities[moving] / size[moving, None]
+        opening = self._interior.opening()
+        for parted in (False, True):
+            if parted:
+                if opening is None:
+                    return
+                velocities = velocities + 1e-9 / float(abs(opening.velocity).max()) * opening.velocity
+            if not len(which):
+                return
+            answers = self._weigh(velocities, labellings[which], undecided[which], thresholds[which])
+            for k, answer in zip(which.tolist(), answers, strict=True):
+                found[k] = answer
+            lacking = np.array([answer is None for answer in answers])
+            which, velocities = which[lacking], velocities[lacking]
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Scaled λ that no labelling exceeds that agrees where decided; inf where none was found."""
         found = self.refute(labels, undecided, _ANY)
         return np.inf if found is None else found.bound
 
-    def _parted(self, motion: Motion) -> Motion:
-        """A motion with a little of one that opens all faces added to it."""
-        opening = self._interior.opening()
-        if opening is None:
-            return motion
-        share = 1e-9 * float(abs(motion.velocity).max()) / float(abs(opening.velocity).max())
-        velocity = motion.velocity + share * opening.velocity
-        return self._prover.motion(velocity, np.ones(len(motion.jumps), dtype=bool), normalise=False)
-
-    def _weigh(self, motion: Motion, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        sets, jumps = self.template.yield_set, motion.jumps
-        if not usable(motion.velocity):
-            return None
-        every = np.ones(len(labels), dtype=bool)
-        finite = np.array([sets.margin(jumps, every), sets.margin(jumps, ~every)])
-        motion, finite = self._opened(motion, finite, labels, undecided)
-        jumps = motion.jumps
-        dissipation = np.array([sets.dissipation(jumps, every), sets.dissipation(jumps, ~every)])
-        dissipation = np.where(finite >= 0.0, dissipation, np.inf)
+    def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
+        """What velocities (k, q·free), none faster than one or so, bound of labellings (k, m)."""
+        velocities, jumps, finite = self._opened(velocities)
+        dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
         either = dissipation.max(axis=0)
         own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
-        work = float(self.template.live @ motion.velocity)
-        if abs(work) < tolerances.ROUNDING * float(abs(self.template.live) @ abs(motion.velocity)):
-            work = 0.0  # what is left of terms that cancel bounds nothing
-        dead = float(self.template.dead @ motion.velocity)
-        total = float(own.sum()) - dead
-        if not np.isfinite(total) or work < 0.0:
-            return None
-        total += self._prover.noise(motion.velocity, total)
-        excess = threshold * work - total
-        if not excess > 0.0:
-            return None
-        with np.errstate(invalid="ignore"):
+        work = velocities @ self.template.live
+        # what is left of terms that cancel bounds nothing
+        work[abs(work) < tolerances.ROUNDING * (abs(velocities) @ abs(self.template.live))] = 0.0
+        total = own.sum(axis=1) - velocities @ self.template.dead
+        sound = np.isfinite(total) & (work >= 0.0)
+        total = np.where(sound, total, 0.0)
+        total += self._prover.noises(velocities, total)
+        excess = thresholds * work - total
+        with np.errstate(invalid="ignore", divide="ignore"):
             cost = np.where(undecided, 0.0, either - own)
-        bound = total / work if work > 0.0 else -np.inf
-        return DualBound(excess, cost, bound)
+            bound = np.where(work > 0.0, total / work, -np.inf)
+        return [
+            DualBound(float(excess[k]), cost[k], float(bound[k])) if sound[k] and excess[k] > 0.0 else None
+            for k in range(len(labels))
+        ]
 
-    def _opened(self, motion: Motion, finite: Floats, labels: Bits, undecided: Bools) -> tuple[Motion, Floats]:
-        """The motion with just the opening added that margins missed by rounding need, and the margins then."""
+    def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
+        """(2, k, m) margins or dissipation of jumps (k, m, q), dry then inner."""
+        sets, faces = self.template.yield_set, jumps.shape[1]
+        measure = sets.margin if margins else sets.dissipation
+        every = np.ones(faces, dtype=bool)
+        if self.template.assembly.dimension == 2:
+            return np.array([measure(jumps, every), measure(jumps, ~every)])
+        each = [[measure(one, labels) for one in jumps] for labels in (every, ~every)]
+        return np.array(each).reshape(2, *jumps.shape[:2])
+
+    def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
+        """Velocities with the opening added that margins missed by rounding need, their jumps, and margins then."""
+        jumps = self._prover.jumps(velocities)
+        finite = self._measured(jumps, margins=True)
         opening = self._interior.opening()
-        reach = _TINY * max(float(abs(motion.jumps).max()), 1e-300)
-        missed = (finite < 0.0) & (finite > -reach)
-        if opening is None or not missed.any():
-            return motion, finite
-        share = 1.01 * float(-finite[missed].min()) / opening.margin
-        every = np.ones(len(labels), dtype=bool)
-        motion = self._prover.motion(motion.velocity + share * opening.velocity, every, normalise=False)
-        sets = self.template.yield_set
-        return motion, np.array([sets.margin(motion.jumps, every), sets.margin(motion.jumps, ~every)])
+        reach = _TINY * np.maximum(abs(jumps).max(axis=(1, 2)), 1e-300)
+        lacks = np.where((finite < 0.0) & (finite > -reach[None, :, None]), -finite, 0.0).max(axis=(0, 2))
+        rows = np.flatnonzero(lacks > 0.0)
+        if opening is None or not rows.size:
+            return velocities, jumps, finite
+        velocities = velocities.copy()
+        velocities[rows] += (1.01 * lacks[rows] / opening.margin)[:, None] * opening.velocity
+        jumps[rows] = self._prover.jumps(velocities[rows])
+        finite[:, rows] = self._measured(jumps[rows], margins=True)
+        return velocities, jumps, finite

@@ -27,6 +27,7 @@ class PlanarYield(Frictional):
 
     Dry: |m| ≤ N(1 − N/N_c), |V| ≤ c + μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA + μN, μ of the inner
     face. Under friction a jump (δ, s, θ) works as (δ − μ|s|, θ) does in bending, and c|s| besides.
+    D(J) and its margin take jumps of many mechanisms as well, (k, m, 3), and give (k, m).
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).
     """
 
@@ -83,7 +84,7 @@ class PlanarYield(Frictional):
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
+        opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         cracked = opening - self.inner_friction * slip if self.rough else opening
         stuck: Floats | float = self.cohesion * slip if self.cohesive else 0.0
         if self._endless:
@@ -102,7 +103,7 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        opening, slip, turn = jumps[:, 0], abs(jumps[:, 1]), abs(jumps[:, 2])
+        opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
         cracked = opening - self.inner_friction * slip if self.rough else opening
         inner = np.where(np.isinf(self.crush_inner), cracked - turn / 3.0, np.inf)

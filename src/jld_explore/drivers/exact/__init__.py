@@ -10,10 +10,10 @@
 
 from __future__ import annotations
 
-from jld_explore.drivers.exact.conflicts import Conflict, conflict_of
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
+from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 
 __all__ = [
     "Conflict",

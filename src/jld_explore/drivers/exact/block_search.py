@@ -16,9 +16,9 @@ import numpy as np
 from jld_core.arrays import Bits
 from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, LimitAnalysis, applies_to
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
-from jld_explore.drivers.exact.conflicts import AnyRelaxation, Conflict
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
 from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]

@@ -21,8 +21,8 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, Choice
-from jld_explore.drivers.exact.conflicts import Conflict
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import SearchSpace
 
 _TRIED: Final = 4

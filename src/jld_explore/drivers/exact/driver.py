@@ -1,9 +1,10 @@
 """The strongest segmentation, proven: labellings are refuted many at a time until none is left that could be better.
 
-The driver asks a formula for a labelling that nothing rules out yet. If a mechanism proves that it is too weak,
-so are all labellings that agree with it where that mechanism needs them to: the conflict is added to the formula,
-and the next labelling is drawn. If none does, it is evaluated: it is better, or its own bracket says that it is not.
-When the formula has no model left, nothing is stronger.
+The driver asks a formula for labellings that nothing rules out yet. Where a mechanism proves that one is too weak,
+so are all labellings that agree with it where that mechanism needs them to: the conflict is added to the formula
+(`exact.hunting`). If none does, it is evaluated: it is better, or its own bracket says that it is not. When the
+formula has no model left, nothing is stronger than the λ it was made for, and the next is made for a lower one
+(`exact.ladder`), down to the best that is known, which annealing looks for before the proof and now and then beside it.
 
 Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
 branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything.
@@ -30,23 +31,31 @@ from pydantic import Field
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation, Status, load_floor
+from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation, load_floor
+from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
-from jld_explore.drivers.exact.conflicts import Conflict, Conflicts, conflict_of, key_of
+from jld_explore.drivers.exact.conflicts import Conflicts, key_of
 from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.hunting import Hunt
+from jld_explore.drivers.exact.incumbents import Incumbents
+from jld_explore.drivers.exact.ladder import Ladder
 from jld_explore.drivers.exact.optimum import Best, front, front_of_all
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.space import SearchSpace, canonical, count_named, registered, values_of
+from jld_explore.space import SearchSpace, canonical, count_named, registered
 
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
-_FINE: Final = 2e-3
-"""Relative gap below which the last step is taken at once."""
+_EACH: Final = 4000
+"""Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
+
+_SHARE: Final = (0.04, 0.15)
+"""Labellings annealed then for each relaxation since, with the kernel and without: some 10 to 15 % of the time."""
 
 
 class ExactOptions(DriverOptions):
@@ -61,7 +70,7 @@ class Exact(Driver):
     aim: "best", or "front": the best for every value of the scene's count. search: labellings evaluated before the
     proof, for each face that can change. by_blocks: search a tree of block choices first, "auto": where that promises
     more than conflicts of faces. list_blocks: list the blocks there can be, where they are few enough. step_after:
-    conflicts after which bounds are lowered step by step, so that a proof too long to finish leaves a narrower gap.
+    conflicts after which a bound is lowered in smaller steps, so that a proof too long to finish leaves a narrower gap.
     programs: solved at the most before it comes back as for lack of time.
     """
 
@@ -77,14 +86,14 @@ class Exact(Driver):
         seed: int = 0,
         aim: Aim = "best",
         *,
-        search: int = 10,
+        search: int = 20,
         by_blocks: ByBlocks = "auto",
         list_blocks: bool = True,
-        step_after: int = 1500,
+        step_after: int = 500,
         programs: int | None = None,
     ) -> None:
         super().__init__(space, seed)
-        self.aim, self._step_after, self._programs = aim, step_after, programs
+        self.aim, self._programs = aim, programs
         if aim == "front" and space.search.front.counts:
             raise InputError("search.front.counts", "two counts have no exact front", "one count, or --driver genetic")
         self._count = count_named(space.search.front.count) if aim == "front" else None
@@ -113,16 +122,18 @@ class Exact(Driver):
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
             self._free &= np.isin(np.arange(len(self._free)), list(joined))
-        self._genetic = Genetic(space, seed, aim=aim)
+        self._search = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._left = search * int(space.candidates.sum())
-        self._searching = True
-        self._known: dict[bytes, tuple[float, float, int]] = {}
+        self._again = math.inf if search == 0 else _EACH
+        self._annealed = 0
+        self._incumbents = Incumbents(space, self._count)
         self._conflicts = Conflicts(len(space.fixed))
         self._formula: Formula | None = None
+        self._hunt = None if self._relaxation is None else Hunt(self._relaxation, self._free, seed)
+        self._ladder = Ladder(step_after)
         self._passed: list[Bits] = []
         self._aimed = math.inf
         self._began = 0
-        self._stepping = False
         self._targets: list[int | None] = [None]
         self._listed = aim == "best"
         self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf, self._floor)}
@@ -190,47 +201,33 @@ class Exact(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         if self._everything is not None:
             return self._everything.ask(limit)
-        if self._left > 0:
-            found = self._genetic.ask(self._left if limit is None else min(limit, self._left))
-            self._left = self._left - len(found) if len(found) else 0
+        while self._targets and not self._late:
+            if self._left > 0:
+                found = self._search.ask(self._left if limit is None else min(limit, self._left))
+                self._left = self._left - len(found) if len(found) else 0
+            else:
+                found = self._pursue(self._targets[0])
             if len(found):
                 return found
-        self._searching = False
-        while self._targets and not self._late:
-            proposed = self._pursue(self._targets[0])
-            if proposed is not None:
-                return proposed
+        return self._none
+
+    @property
+    def _none(self) -> Bits:
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:
             self._everything.tell(labellings, evaluations)
             return
-        if self._searching:
-            self._genetic.tell(labellings, evaluations)
+        self._search.tell(labellings, evaluations)
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        number = [0] * len(labellings)
-        if self._count is not None:
-            number = values_of(self._count, self.space.assembly, labellings, self.space.graph).tolist()
-        for labels, found, count in zip(labellings, evaluations, number, strict=True):
-            low = found.low if found.status is Status.COLLAPSE else -math.inf
-            high = found.high if found.status is Status.COLLAPSE else -math.inf
-            if found.status in (Status.UNCERTIFIED, Status.FAILED):
-                high = found.high if math.isfinite(found.high) else math.inf
-            if math.isfinite(found.zero_dilation):
-                # there may be other solutions without dilation; the associative λ bounds them all
-                high = max(high, found.associative * (1.0 + tolerances.PROVEN))
-            self._known[np.packbits(labels).tobytes()] = (low, high, count)
+        self._incumbents.learn(labellings, evaluations)
         for target, best in self.found.items():
-            low = self._incumbent(target)
+            low = self._incumbents.best(target)
             if math.isfinite(low) and not best.load_factor >= low:
                 self.found[target] = replace(best, load_factor=low)
-
-    def _incumbent(self, target: int | None) -> float:
-        fitting = (low for low, _, count in self._known.values() if target is None or count == target)
-        return max(fitting, default=-math.inf)
 
     @property
     def _late(self) -> bool:
@@ -244,18 +241,18 @@ class Exact(Driver):
 
     # --- one target -------------------------------------------------------------------------------------
 
-    def _pursue(self, target: int | None) -> Bits | None:
-        """Go on with a target: a labelling to be evaluated, (1, m), or None when it is settled or time is up."""
+    def _pursue(self, target: int | None) -> Bits:
+        """Go on with a target: labellings to be evaluated, (k, m), or none when it is settled or time is up."""
         assert self._by_blocks is not None
+        assert self._hunt is not None
         if self._formula is None:
             if target is None:
                 self._lower(target, self._root())
                 self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
-            self._began, self._stepping = self.conflicts, False
             self._begin(target)
         if self.found[target].proven:
             self._settle(target)
-            return None
+            return self._none
         while not self._late:
             threshold = max(self._aimed, self.least(target))
             assert self._formula is not None
@@ -263,70 +260,73 @@ class Exact(Driver):
                 proposed = self._choose(self._by_blocks, threshold)
                 self._began = self.conflicts
                 self._heartbeat()
-                if proposed is not None:
+                if len(proposed):
                     return proposed
                 continue
-            labels = self._formula.next()
-            if labels is None:
+            caught = self._hunt.step(threshold / self._scale)
+            for conflict in caught.conflicts:
+                self._conflicts.add(conflict)
+            self._heartbeat()
+            if caught.exhausted:
                 self._lower(target, threshold)
+                self._ladder.proven(self.conflicts - self._began)
                 if threshold <= self.least(target):
                     self._settle(target)
-                    return None
+                    return self._none
                 self._begin(target)
                 continue
-            proposed = self._examine(labels, threshold)
-            self._heartbeat()
-            if proposed is not None:
-                return proposed
-            if not self._stepping and self.conflicts - self._began >= self._step_after:
-                self._stepping = True
+            proposed = np.concatenate([self._none, *(self._offer(labels) for labels in caught.unrefuted)])
+            if self._ladder.stuck(self.conflicts - self._began, self.found[target].bound, threshold):
                 self._begin(target)
-        return None
+            if len(proposed) or self._due():
+                return proposed
+        return self._none
 
-    def _examine(self, labels: Bits, threshold: float) -> Bits | None:
-        """Rule a labelling out with all that fall for the same reason; or return it, (1, m), to be evaluated."""
-        assert self._formula is not None
+    def _due(self) -> bool:
+        """Whether annealing is to have another chance."""
+        since = self.relaxations - self._annealed
+        if since < self._again:
+            return False
         assert self._relaxation is not None
-        conflict = conflict_of(self._relaxation, labels, self._free, threshold / self._scale)
-        if conflict is not None:
-            self._add(conflict)
-            return None
-        return self._offer(labels)
+        self._left = int(since * _SHARE[not self._relaxation.many])
+        self._annealed, self._again = self.relaxations, 2 * self._again
+        return True
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
         self._conflicts.add(conflict)
         self._formula.forbid(conflict.faces, conflict.labels)
 
-    def _offer(self, labels: Bits) -> Bits | None:
-        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before."""
+    def _offer(self, labels: Bits) -> Bits:
+        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
         assert self._formula is not None
         self._formula.forbid(np.arange(len(labels)), labels)
-        labels = np.asarray(canonical(labels[None], self.space.group)[0])
-        self._passed.append(labels)
-        proposed: Bits = labels[None]
-        return None if np.packbits(labels).tobytes() in self._known else proposed
+        row = np.asarray(canonical(labels[None], self.space.group))
+        self._passed.append(row[0])
+        return self._none if row[0] in self._incumbents else row
 
-    def _choose(self, search: BlockSearch, threshold: float) -> Bits | None:
-        """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or None."""
+    def _choose(self, search: BlockSearch, threshold: float) -> Bits:
+        """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or none."""
         assert self._formula is not None
+        assert self._relaxation is not None
         step = search.step(self._formula, threshold / self._scale, self._late_after_heartbeat)
         for conflict in step.conflicts:
             self._add(conflict)
         if step.whole is not None and self._formula.next(np.arange(len(step.whole)), step.whole) is None:
-            return None  # the tree knows nothing of counts, nor of laying
+            return self._none  # the tree knows nothing of counts, nor of laying
         if step.whole is not None:
-            before = self.conflicts
-            proposed = self._examine(step.whole, threshold)
-            if self.conflicts > before:
-                search.note_blunt()
-            return proposed
+            fallen = conflict_of(self._relaxation, step.whole, self._free, threshold / self._scale)
+            if fallen is None:
+                return self._offer(step.whole)
+            self._add(fallen)
+            search.note_blunt()
+            return self._none
         self._lower(None, max(threshold, search.bound * self._scale))
-        return None if step.promising is None else self._offer(step.promising)
+        return self._none if step.promising is None else self._offer(step.promising)
 
     def least(self, target: int | None) -> float:
         """λ that a labelling must exceed to be worth finding, scene units."""
-        low = self._incumbent(target)
+        low = self._incumbents.best(target)
         return low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
 
     def _root(self) -> float:
@@ -337,19 +337,15 @@ class Exact(Driver):
         bound = self._relaxation.bound(labels, self._free)
         return bound * self._scale if math.isfinite(bound) else bound
 
-    def _far(self, target: int | None) -> bool:
-        best = self.found[target]
-        low = max(self._incumbent(target), 0.0)
-        return math.isfinite(best.bound) and best.bound - low > _FINE * max(abs(best.bound), self._floor)
-
     def _begin(self, target: int | None) -> None:
-        """A formula of what is left: at the incumbent, or half-way to the bound once that has proved to be long."""
+        """A formula of what is left at the next step down."""
+        assert self._by_blocks is not None
+        assert self._hunt is not None
         if self._formula is not None:
             self._formula.close()
-        low, best = self.least(target), self.found[target]
-        self._aimed = low
-        if self._stepping and self._far(target):
-            self._aimed = 0.5 * (low + best.bound)
+        low = self.least(target)
+        self._aimed = low if self._by_blocks.active else self._ladder.aim(self.found[target].bound, low)
+        self._began = self.conflicts
         self._formula = Formula(self.space, self._blocks, target)
         for conflict in self._conflicts:
             # compared as it was made: products of quotients round
@@ -357,13 +353,12 @@ class Exact(Driver):
                 self._formula.forbid(conflict.faces, conflict.labels)
         for labels in self._passed:
             self._formula.forbid(np.arange(len(labels)), labels)
+        self._hunt.begin(self._formula)
 
     def _lower(self, target: int | None, bound: float) -> None:
         """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
         for labels in self._passed:
-            _, high, count = self._known.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
-            if target is None or count == target:
-                bound = max(bound, high)
+            bound = max(bound, self._incumbents.high(labels, target))
         best = self.found[target]
         if bound < best.bound:
             self.found[target] = replace(best, bound=bound)
@@ -382,7 +377,7 @@ class Exact(Driver):
         if not self._listed:
             self._listed = True
             for count in self._counts():
-                low = self._incumbent(count)
+                low = self._incumbents.best(count)
                 known = low if math.isfinite(low) else math.nan
                 self.found[count] = Best(count, known, best.bound, self._floor)
                 self._targets.append(count)

@@ -21,7 +21,8 @@ from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
-_SOLVER: Final = "cadical195"
+_SOLVER: Final = "cadical153"
+"""The last version of CaDiCaL here that takes preferences anew before every draw."""
 
 
 class Formula:
@@ -57,12 +58,17 @@ class Formula:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
         return bool(self._solver.solve(assumptions=self._literals(faces, labels)))
 
-    def next(self, faces: Iterable[int] = (), labels: Iterable[bool] = ()) -> Bits | None:
+    def next(
+        self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
+    ) -> Bits | None:
         """A labelling (m,) in the space that nothing rules out; None where there is none left.
 
-        faces, labels: (k,) what it is to have.
+        faces, labels: (k,) what it is to have. preferred: (m,) what it had better have, True dry.
         """
         wanted = self._literals(faces, labels)
+        if preferred is not None:
+            signs = np.where(preferred[self._candidates], -1, 1)
+            self._solver.set_phases((signs * self._inner[self._candidates]).tolist())
         while self._solver.solve(assumptions=wanted):
             # variables that no clause names yet may be left out, and are free
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}

@@ -1,0 +1,93 @@
+"""The relaxation of undecided faces that may crush: their forces are shared between a dry and an inner copy.
+
+With a bound on N the closed hull of the dry and the inner set has no rows of its own here, but it is what two copies of
+the face carry together, one in (1 − w) times the dry set, one in w times the inner one, 0 ≤ w ≤ 1:
+
+    F = F₁ + F₂,   G_dry F₁ ≤ (1 − w) h_dry,   G_inner F₂ ≤ w h_inner
+
+(docs/method.md (6.3)). Both copies of a decided face have its own label, so that they carry what the face carries, and
+one structure serves all partial labellings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.program import ConicProgram, Structure, Template
+
+
+class SharedHull:
+    """Programs of partial labellings of one template."""
+
+    def __init__(self, template: Template) -> None:
+        sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
+        if pattern.extra:
+            raise ValueError("rows with extra columns have no perspective here")
+        faces, (equalities, resultants) = len(template.assembly.interfaces), template.matrix.shape
+        q = template.assembly.freedoms
+        every = np.ones(faces, dtype=bool)
+        on_dry, on_inner = sets.active(every).ravel(), sets.active(~every).ravel()
+        row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
+        share = 2 * resultants  # the columns of w follow those of both copies, then λ
+        last = share + faces
+        # linear rows: λ ≥ −floor, 0 ≤ w, w ≤ 1, then those of both copies; cones last
+        first = equalities + 1 + 2 * faces
+        count = len(pattern.h_dry)
+        places = [self._places(pattern.linear, count, copy) + first for copy in (0, 1)]
+        entries: list[tuple[Ints, Ints, Ints, Floats, Floats]] = []
+        for copy in (0, 1):
+            owner = column // q + faces * copy
+            own = resultants * copy
+            dry, inner = (np.asarray(matrix.data * on[column], dtype=float) for on in (on_dry, on_inner))
+            entries.append((row, column + own, owner, dry, inner))
+            face = pattern.face + faces * copy
+            entries.append((places[copy][pattern.row], pattern.column + own, face, pattern.dry, pattern.inner))
+            sign = -1.0 if copy else 1.0
+            owner, at = pattern.row_face + faces * copy, share + pattern.row_face
+            entries.append((places[copy], at, owner, sign * pattern.h_dry, sign * pattern.h_inner))
+        live = np.flatnonzero(template.live)
+        none = np.zeros(live.size, dtype=np.int64)
+        entries.append((live, none + last, none, template.live[live], template.live[live]))
+        every_face, one = np.arange(faces), np.ones(faces)
+        entries.append((np.array([equalities]), np.array([last]), np.array([0]), -np.ones(1), -np.ones(1)))
+        entries.append((equalities + 1 + every_face, share + every_face, every_face, -one, -one))
+        entries.append((equalities + 1 + faces + every_face, share + every_face, every_face, one, one))
+        rows, columns, owners, dry, inner = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+        order = np.lexsort((rows, columns))
+        self._owner, self._dry, self._inner = owners[order], dry[order], inner[order]
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(columns, minlength=last + 1))])
+        self.structure = Structure(
+            indices=rows[order],
+            indptr=indptr,
+            shape=(first + 2 * count, last + 1),
+            equalities=equalities,
+            linear=1 + 2 * faces + 2 * pattern.linear,
+            cones=(*pattern.cones, *pattern.cones),
+        )
+        head = np.concatenate([-template.dead, [template.floor], np.zeros(faces), np.ones(faces)])
+        self._rhs = np.zeros((2, first + 2 * count))  # dry, inner
+        self._rhs[:, :first] = head
+        self._rhs[0, places[0]], self._rhs[1, places[0]] = pattern.h_dry, pattern.h_inner
+        self._first, self._row_face = places[0], pattern.row_face
+        self._objective = np.zeros(last + 1)
+        self._objective[-1] = -1.0
+        self._pressure = np.zeros(last + 1)
+        self._pressure[0 : 2 * resultants : q] = -1.0
+
+    @staticmethod
+    def _places(linear: int, count: int, copy: int) -> Ints:
+        """Where the rows of a copy stand behind the common ones: linear rows of both first, then cones of both."""
+        rows = np.arange(count)
+        return np.where(rows < linear, rows + linear * copy, rows + linear + (count - linear) * copy)
+
+    def program(self, labels: Bits, undecided: Bools, margin: float) -> ConicProgram:
+        """The program of a partial labelling: labels (m,) True dry, of no force where undecided (m,).
+
+        margin: what every normal force earns, so that jumps come out opening (scaled).
+        """
+        copies = np.concatenate([labels | undecided, labels & ~undecided])
+        data = np.where(copies[self._owner], self._dry, self._inner)
+        rhs = self._rhs[0].copy()
+        rhs[self._first] = np.where(copies[self._row_face], self._rhs[0, self._first], self._rhs[1, self._first])
+        return ConicProgram(self.structure, data, rhs, self._objective + margin * self._pressure)

@@ -1,0 +1,53 @@
+"""What is known of the labellings that were evaluated, and the best of them with each count."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits
+from jld_core.limit import Status
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import Count, SearchSpace, values_of
+
+
+class Incumbents:
+    """Bounds of labellings that were evaluated. count: by which the best are told apart, None for the best of all."""
+
+    def __init__(self, space: SearchSpace, count: Count | None) -> None:
+        self._space, self._count = space, count
+        self._known: dict[bytes, tuple[float, float, int]] = {}
+        self._best: dict[int | None, float] = {}
+
+    def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m)."""
+        number = [0] * len(labellings)
+        if self._count is not None:
+            number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
+        for labels, found, count in zip(labellings, evaluations, number, strict=True):
+            low = found.low if found.status is Status.COLLAPSE else -math.inf
+            high = found.high if found.status is Status.COLLAPSE else -math.inf
+            if found.status in (Status.UNCERTIFIED, Status.FAILED):
+                high = found.high if math.isfinite(found.high) else math.inf
+            if math.isfinite(found.zero_dilation):
+                # there may be other solutions without dilation; the associative λ bounds them all
+                high = max(high, found.associative * (1.0 + tolerances.PROVEN))
+            self._known[np.packbits(labels).tobytes()] = (low, high, count)
+            for target in (None, count):
+                self._best[target] = max(low, self._best.get(target, -math.inf))
+
+    def __contains__(self, labels: Bits) -> bool:
+        """Whether a canonical labelling (m,) was evaluated."""
+        return np.packbits(labels).tobytes() in self._known
+
+    def best(self, target: int | None) -> float:
+        """Largest proven λ with a count, or of all; −inf where there is none."""
+        return self._best.get(target, -math.inf)
+
+    def high(self, labels: Bits, target: int | None) -> float:
+        """λ that a canonical labelling (m,) does not exceed; −inf where it has another count than the target's."""
+        _, high, count = self._known.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
+        return high if target is None or count == target else -math.inf

@@ -1,0 +1,55 @@
+"""Which λ is refuted next: from the bound at the root down, in steps that are as large as proofs are quick."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+_STEP: Final = 0.035
+"""First step down, beside the bound."""
+
+_QUARTER: Final = 0.25
+"""Or this part of the gap, where that is more."""
+
+_LAST: Final = 0.75
+"""A step of this part of the gap or more goes all the way."""
+
+_LEAST: Final = 2e-3
+"""Smallest step, beside the bound."""
+
+_WIDER: Final = 1.5
+_QUICK: Final = 0.25
+"""A step that took less than this part of its patience is followed by one as much wider."""
+
+
+class Ladder:
+    """Steps from a bound down to the λ of the best labelling known. patience: conflicts a step may take at first.
+
+    Where it takes more the step is halved, and may take twice as many: what was found on the way is as true higher up.
+    """
+
+    def __init__(self, patience: int) -> None:
+        self._patience = patience
+        self._step: float | None = None
+
+    def aim(self, bound: float, low: float) -> float:
+        """λ to be refuted next. bound: above all λ; low: to be exceeded in the end."""
+        if not math.isfinite(bound):
+            return low
+        gap = bound - low
+        if self._step is None:
+            self._step = max(_STEP * abs(bound), _QUARTER * gap)
+        return low if self._step >= _LAST * gap else bound - self._step
+
+    def proven(self, conflicts: int) -> None:
+        """Take note of a step that was proven, and of the conflicts it took."""
+        if self._step is not None and conflicts < _QUICK * self._patience:
+            self._step *= _WIDER
+
+    def stuck(self, conflicts: int, bound: float, aimed: float) -> bool:
+        """Whether to step less far instead of going on; the next step is then half as wide."""
+        if conflicts < self._patience or not bound - aimed > _LEAST * abs(bound):
+            return False
+        self._step = 0.5 * (bound - aimed)
+        self._patience *= 2
+        return True

@@ -1,0 +1,35 @@
+"""Steps of a bound down to the best λ known."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from jld_explore.drivers.exact.ladder import Ladder
+
+
+def test_without_a_bound_or_close_to_the_end_it_goes_all_the_way() -> None:
+    assert Ladder(100).aim(math.inf, 0.5) == 0.5
+    assert Ladder(100).aim(0.51, 0.5) == 0.5
+
+
+def test_steps_are_a_part_of_the_bound_and_widen_where_they_are_quick() -> None:
+    ladder = Ladder(100)
+    assert ladder.aim(0.75, 0.65) == pytest.approx(0.75 - 0.035 * 0.75)
+    ladder.proven(90)
+    assert ladder.aim(0.72, 0.6) == pytest.approx(0.72 - 0.035 * 0.75)
+    ladder.proven(10)
+    assert ladder.aim(0.70, 0.5) == pytest.approx(0.70 - 1.5 * 0.035 * 0.75)
+
+
+def test_a_step_that_takes_too_long_is_halved_and_has_more_patience() -> None:
+    ladder = Ladder(100)
+    first = ladder.aim(0.75, 0.65)
+    assert not ladder.stuck(99, 0.75, first)
+    assert ladder.stuck(100, 0.75, first)
+    second = ladder.aim(0.75, 0.65)
+    assert 0.75 - second == pytest.approx(0.5 * (0.75 - first))
+    assert not ladder.stuck(199, 0.75, second)
+    # a step is never so small that bounds would not move
+    assert not ladder.stuck(10**9, 0.75, 0.75 * (1.0 - 1e-3))
