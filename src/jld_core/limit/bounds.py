@@ -192,7 +192,7 @@ class Prover:
     def noises(self, velocities: Floats, bounds: Floats) -> Floats:
         """The same of velocities (k, q·free) and bounds (k,)."""
         speed = abs(velocities)
-        sizes = speed @ self._weight + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
+        sizes = (speed * self._weight).sum(axis=1) + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
         return np.asarray(tolerances.ROUNDING * sizes)
 
     def jumps(self, velocities: Floats) -> Floats:

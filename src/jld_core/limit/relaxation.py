@@ -159,10 +159,12 @@ class Relaxation:
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
         either = dissipation.max(axis=0)
         own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
-        work = velocities @ self.template.live
+        # sums row by row: a product of matrices would round by how many rows there are
+        powers = velocities * self.template.live
+        work = powers.sum(axis=1)
         # what is left of terms that cancel bounds nothing
-        work[abs(work) < tolerances.ROUNDING * (abs(velocities) @ abs(self.template.live))] = 0.0
-        total = own.sum(axis=1) - velocities @ self.template.dead
+        work[abs(work) < tolerances.ROUNDING * abs(powers).sum(axis=1)] = 0.0
+        total = own.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
         sound = np.isfinite(total) & (work >= 0.0)
         total = np.where(sound, total, 0.0)
         total += self._prover.noises(velocities, total)
