@@ -197,7 +197,9 @@ class Prover:
 
     def jumps(self, velocities: Floats) -> Floats:
         """(k, m, q) scaled jumps of velocities (k, q·free)."""
-        return np.ascontiguousarray((self._jumps @ velocities.T).T).reshape(-1, *self._everything.shape)
+        # one by one: a product with a matrix rounds otherwise than one with a vector
+        each = [self._jumps @ velocity for velocity in velocities]
+        return np.array(each).reshape(-1, *self._everything.shape)
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
         """Add just enough of a strictly opening motion for the dissipation to become finite."""
