@@ -1,0 +1,135 @@
+"""The possible blocks of a planar assembly, taken apart: what moves, and where its faces open or rub."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Floats, Ints
+from jld_core.limit.bounds import Motion
+from jld_core.program import Template
+
+Q: Final = 3
+"""Equations of an element, and resultants of a face: these are planar assemblies."""
+
+
+@dataclass(frozen=True)
+class BlockParts:
+    """Struct of arrays over k parts (an element of a block), s sides (a part and a face around its block) and j joints
+    (a face inside a block), of p blocks over n free elements and f faces between two of them; scaled as in `Template`.
+
+    part_block, part_element: (k,) block, and place among the free elements. side_part, side_face, side_block: (s,).
+    side_shared: (s,) number of the side's face among those between free elements, −1 where a support lies behind.
+    sign: (s,) 1 where the part is element a of its face, −1 where it is b. arm: (s, 3, 3) what the face's resultants do
+    to the part. joint_block, joint_face: (j,). joint_a, joint_b: (j,) parts on either side, arm_a, arm_b: (j, 3, 3).
+    dead, live: (k, 3) loads on parts.
+    """
+
+    blocks: int
+    elements: int
+    shared: int
+    part_block: Ints
+    part_element: Ints
+    side_part: Ints
+    side_face: Ints
+    side_block: Ints
+    side_shared: Ints
+    sign: Floats
+    arm: Floats
+    joint_block: Ints
+    joint_face: Ints
+    joint_a: Ints
+    joint_b: Ints
+    arm_a: Floats
+    arm_b: Floats
+    dead: Floats
+    live: Floats
+
+    def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
+        """Half jumps (s, 3) at the sides and jumps (j, 3) at the joints, of parts (k, 3) and shared faces (f, 3)."""
+        still = np.vstack([wall, np.zeros((1, Q))])  # number −1: supports do not move
+        half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
+        inner = np.einsum("kij,ki->kj", self.arm_a, velocity[self.joint_a])
+        inner += np.einsum("kij,ki->kj", self.arm_b, velocity[self.joint_b])
+        return half, inner
+
+    def own(self, velocity: Floats) -> Floats:
+        """(s, 3) what a part's velocity adds to the jumps at its sides."""
+        return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
+
+    def halved(self, motion: Motion) -> tuple[Floats, Floats]:
+        """A motion as velocities of parts (k, 3) and of shared faces (f, 3), each halfway between its two sides."""
+        velocity = motion.velocity.reshape(-1, Q)[self.part_element]
+        wall, known = np.zeros((self.shared, Q)), self.side_shared >= 0
+        away = self.sign[:, None] * (0.5 * motion.jumps[self.side_face] - self.own(velocity))
+        wall[self.side_shared[known]] = away[known]
+        return velocity, wall
+
+    def speed(self, velocity: Floats) -> Floats:
+        """(j,) size of what makes up the jumps at the joints, before terms cancel."""
+        size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
+        return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
+
+
+def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
+    """The parts of blocks. members: elements of each. inside: faces inside each."""
+    assembly = template.assembly
+    free, faces = assembly.elements.free, assembly.interfaces
+    place = np.full(len(assembly.elements), -1, dtype=np.int64)
+    place[free] = np.arange(len(free))
+    around: dict[int, list[int]] = {int(e): [] for e in free}
+    for face, pair in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
+        for e in pair:
+            if e in around:
+                around[e].append(face)
+    parts: list[tuple[int, int]] = []
+    sides: list[tuple[int, int]] = []
+    joints: list[tuple[int, int, int, int]] = []
+    for p, (elements, within) in enumerate(zip(members, inside, strict=True)):
+        number = {e: len(parts) + i for i, e in enumerate(elements)}
+        parts += [(p, int(place[e])) for e in elements]
+        hidden = set(within)
+        sides += [(number[e], face) for e in elements for face in around[e] if face not in hidden]
+        joints += [(p, face, number[int(faces.a[face])], number[int(faces.b[face])]) for face in within]
+    part_block, part_element = np.array(parts, dtype=np.int64).reshape(-1, 2).T
+    side_part, side_face = np.array(sides, dtype=np.int64).reshape(-1, 2).T
+    joint_block, joint_face, joint_a, joint_b = np.array(joints, dtype=np.int64).reshape(-1, 4).T
+    both = (place[faces.a] >= 0) & (place[faces.b] >= 0)
+    shared = np.full(len(faces), -1, dtype=np.int64)
+    shared[both] = np.arange(int(both.sum()))
+    matrix = sp.csr_array(template.matrix)
+    return BlockParts(
+        blocks=len(members),
+        elements=len(free),
+        shared=int(both.sum()),
+        part_block=part_block,
+        part_element=part_element,
+        side_part=side_part,
+        side_face=side_face,
+        side_block=part_block[side_part],
+        side_shared=shared[side_face],
+        sign=np.where(place[faces.a[side_face]] == part_element[side_part], 1.0, -1.0),
+        arm=_arms(matrix, part_element[side_part], side_face),
+        joint_block=joint_block,
+        joint_face=joint_face,
+        joint_a=joint_a,
+        joint_b=joint_b,
+        arm_a=_arms(matrix, part_element[joint_a], joint_face),
+        arm_b=_arms(matrix, part_element[joint_b], joint_face),
+        dead=template.dead.reshape(-1, Q)[part_element],
+        live=template.live.reshape(-1, Q)[part_element],
+    )
+
+
+def _arms(matrix: sp.csr_array, element: Ints, face: Ints) -> Floats:
+    """A_eq (k, 3, 3) of elements (k,), by place among the free ones, and faces (k,)."""
+    if not len(element):
+        return np.zeros((0, Q, Q))
+    rows = (Q * element[:, None] + np.arange(Q))[:, :, None]
+    columns = (Q * face[:, None] + np.arange(Q))[:, None, :]
+    rows, columns = np.broadcast_arrays(rows, columns)
+    return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, Q, Q)
