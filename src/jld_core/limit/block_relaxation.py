@@ -83,6 +83,7 @@ class BlockRelaxation:
         opening = analysis.interior.opening()
         if not applies_to(analysis) or opening is None:
             raise TypeError("no relaxation by blocks is known of this assembly")
+        self.template = analysis.template
         self._dry, self._inner = _wedges(analysis)
         self.solves = 0
         self._parts = block_parts(analysis.template, members, inside)
