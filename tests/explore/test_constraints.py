@@ -10,7 +10,7 @@ import pytest
 from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
-from jld_explore.space import SearchSpace, counts, feasible, from_string, search_space
+from jld_explore.space import SearchSpace, counts, feasible, from_string, reasons_against, search_space
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3
@@ -113,3 +113,29 @@ def test_no_rows() -> None:
     none = np.empty((0, len(space.fixed)), dtype=bool)
     assert feasible(space, none).shape == (0,)
     assert counts(space.assembly, none)["blocks"].shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("search", "words"),
+    [
+        ({"block_cells": [2, 3]}, "block_cells allows 2 to 3"),
+        ({"block_weight": [None, 2 * CELL]}, "of weight; block_weight allows at most"),
+        ({"block_extent": [None, 0.2]}, "of extent; block_extent allows at most 0.2"),
+        ({"blocks": [3, None]}, "blocks is 2; the search allows at least 3"),
+        ({"dry_faces": [1, 3]}, "dry_faces is 0; the search allows 1 to 3"),
+        ({"shapes": [None, 1]}, "shapes is 2; the search allows at most 1"),
+        ({"convex_blocks": True}, "has a shape that is not allowed (reentrant at most 0)"),
+        ({"keep": {"dry": [["c0r0", "c1r0"]]}}, "face c0r0–c1r0 must be dry"),
+        ({"assemble": "translation"}, "it cannot be laid as assemble: translation asks"),
+        ({"block_cells": [2, 3], "except": ["c1r1"]}, "block_cells allows 2 to 3"),
+    ],
+)
+def test_reasons_are_given_where_a_labelling_is_not_feasible(search: dict[str, Any], words: str) -> None:
+    """For all labellings of a small space, slits among them: no reason exactly where it is feasible."""
+    space = space_of(["aab", "acb", "###"], **search)
+    count = len(space.fixed)
+    some = np.random.default_rng(3).random((300, count)) < np.linspace(0.05, 0.95, 300)[:, None]
+    every = np.concatenate([some, [space.fixed, np.ones(count, dtype=bool), np.zeros(count, dtype=bool)]])
+    given = [reasons_against(space, labels) for labels in every]
+    assert [not reasons for reasons in given] == feasible(space, every).tolist()
+    assert any(words in reason for reasons in given for reason in reasons), {r for found in given for r in found}

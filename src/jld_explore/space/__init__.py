@@ -24,6 +24,7 @@
 - `keys`: hashable keys of labellings
 - `orbit_sizes`: how many images a labelling has
 - `pack`: labellings → bits
+- `reasons_against`: why a labelling is not in the space
 - `register`: take a count of one's own
 - `registered`: all counts
 - `representatives`: labellings that are canonical
@@ -64,6 +65,7 @@ from jld_explore.space.labelling import (
     unpack,
 )
 from jld_explore.space.limits import CELLS, EXEMPT, MEASURES, SHAPED, Limits, Measure, Range, Sized, block_sizes
+from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
 from jld_explore.space.shapes import BlockShapes
 
@@ -92,6 +94,7 @@ __all__ = [
     "keys",
     "orbit_sizes",
     "pack",
+    "reasons_against",
     "register",
     "registered",
     "representatives",

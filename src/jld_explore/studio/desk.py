@@ -17,7 +17,7 @@ from jld_core.build import build_assembly, build_geometry
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_explore.report import CaseSolver, loads_of, solution_of
-from jld_explore.space import SearchSpace, feasible, search_space
+from jld_explore.space import SearchSpace, reasons_against, search_space
 
 KEPT: Final = 16
 """Assemblies kept for changes taken back and done again: all but labels is in their key."""
@@ -80,17 +80,17 @@ class Desk:
         return np.asarray(np.frombuffer(letters.encode("ascii"), dtype=np.uint8) == ord("d"))
 
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """What the page shows of a labelling: its solution, the loads, and whether a search would admit it."""
+        """What the page shows of a labelling: its solution, the loads, and why a search would not admit it."""
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
         found = setup.solver.solve(labels)
         solved = time.perf_counter()
-        admitted = None if setup.space is None else bool(feasible(setup.space, labels[None])[0])
+        against = None if setup.space is None else reasons_against(setup.space, labels)
         return {
             "solution": solution_of(found),
             "loads": loads_of(setup.assembly),
-            "admitted": admitted,
+            "against": against,
             "seconds": {"solve": solved - start, "total": time.perf_counter() - start},
         }
 

@@ -31,7 +31,6 @@ class Studio {
     this.solution = null;
     /** @type {any} */
     this.act = null;
-    this.admitted = true;
     this.live = new Live((answer, ms) => this.answered(answer, ms), (message) => this.failed(message));
     byId("title").textContent = data.title;
     document.title = `${data.title} – jld studio`;
@@ -82,7 +81,6 @@ class Studio {
   answered(answer, ms) {
     this.complain("");
     this.solution = answer.solution;
-    this.admitted = answer.admitted;
     this.data.loads = answer.loads;
     const found = answer.solution;
     const governing = found.cases[found.governing];
@@ -96,7 +94,7 @@ class Studio {
       el("span", { class: "bracket" }, `${shownBracket(found.bracket)}, ${found.status}${governing.name ? `, governed by ${governing.name}` : ""}`),
       el("span", { class: "how" }, `${shown(ms, 3)} ms (solve ${shown(1000 * answer.seconds.solve, 2)})`),
       slits ? el("span", { class: "note", id: "slits" }, `no segmentation: ${slits} dry ${slits === 1 ? "face has" : "faces have"} one block on both sides`) : null,
-      !slits && answer.admitted === false ? el("span", { class: "note" }, "outside what a search admits") : null,
+      !slits && answer.against?.length ? el("span", { class: "note", id: "against" }, `outside what a search admits: ${answer.against.join("; ")}`) : null,
     ].filter(Boolean));
     this.draw();
     this.lists();
