@@ -129,8 +129,11 @@ class Lanes:
         self.variant, self._library = name, library.library(name)
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
-        self._rows, self._keep = rows
-        chosen_tries = tries or (TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES)
+        self._rows, self._keep, self._bows = rows.rows, rows.keep, rows.bows
+        usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
+        if rows.bows is not None:
+            usual = tuple(one for one in usual if one.aim > 0.0)  # edges of parabolas are left to others
+        chosen_tries = tries or usual
         self._tries = tuple(chosen_tries)
         elements, faces = template.assembly.elements, template.assembly.interfaces
         node = np.full(len(elements), -1, dtype=np.int64)
@@ -255,6 +258,7 @@ class Lanes:
             start.room,
             _PUSH,
             self._zero,
+            _pointer(self._bows),
         )
 
 

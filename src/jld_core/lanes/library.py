@@ -68,6 +68,7 @@ class Problem(ctypes.Structure):
         ("room", ctypes.c_double),
         ("push", ctypes.c_double),
         ("zero", ctypes.c_double),
+        ("bows", _doubles),
     )
 
 

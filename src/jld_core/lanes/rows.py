@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from jld_core.arrays import Floats
@@ -14,11 +16,24 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
     return rows_of(template, undecided) is not None
 
 
-def rows_of(template: Template, undecided: Rows | None = None) -> tuple[Floats, Floats] | None:
-    """(labels, m, pairs, 3) numbers a, b, h of rows −a N ± b X ≤ h, inner then dry, and (labels, m) 1 where V counts.
+@dataclass(frozen=True)
+class Sheets:
+    """Numbers of all labels, inner then dry, then undecided where there is a third.
 
-    X is M, V, and M where inner faces crush; in space M1, M2, and MT with t, the bound on shear. undecided: rows of a
-    third label, in the place of those of dry faces. None where the pattern has other rows.
+    rows: (labels, m, pairs, 3) a, b, h of −a N ± b X ≤ h; X is M, V, and M where inner faces crush; in space M1, M2, and
+    MT with t, the bound on shear. keep: (labels, m) 1 where V counts. bows: (labels, m, 2) c and n₀ of a first pair
+    b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, None where no face has one.
+    """
+
+    rows: Floats
+    keep: Floats
+    bows: Floats | None = None
+
+
+def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
+    """The kernel's numbers. undecided: rows of a third label, in the place of those of dry faces.
+
+    None where the pattern has rows of another shape.
     """
     own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
@@ -30,29 +45,43 @@ def rows_of(template: Template, undecided: Rows | None = None) -> tuple[Floats, 
     if any(sheet is None for sheet in sheets) or not all(mask[:, loose].all() for mask in active):
         return None
     keep = np.array([mask[:, 1].astype(float) for mask in active])
-    return np.ascontiguousarray(np.array(sheets)), np.ascontiguousarray(keep)
+    rows, bows = np.ascontiguousarray(np.array(sheets)), None
+    if own.pattern.cones and template.assembly.dimension == 2:
+        bowed = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
+        if any(one is None for one in bowed):
+            return None
+        bows = np.zeros((len(rows), len(every), 2))
+        for label, one in enumerate(bowed, start=1):
+            assert one is not None
+            crushed = one.crushed
+            bows[label, crushed] = one.bow
+            rows[label, crushed] = one.rows[:, : rows.shape[2]]
+    return Sheets(rows, np.ascontiguousarray(keep), bows)
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """(m, pairs, 3) of one label of planar faces, see `rows_of`."""
-    if pattern.cones or pattern.extra:
+    """(m, pairs, 3) of one label of planar faces, see `rows_of`; cones are the parabolas of crushing joints."""
+    if pattern.extra:
         return None
     return _pairs(pattern, *((pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)), faces)
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
     """(m, pairs, 3) of one label, pairs in the order M, V, M."""
+    linear = pattern.row < pattern.linear
+    row, column = pattern.row[linear], pattern.column[linear] % 3
+    sides = sides[: pattern.linear]
     table = np.zeros((len(sides), 3))
-    table[pattern.row, pattern.column % 3] = values
+    table[row, column] = values[linear]
     uses = np.zeros((len(sides), 3), dtype=bool)
-    uses[pattern.row, pattern.column % 3] = True
+    uses[row, column] = True
     if np.any(uses[:, 1] == uses[:, 2]):
         return None
     found = np.zeros((faces, 3, 3))
     found[:, :, 2] = 1.0
     filled = np.zeros((faces, 3), dtype=bool)
     for face in range(faces):
-        own = np.flatnonzero(pattern.row_face == face)
+        own = np.flatnonzero(pattern.row_face[: pattern.linear] == face)
         bending, sliding = own[uses[own, 2]], own[uses[own, 1]]
         if len(sliding) != 2 or len(bending) not in (2, 4):
             return None

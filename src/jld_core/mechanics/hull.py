@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 from jld_core.mechanics.frictional import Frictional
-from jld_core.mechanics.yield_set import RowPattern
+from jld_core.mechanics.yield_set import Bow, RowPattern
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
@@ -44,6 +44,40 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
     np.subtract.at(rhs, pattern.row[normal], data[normal] * sets.tension[pattern.face[normal]])
     np.add.at(rhs, pattern.row[across], abs(data[across]) * wide[pattern.face[across]])
     return replace(pattern, dry=data, h_dry=rhs)
+
+
+def bow_of_hull(sets: Frictional, crushed: Ints) -> Bow | None:
+    """What encloses either label of planar faces (k,) that crush; None where inner ones carry more N than dry ones.
+
+    In N and m it is the hull of the parabola N − N²/N_c and of the triangle of the inner set with its foot (−T, 0),
+    T = σtA, and its top ((C − T)/2, (C + T)/6): the parabola from the point n₀ on where the tangent through the top
+    touches it, that tangent, and the line from the foot to the top; or the tangent through the foot where that passes
+    above the top. From (x, y) it touches at n₀ = x + √(x² − N_c (x − y)). In N and V it is the line through
+    (−T, τA − μ_inner T) that all corners are below.
+    """
+    tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
+    if not np.all(inner_limit <= limit):
+        return None
+    foot_knee = np.sqrt(tension * (tension + limit)) - tension
+    x, y = 0.5 * (inner_limit - tension), (inner_limit + tension) / 6.0
+    at = np.maximum(x, foot_knee)
+    above = y > at * at / limit + (1.0 - 2.0 * at / limit) * x
+    knee = np.where(above, x + np.sqrt(np.maximum(x * x - limit * (x - y), 0.0)), foot_knee)
+    inner, dry = sets.inner_friction[crushed], sets.friction[crushed]
+    foot = sets.shear[crushed] - inner * tension
+    # without tension a dry face may have cohesion where an inner one has its foot
+    foot = np.where(tension > 0.0, foot, np.maximum(foot, sets.cohesion[crushed]))
+    corners = [(inner_limit, sets.shear[crushed] + inner * inner_limit)]
+    corners += [(normal, sets.cohesion[crushed] + dry * normal) for normal in (0.0 * limit, limit)]
+    slopes = [(v - foot) / np.where(n + tension > 0.0, n + tension, 1.0) for n, v in corners]
+    slope = np.maximum(np.max(slopes, axis=0), 0.0)
+    one, none = np.ones(len(crushed)), np.zeros(len(crushed))
+    lined = above.astype(float)
+    line = [lined, 3.0 * lined, np.where(above, tension, 1.0)]
+    rows = np.array([[one, one, none], [slope, one, foot + slope * tension], line]).transpose(2, 0, 1)
+    holds = (sets.shear + sets.inner_friction + sets.friction + sets.cohesion)[crushed] > 0.0
+    rows[~holds, 1] = (0.0, 1.0, 1.0)
+    return Bow(crushed, np.column_stack([1.0 / limit, knee]), rows)
 
 
 def _widen_crushing(sets: Frictional, data: Floats, rhs: Floats) -> None:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge
+from jld_core.mechanics.yield_set import Bow, FrictionSet, RowPattern, Rows, Wedge
 
 
 @dataclass(frozen=True)
@@ -181,6 +181,9 @@ class PrescribedFriction:
         return None  # of a capacity that is not that of these forces
 
     def hull(self) -> Rows | None:
+        return None
+
+    def bow(self, *, undecided: bool) -> Bow | None:
         return None
 
     def wedge(self, dry: bool) -> Wedge | None:

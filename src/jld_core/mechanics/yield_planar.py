@@ -16,9 +16,9 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
-from jld_core.mechanics.hull import hull_rows
+from jld_core.mechanics.hull import bow_of_hull, hull_rows
 from jld_core.mechanics.scaling import Scaling
-from jld_core.mechanics.yield_set import Hull, RowPattern, Rows, Wedge, used
+from jld_core.mechanics.yield_set import Bow, Hull, RowPattern, Rows, Wedge, used
 
 
 @dataclass(frozen=True)
@@ -130,6 +130,20 @@ class PlanarYield(Frictional):
         every = np.ones(len(self.friction), dtype=bool)
         either = self.active(every) | self.active(~every)
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
+
+    def bow(self, *, undecided: bool) -> Bow | None:
+        """Dry: |m| ≤ N − N²/N_c, |V| ≤ c + μN. None for undecided faces whose inner set reaches beyond."""
+        crushed = np.flatnonzero(np.isfinite(self.crush_dry))
+        one = np.ones(len(crushed))
+        limit = self.crush_dry[crushed]
+        friction, cohesion = self.friction[crushed], self.cohesion[crushed]
+        if undecided:
+            return bow_of_hull(self, crushed)
+        none = 0.0 * one
+        rows = np.array([[one, one, none], [friction, one, cohesion], [none, none, one]]).transpose(2, 0, 1)
+        # where nothing resists shear V is dropped, and its row idles
+        rows[friction + cohesion == 0.0, 1] = (0.0, 1.0, 1.0)
+        return Bow(crushed, np.column_stack([1.0 / limit, none]), rows)
 
     def wedge(self, dry: bool) -> Wedge | None:
         """None where a compressive strength is given for any face, under either label."""

@@ -60,6 +60,19 @@ class Hull:
 
 
 @dataclass(frozen=True)
+class Bow:
+    """Planar faces that crush: b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, and their shear.
+
+    crushed: (k,) faces. bow: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending, of −a N ± b V ≤ h, and of a line
+    −a N ± b M ≤ h that bounds bending too, with a = b = 0 where there is none.
+    """
+
+    crushed: Ints
+    bow: Floats
+    rows: Floats
+
+
+@dataclass(frozen=True)
 class Wedge:
     """Planar faces of one label that nothing crushes: bending |m| ≤ N + tension, |V| ≤ cohesion + friction N, scaled.
 
@@ -113,6 +126,9 @@ class YieldSet(Rows, Protocol):
 
     def hull(self) -> Rows | None:
         """Rows that hold whatever either label admits, with the sparsity of `pattern`."""
+
+    def bow(self, *, undecided: bool) -> Bow | None:
+        """Dry planar faces that crush, or what encloses either label where those are undecided; None: not known."""
 
     def wedge(self, dry: bool) -> Wedge | None:
         """All faces under one label, as wedges with recession directions."""

@@ -21,7 +21,7 @@ from jld_core.mechanics.frictional import Frictional, scaled_strengths
 from jld_core.mechanics.hull import hull_rows
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_planar import planar_yield
-from jld_core.mechanics.yield_set import FrictionSet, Hull, Rows, Wedge, used
+from jld_core.mechanics.yield_set import Bow, FrictionSet, Hull, Rows, Wedge, used
 from jld_core.mechanics.yield_spatial_rows import spatial_rows
 
 
@@ -138,6 +138,9 @@ class SpatialYield(Frictional):
         every = np.ones(len(self.friction), dtype=bool)
         either = self.active(every) | self.active(~every)
         return Hull(hull_rows(self, freedoms=6, shear=5, parabolas=False), np.asarray(either))
+
+    def bow(self, *, undecided: bool) -> Bow | None:
+        return None
 
     def wedge(self, dry: bool) -> Wedge | None:
         return None

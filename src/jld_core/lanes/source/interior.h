@@ -59,6 +59,7 @@ struct Work {
         for (int f = 0; f < p.faces; ++f) {
             int64_t at = int64_t(labels ? labels[f] : 0) * p.faces + f;
             face[f].put(lane, p.rows + 3 * Face::P * at, p.keep[at], p.forces + Q * f, p.jumps + Q * f, p.room, p.push);
+            if constexpr (Face::BOWED) face[f].bend(lane, p.bows + 2 * at, p.room);
         }
         for (size_t k = 0; k < u.size(); ++k) lanes_of(u[k])[lane] = p.speed[k];
         lanes_of(load)[lane] = p.load, lanes_of(s0)[lane] = p.load + p.floor > 1.0 ? p.load + p.floor : 1.0;

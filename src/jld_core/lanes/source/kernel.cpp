@@ -30,7 +30,7 @@ struct Run {
           work(problem), ready(problem) {}
 
     void settle() {
-        if constexpr (Q == 3)
+        if constexpr (Q == 3 && !Face::BOWED)
             if (tries[turn].aim == 0.0) return at_edges();
         Proof<Face> proof(p, tries[turn], shared, ready);
         proof.run();
@@ -175,6 +175,10 @@ int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t 
     try {
         if (problem->freedoms == 6)
             jld::Run<jld::SpatialFace>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        else if (problem->bows && problem->pairs == 2)
+            jld::Run<jld::PlanarFace<2, true>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        else if (problem->bows && problem->pairs == 3)
+            jld::Run<jld::PlanarFace<3, true>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else return 2;

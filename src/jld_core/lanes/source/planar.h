@@ -5,15 +5,41 @@
 
 namespace jld {
 
-template <int PAIRS>
+template <int PAIRS, bool BOWS = false>
 struct PlanarFace {
     static constexpr int Q = 3, P = PAIRS, ROWS = 2 * PAIRS, CONES = 0, SIDES = 7;
+    static constexpr bool BOWED = BOWS;
     Lane a[PAIRS], b[PAIRS], h[PAIRS], keep;
     Lane F[3], s[ROWS], z[ROWS], lack[ROWS];
     // of one iteration: 1/s, G H^-1 e_N by rows, pivot of N, columns of the elimination, inverse pivots of V and M
     Lane is[ROWS], k[ROWS], g, v, m, iv, im, c[3], second[ROWS], dF[3], ds[ROWS], dz[ROWS];
 
+    // of a first pair that bows: its numbers before a tangent takes their place, c, n0, and what its rows lack
+    Lane a0, h0, bow, knee, off[2];
+
     static constexpr bool bends(int pair) { return pair != 1; }
+
+    // The tangent at a normal force, which is exact there: slope and height.
+    void tangent(Lane n, Lane& slope, Lane& height) const {
+        Lane at = larger(n, knee);
+        slope = a0 - 2.0 * bow * at, height = h0 + bow * at * at;
+    }
+
+    void touch() {
+        tangent(F[0], a[0], h[0]);
+        for (int r = 0; r < 2; ++r) off[r] = s[r] - (h[0] + a[0] * F[0] - (r ? -b[0] : b[0]) * F[2]);
+    }
+
+    void bend(int lane, const double* numbers, double space) {
+        lanes_of(a0)[lane] = lanes_of(a[0])[lane], lanes_of(h0)[lane] = lanes_of(h[0])[lane];
+        lanes_of(bow)[lane] = numbers[0], lanes_of(knee)[lane] = numbers[1];
+        double n = lanes_of(F[0])[lane], at = n > numbers[1] ? n : numbers[1];
+        double lower = numbers[0] * (at * at - 2.0 * at * n);
+        for (int r = 0; r < 2; ++r) {
+            double own = lanes_of(s[r])[lane] - lanes_of(lack[r])[lane] + lower, slack = own > space ? own : space;
+            lanes_of(s[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
+        }
+    }
 
     // 1/s of two pairs with one division, which is what takes the time
     void invert() {
@@ -51,7 +77,9 @@ struct PlanarFace {
             bend += lean * lean * (w[0] * w[4] + w[1] * w[5]) + tilt * tilt * (w[0] * w[5] + w[1] * w[4]);
         }
         Lane slide = a[1] * a[1] * (4.0 * (b[1] * b[1]) * w[2] * w[3] + delta * plus[1]);
-        g = 1.0 / (bend * im + slide * iv + delta);
+        if constexpr (BOWS) bend = bend * im + select(F[0] >= knee, 2.0 * bow * (z[0] + z[1]), splat(0.0));
+        else bend *= im;
+        g = 1.0 / (bend + slide * iv + delta);
         // what a unit of N does to each row when M and V follow it
         for (int p = 0; p < PAIRS; ++p) {
             Lane by = bends(p) ? im : iv;
@@ -120,13 +148,20 @@ struct PlanarFace {
         for (int k = 0; k < ROWS; ++k) move(s[k], from.s[k]);
         for (int k = 0; k < 3; ++k) move(F[k], from.F[k]);
         move(keep, from.keep);
+        if constexpr (BOWS) move(a0, from.a0), move(h0, from.h0), move(bow, from.bow), move(knee, from.knee);
     }
 
     // What is left of h - G F = s at the start shrinks with every step.
-    Lane short_of(const Iteration& it, int row) const { return it.lag * (lack[row] + it.margin); }
+    Lane short_of(const Iteration& it, int row) const {
+        Lane rest = it.lag * (lack[row] + it.margin);
+        if constexpr (BOWS)
+            if (row < 2) return select(bow > 0.0, off[row] + it.margin, rest);
+        return rest;
+    }
 
     // jump: A'u. Condenses H, gives the predictor's right-hand side through H^-1.
     void begin(Iteration& it, Lane* jump, Lane* x) {
+        if constexpr (BOWS) touch();
         condense(it.delta);
         Lane pull[3], t[ROWS], late[3];
         turned(z, pull);
@@ -199,8 +234,12 @@ struct PlanarFace {
     // least slack of forces in the rows
     Lane slack(const Lane* y) const {
         Lane least = splat(1e300);
-        for (int p = 0; p < PAIRS; ++p)
-            least = smaller(least, h[p] + a[p] * y[0] - absolute(b[p] * y[bends(p) ? 2 : 1]));
+        for (int p = 0; p < PAIRS; ++p) {
+            Lane slope = a[p], height = h[p];
+            if constexpr (BOWS)
+                if (p == 0) tangent(y[0], slope, height);
+            least = smaller(least, height + slope * y[0] - absolute(b[p] * y[bends(p) ? 2 : 1]));
+        }
         return least;
     }
 
@@ -227,6 +266,37 @@ struct PlanarFace {
             work = select(priced, crushed, work);
             margin = select(priced, dearest, margin);
         }
+        if constexpr (BOWS) {
+            Mask bowed = bow > 0.0;
+            work = select(bowed, bowing(jump), work);
+            margin = select(bowed, dearest, margin);
+        }
+    }
+
+    // sup of p N + |turn| b|M|/b, M at most the first pair and, where there is one, the line of the third; and what
+    // slips at N = 0
+    Lane bowing(const Lane* jump) const {
+        Lane c = select(bow > 0.0, bow, splat(1.0)), turn = absolute(jump[2]), slip = absolute(jump[1] * keep) / b[1];
+        Lane p = a[1] * slip - jump[0], t = turn / b[0];
+        Lane high = (a0 + root(a0 * a0 + 4.0 * c * h0)) / (2.0 * c);
+        Lane steep = a0 - 2.0 * c * knee, start = h0 + c * knee * knee, low = -start / steep, below = low;
+        if constexpr (PAIRS == 3) {
+            // the line meets the tangent at a corner
+            Mask lined = b[2] > 0.0;
+            Lane by = select(lined, b[2], splat(1.0)), slope = a[2] / by, height = h[2] / by;
+            Lane corner = (start / b[0] - height) / (slope - steep / b[0]);
+            Lane foot = -height / select(lined, slope, splat(1.0));
+            low = select(lined, foot, low);
+            below = select(lined, select(p + turn * slope > 0.0, corner, foot), low);
+        }
+        Lane turns = select(t > 0.0, t, splat(1.0));
+        Lane free = select(t > 0.0, (a0 + p / turns) / (2.0 * c), select(p > 0.0, high, low));
+        Lane n = select(free > knee, smaller(free, high), select(t > 0.0, below, free)), slope, height;
+        tangent(n, slope, height);
+        Lane most = larger(splat(0.0), (height + slope * n) / b[0]);
+        if constexpr (PAIRS == 3)
+            most = select(b[2] > 0.0, smaller(most, larger(splat(0.0), (h[2] + a[2] * n) / b[2])), most);
+        return h[1] * slip + p * n + turn * most;
     }
 };
 

@@ -86,6 +86,7 @@ struct Proof {
         spans.resize(6 * p.faces);
         for (int f = 0; f < p.faces; ++f) {
             Face& o = w.face[f];
+            if constexpr (Face::BOWED) o.touch();
             Lane P[6] = {splat(1.0), splat(0.0), splat(1.0), splat(0.0), splat(0.0), splat(1.0)};
             for (int k = 0; k < Face::P; ++k)
                 for (int r = 0; r < 2; ++r) {

@@ -7,6 +7,7 @@
 namespace jld {
 
 struct SpatialFace {
+    static constexpr bool BOWED = false;
     static constexpr int Q = 6, P = 3, ROWS = 6, CONES = 1, SIDES = 27;
     Lane a[3], b[3], h[3], keep;
     Lane F[6], t, s[6], z[6], lack[6], S[3], Z[3];
