@@ -20,8 +20,8 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
 class Sheets:
     """Numbers of all labels, inner then dry, then undecided where there is a third.
 
-    rows: (labels, m, pairs, 3) a, b, h of −a N ± b X ≤ h; X is M, V, and M where inner faces crush; in space M1, M2, and
-    MT with t, the bound on shear. keep: (labels, m) 1 where V counts. bows: (labels, m, 2) c and n₀ of a first pair
+    rows: (labels, m, pairs, 3) a, b, h of −a N ± b X ≤ h; X is M, V, and M where inner faces crush; in space M1, M2,
+    and MT with t, the bound on shear. keep: (labels, m) 1 where V counts. bows: (labels, m, 2) c and n₀ of a first pair
     b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, None where no face has one.
     """
 

@@ -111,9 +111,9 @@ class Relaxation:
             if thorough is not None:
                 left = left[thorough[left]]
         if len(left):
-            rows = self.template.matrix.shape[0]
-            raws = [self._route.solve(self.program(labellings[k], undecided[k])).dual[:rows] for k in left.tolist()]
-            self._weigh_all(np.array(raws), left, labellings, undecided, thresholds, found)
+            answers = self._by_route(labellings[left], undecided[left], thresholds[left])
+            for k, answer in zip(left.tolist(), answers, strict=True):
+                found[k] = answer
         return found
 
     def _weigh_all(
@@ -150,8 +150,20 @@ class Relaxation:
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Scaled λ that no labelling exceeds that agrees where decided; inf where none was found."""
-        found = self.refute(labels, undecided, _ANY)
-        return np.inf if found is None else found.bound
+        found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
+        if self._shared is not None and self._lanes is not None:
+            # the kernel's rows enclose the hull of joints that crush: what the hull itself bounds is less
+            found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
+        return min((one.bound for one in found if one is not None), default=np.inf)
+
+    def _by_route(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
+        """The same by the other route, one after the other."""
+        rows, found = self.template.matrix.shape[0], []
+        for pair in zip(labellings, undecided, strict=True):
+            found.append(self._route.solve(self.program(*pair)).dual[:rows])
+        answers: list[DualBound | None] = [None] * len(labellings)
+        self._weigh_all(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
+        return answers
 
     def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """What velocities (k, q·free), none faster than one or so, bound of labellings (k, m)."""
