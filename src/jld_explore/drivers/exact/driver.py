@@ -51,6 +51,9 @@ from jld_explore.space import SearchSpace, canonical, count_named, registered
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
+_PATIENCE: Final = (3000, 500)
+"""Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
+
 _EACH: Final = 4000
 """Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
 
@@ -70,7 +73,8 @@ class Exact(Driver):
     aim: "best", or "front": the best for every value of the scene's count. search: labellings evaluated before the
     proof, for each face that can change. by_blocks: search a tree of block choices first, "auto": where that promises
     more than conflicts of faces. list_blocks: list the blocks there can be, where they are few enough. step_after:
-    conflicts after which a bound is lowered in smaller steps, so that a proof too long to finish leaves a narrower gap.
+    conflicts after which a bound is lowered in smaller steps, so that a proof too long to finish leaves a narrower gap;
+    None for a few seconds' worth.
     programs: solved at the most before it comes back as for lack of time.
     """
 
@@ -89,7 +93,7 @@ class Exact(Driver):
         search: int = 20,
         by_blocks: ByBlocks = "auto",
         list_blocks: bool = True,
-        step_after: int = 500,
+        step_after: int | None = None,
         programs: int | None = None,
     ) -> None:
         super().__init__(space, seed)
@@ -130,7 +134,8 @@ class Exact(Driver):
         self._conflicts = Conflicts(len(space.fixed))
         self._formula: Formula | None = None
         self._hunt = None if self._relaxation is None else Hunt(self._relaxation, self._free, seed)
-        self._ladder = Ladder(step_after)
+        quick = self._relaxation is not None and self._relaxation.many
+        self._ladder = Ladder(step_after or _PATIENCE[not quick])
         self._passed: list[Bits] = []
         self._aimed = math.inf
         self._began = 0
