@@ -69,12 +69,12 @@ def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
     """(m, pairs, 3) of one label, pairs in the order M, V, M."""
     linear = pattern.row < pattern.linear
-    row, column = pattern.row[linear], pattern.column[linear] % 3
+    row, resultant = pattern.row[linear], pattern.column[linear] % 3
     sides = sides[: pattern.linear]
     table = np.zeros((len(sides), 3))
-    table[row, column] = values[linear]
+    table[row, resultant] = values[linear]
     uses = np.zeros((len(sides), 3), dtype=bool)
-    uses[row, column] = True
+    uses[row, resultant] = True
     if np.any(uses[:, 1] == uses[:, 2]):
         return None
     found = np.zeros((faces, 3, 3))

@@ -111,9 +111,9 @@ class Relaxation:
             if thorough is not None:
                 left = left[thorough[left]]
         if len(left):
-            answers = self._by_route(labellings[left], undecided[left], thresholds[left])
-            for k, answer in zip(left.tolist(), answers, strict=True):
-                found[k] = answer
+            others = self._by_route(labellings[left], undecided[left], thresholds[left])
+            for k, one in zip(left.tolist(), others, strict=True):
+                found[k] = one
         return found
 
     def _weigh_all(

@@ -74,7 +74,9 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> Bow | None:
     one, none = np.ones(len(crushed)), np.zeros(len(crushed))
     lined = above.astype(float)
     line = [lined, 3.0 * lined, np.where(above, tension, 1.0)]
-    rows = np.array([[one, one, none], [slope, one, foot + slope * tension], line]).transpose(2, 0, 1)
+    height = foot + slope * tension
+    size = np.maximum(np.maximum(one, slope), height)
+    rows = np.array([[one, one, none], [slope / size, one / size, height / size], line]).transpose(2, 0, 1)
     holds = (sets.shear + sets.inner_friction + sets.friction + sets.cohesion)[crushed] > 0.0
     rows[~holds, 1] = (0.0, 1.0, 1.0)
     return Bow(crushed, np.column_stack([1.0 / limit, knee]), rows)

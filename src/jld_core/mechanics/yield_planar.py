@@ -140,7 +140,9 @@ class PlanarYield(Frictional):
         if undecided:
             return bow_of_hull(self, crushed)
         none = 0.0 * one
-        rows = np.array([[one, one, none], [friction, one, cohesion], [none, none, one]]).transpose(2, 0, 1)
+        size = np.maximum(np.maximum(one, friction), cohesion)
+        slide = [friction / size, one / size, cohesion / size]
+        rows = np.array([[one, one, none], slide, [none, none, one]]).transpose(2, 0, 1)
         # where nothing resists shear V is dropped, and its row idles
         rows[friction + cohesion == 0.0, 1] = (0.0, 1.0, 1.0)
         return Bow(crushed, np.column_stack([1.0 / limit, none]), rows)

@@ -26,11 +26,11 @@ from jld_explore.evaluation import Evaluation, standing
 from jld_explore.space import SearchSpace, canonical, keys
 
 _HOT: Final = 0.02
-_COLD: Final = 2e-4
+_COLD: Final = 1e-3
 """Temperatures at the beginning and the end of a cycle, beside the largest λ known."""
 
-_CYCLE: Final = 8
-"""Changes of each chain in the first cycle, for each face that can change."""
+_CYCLE: Final = 10
+"""Labellings of the first cycle, for each face that can change."""
 
 _TURNS: Final = 12
 """Changes a chain tries, among those known already, before another chance is given to it later."""
@@ -79,7 +79,7 @@ class Anneal(Searcher):
         self._known: dict[bytes, tuple[float, int]] = {}
         self._best: tuple[float, Bits | None, int] = (math.inf, None, 0)
         self._steps, self._began = 0, 0
-        self._length = _CYCLE * max(1, self.operators.keys)
+        self._length = max(1, _CYCLE * self.operators.keys // chains)
 
     @property
     def settings(self) -> dict[str, Any]:
