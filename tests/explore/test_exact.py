@@ -332,3 +332,22 @@ def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
     known = table.groupby("blocks")["load_factor"].max()
     assert {row["count"]: row["load_factor"] for row in found.summary["front"]} == pytest.approx(known.to_dict())
     assert all(row["proven"] for row in found.summary["front"])
+
+
+def test_it_asks_no_more_than_it_may(tmp_path: Path) -> None:
+    """Labellings that nothing refutes come up several at a time; a budget is kept all the same."""
+    rows, options = SCENES["weak"]
+    for budget in (1, 4, 9):
+        found = search(rows, options, tmp_path / str(budget), "exact", search=0, budget=budget)
+        assert found.summary["evaluated"] <= budget
+
+
+def test_annealing_has_its_turn_beside_the_proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often and early the search is resumed, the optimum and its proof are the same."""
+    rows, options = [*["aaaa"] * 3, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]}
+    whole = search(rows, options, tmp_path / "whole", "exact").summary
+    monkeypatch.setattr("jld_explore.drivers.exact.driver._EACH", 20)
+    monkeypatch.setattr("jld_explore.drivers.exact.driver._SHARE", (0.5, 0.5))
+    found = search(rows, options, tmp_path / "often", "exact", search=1).summary
+    assert found["proven"] is True
+    assert found["best"] == pytest.approx(whole["best"], rel=1e-6)

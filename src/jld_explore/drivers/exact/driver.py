@@ -137,6 +137,7 @@ class Exact(Driver):
         quick = self._relaxation is not None and self._relaxation.many
         self._ladder = Ladder(step_after or _PATIENCE[not quick])
         self._passed: list[Bits] = []
+        self._waiting = self._none
         self._aimed = math.inf
         self._began = 0
         self._targets: list[int | None] = [None]
@@ -206,15 +207,15 @@ class Exact(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         if self._everything is not None:
             return self._everything.ask(limit)
-        while self._targets and not self._late:
+        while not len(self._waiting) and self._targets and not self._late:
             if self._left > 0:
-                found = self._search.ask(self._left if limit is None else min(limit, self._left))
-                self._left = self._left - len(found) if len(found) else 0
+                self._waiting = self._search.ask(self._left if limit is None else min(limit, self._left))
+                self._left = self._left - len(self._waiting) if len(self._waiting) else 0
             else:
-                found = self._pursue(self._targets[0])
-            if len(found):
-                return found
-        return self._none
+                self._waiting = self._pursue(self._targets[0])
+        given = self._waiting[:limit]
+        self._waiting = self._waiting[len(given) :]
+        return given
 
     @property
     def _none(self) -> Bits:
