@@ -18,6 +18,7 @@ BENCHMARKS: Final = (
     "certificates",
     "cases",
     "exact",
+    "refuting",
     "spared",
     "drivers",
     "convergence",

@@ -1,0 +1,155 @@
+"""What each way of finding conflicts is worth: conflicts and processor time until nothing above a given λ is left.
+
+Walls at their proven optimum, so that nothing is found and all is refuted; and how λ > 80 of a crushable arch falls.
+Then how strong layouts annealing finds in a given time.
+`python -m benchmarks.refuting` proves all; every line is one process and one thread.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.common import table, write
+from benchmarks.exact import arch, wall
+from jld_core import Scene, build_assembly
+from jld_core.lanes import library
+from jld_core.limit import LimitAnalysis, Relaxation
+from jld_explore import ExploreSettings, explore
+from jld_explore.drivers import Formula, possible_blocks
+from jld_explore.drivers.exact import hunting, shrinking
+from jld_explore.space import SearchSpace, search_space
+
+CASES: Final[dict[str, tuple[Scene, float]]] = {
+    "6 × 8, s = 3, 20 kPa, λ > 0.716415": (wall(6, 8, 3, 2e4), 0.716415),
+    "5 × 7, s = 3, 5 kPa, λ > 0.649483": (wall(5, 7, 3, 5e3), 0.649483),
+    "flat arch, σc = 5 MPa, λ > 80": (arch(), 80.0),
+}
+MOST: Final = 60.0
+"""Seconds a line may take."""
+
+VARIANTS: Final[dict[str, dict[str, Any]]] = {
+    "as shipped": {},
+    "without neighbours": {"_NEIGHBOURS": 0},
+    "as many dry as inner preferred": {"_DRY": 0.5},
+    "eight side by side": {"_WIDTH": 8},
+    "one single face tried in vain": {"_TRIES": 1},
+    "four": {"_TRIES": 4},
+}
+FOUND: Final = {"6 × 8, s = 3, 20 kPa": wall(6, 8, 3, 2e4), "8 × 10, s = 3, 20 kPa": wall(8, 10, 3, 2e4)}
+SECONDS: Final = 20.0
+SEEDS: Final = 5
+
+
+@contextmanager
+def changed(settings: dict[str, Any]) -> Iterator[None]:
+    """With other numbers in the modules that find conflicts."""
+    owners = {name: shrinking if name == "_TRIES" else hunting for name in settings}
+    old = {name: getattr(owner, name) for name, owner in owners.items()}
+    for name, value in settings.items():
+        setattr(owners[name], name, value)
+    try:
+        yield
+    finally:
+        for name, value in old.items():
+            setattr(owners[name], name, value)
+
+
+def space_of(scene: Scene) -> tuple[SearchSpace, Relaxation]:
+    """The search space of a scene and its relaxation."""
+    assembly = build_assembly(scene)
+    return search_space(scene, assembly), Relaxation(LimitAnalysis(assembly))
+
+
+def refuted(scene: Scene, load: float) -> list[str]:
+    """Conflicts, faces in one, relaxations, processor seconds and ms a relaxation until nothing is left above λ."""
+    space, relaxation = space_of(scene)
+    threshold = load / relaxation.template.scaling.load
+    blocks = possible_blocks(space)
+    free = space.candidates.copy()
+    if blocks is not None:
+        joined = {face for inside in blocks.inside for face in inside}
+        free &= np.isin(np.arange(len(free)), list(joined))
+    formula, hunt = Formula(space, blocks), hunting.Hunt(relaxation, free, 0)
+    hunt.begin(formula)
+    began, lengths, unrefuted = time.process_time(), [], 0
+    while True:
+        caught = hunt.step(threshold)
+        lengths += [len(conflict.faces) for conflict in caught.conflicts]
+        unrefuted += len(caught.unrefuted)
+        spent = time.process_time() - began
+        if caught.exhausted or spent > MOST:
+            break
+    formula.close()
+    end = "" if caught.exhausted else "more than "
+    mean = float(np.mean(lengths)) if lengths else 0.0
+    each = 1e3 * spent / relaxation.solves
+    return [f"{end}{len(lengths)}", f"{mean:.1f}", str(relaxation.solves), f"{end}{spent:.1f}", f"{each:.2f}"]
+
+
+def incumbents() -> list[list[str]]:
+    """Rows of the table of what annealing finds."""
+    rows = []
+    for name, scene in {**FOUND, "flat arch, 67 faces, σc = 5 MPa": arch()}.items():
+        found, counts = [], []
+        for seed in range(SEEDS):
+            with tempfile.TemporaryDirectory() as folder:
+                settings = ExploreSettings(driver="anneal", seed=seed, seconds=SECONDS, pictures=False)
+                facts = explore(scene, Path(folder) / "out", settings).summary
+            found.append(facts["best"])
+            counts.append(facts["evaluated"])
+        row = [name, f"{statistics.median(found):.5g}", f"{min(found):.5g}", f"{max(found):.5g}"]
+        rows.append([*row, f"{statistics.median(counts):.0f}"])
+        print(rows[-1], flush=True)
+    return rows
+
+
+def main() -> None:
+    """Measure and write the tables."""
+    rows = []
+    for name, (scene, load) in CASES.items():
+        for variant, settings in VARIANTS.items():
+            with changed(settings):
+                rows.append([name, variant, *refuted(scene, load)])
+            print(rows[-1], flush=True)
+    plain = []
+    with off():
+        for name, (scene, load) in CASES.items():
+            plain.append([name, "one at a time", *refuted(scene, load)])
+            print(plain[-1], flush=True)
+    head = ["what is refuted", "how", "conflicts", "faces in one", "relaxations", "s", "ms a relaxation"]
+    parts = (
+        "# Ways of refuting",
+        table(head, rows + plain),
+        f"Processor seconds of one process, at most {MOST:g}. One at a time: without the kernel, by the conic solver, and "
+        "the arch by the exact hull of its joints, which the kernel's rows enclose.",
+        "## What annealing finds",
+        table(["scene", f"λ after {SECONDS:g} s, median of {SEEDS}", "least", "most", "labellings"], incumbents()),
+    )
+    write("refuting", "\n\n".join(parts))
+
+
+@contextmanager
+def off() -> Iterator[None]:
+    """Without the kernel."""
+    old = os.environ.get(library.SWITCH)
+    os.environ[library.SWITCH] = "off"
+    try:
+        yield
+    finally:
+        if old is None:
+            del os.environ[library.SWITCH]
+        else:
+            os.environ[library.SWITCH] = old
+
+
+if __name__ == "__main__":
+    main()
