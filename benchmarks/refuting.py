@@ -129,8 +129,8 @@ def main() -> None:
     parts = (
         "# Ways of refuting",
         table(head, rows + plain),
-        f"Processor seconds of one process, at most {MOST:g}. One at a time: without the kernel, by the conic solver, and "
-        "the arch by the exact hull of its joints, which the kernel's rows enclose.",
+        f"Processor seconds of one process, at most {MOST:g}. One at a time: without the kernel, by the conic "
+        "solver, and the arch by the exact hull of its joints, which the kernel's rows enclose.",
         "## What annealing finds",
         table(["scene", f"λ after {SECONDS:g} s, median of {SEEDS}", "least", "most", "labellings"], incumbents()),
     )
