@@ -25,9 +25,11 @@
 - `Relaxation`: bounds on λ where some faces are undecided
 - `Repair`: auxiliary programs that make an answer admissible
 - `Rung`: one way to a proof
+- `Settled`: what a settlement leaves
 - `SolveOptions`: what is modelled, as on the command line
 - `State`: forces and λ with their slack and error
 - `Status`: collapse, locked, unstable or uncertified
+- `Thrust`: one end of the range
 - `apart`: whether two brackets of one λ have nothing in common
 - `applies_to`: whether there is a relaxation by blocks
 - `crossed`: whether two bounds contradict each other
@@ -39,8 +41,10 @@
 - `governing_result`: results of load cases → the result of the structure
 - `load_floor`: λ below which differences are no matter
 - `number`: a JSON number, or null
+- `reactions`: (k, q) what interfaces put on some elements (k,), supports too, about their centroids
 - `relative_width`: width of a bracket, relative
 - `result_of`: a proof → a result in scene units
+- `settle`: the range of thrust that a settlement leaves, and the mechanisms at its ends; associative, convex contact
 """
 
 from __future__ import annotations
@@ -63,6 +67,7 @@ from jld_core.limit.proof import Proof
 from jld_core.limit.relaxation import DualBound, Relaxation
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, element_velocities, governing_result, number, result_of
+from jld_core.limit.settlement import Settled, Thrust, reactions, settle
 from jld_core.limit.status import Status
 
 __all__ = [
@@ -91,9 +96,11 @@ __all__ = [
     "Relaxation",
     "Repair",
     "Rung",
+    "Settled",
     "SolveOptions",
     "State",
     "Status",
+    "Thrust",
     "apart",
     "applies_to",
     "crossed",
@@ -105,6 +112,8 @@ __all__ = [
     "governing_result",
     "load_floor",
     "number",
+    "reactions",
     "relative_width",
     "result_of",
+    "settle",
 ]

@@ -2,10 +2,8 @@
 
 - `LADDERS`: what is tried, in order, by `SolveOptions.condense`
 - `Scheme`: how a solution without dilation is sought
-- `Settled`: what a settlement leaves
 - `SolutionPath`: a path through solutions without dilation
 - `SolveOptions`: what is modelled, as on the command line
-- `Thrust`: one end of the range
 - `change`: how far effective areas moved between two iterates
 - `contact_of`: effective areas under given forces
 - `frozen_contact`: a template with effective areas frozen
@@ -15,9 +13,7 @@
 - `prove_condensed`: proof by rigid blocks, cracked on demand
 - `prove_effective_area`: proof at a fixed point of effective areas
 - `prove_zero_dilation`: collapse without dilation, by an analysis that exists
-- `reactions`: (k, q) what interfaces put on some elements (k,), supports too, about their centroids
 - `rigid_blocks`: elements joined through inner faces
-- `settle`: the range of thrust that a settlement leaves, and the mechanisms at its ends; associative, convex contact
 - `solve`: λ of one labelling, with a two-sided bracket
 - `solve_labelling`: proof of one labelling under the options asked for
 - `solve_zero_dilation`: collapse without dilation in one call
@@ -31,7 +27,6 @@ from jld_core.limit import SolveOptions
 from jld_core.models.effective_area import change, contact_of, frozen_contact, prove_effective_area
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
-from jld_core.models.settlement import Settled, Thrust, reactions, settle
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
 from jld_core.models.zero_dilation import prove_zero_dilation, solve_zero_dilation, zero_dilation
 from jld_core.models.zero_dilation_path import SolutionPath, path_of_solutions
@@ -40,10 +35,8 @@ from jld_core.models.zero_dilation_search import Scheme
 __all__ = [
     "LADDERS",
     "Scheme",
-    "Settled",
     "SolutionPath",
     "SolveOptions",
-    "Thrust",
     "change",
     "contact_of",
     "frozen_contact",
@@ -53,9 +46,7 @@ __all__ = [
     "prove_condensed",
     "prove_effective_area",
     "prove_zero_dilation",
-    "reactions",
     "rigid_blocks",
-    "settle",
     "solve",
     "solve_labelling",
     "solve_zero_dilation",

@@ -228,23 +228,23 @@ def figure_of_assembly(
 
     ids, values: also write the ids of elements and the values of live loads.
     """
-    figure, axes = _figure(assembly, 1)
+    figure, axes = figure_for(assembly, 1)
     draw_assembly(axes[0], assembly, labels)
     if ids:
         write_ids(axes[0], assembly)
     if values:
         write_loads(axes[0], assembly)
     axes[0].set_title("")
-    _finish(figure, axes, textwrap.shorten(assembly.name, 60, placeholder=" …"))
+    finish(figure, axes, textwrap.shorten(assembly.name, 60, placeholder=" …"))
     return figure
 
 
 def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
     """`draw_mechanism` on a figure of its own under name and λ, and its axes."""
-    figure, axes = _figure(result.assembly, 1)
+    figure, axes = figure_for(result.assembly, 1)
     draw_mechanism(axes[0], result)
     name = textwrap.shorten(result.assembly.name, 50, placeholder=" …")
-    _finish(figure, axes, f"{name}\nλ = {result.load_factor:.5g}, {result.status}")
+    finish(figure, axes, f"{name}\nλ = {result.load_factor:.5g}, {result.status}")
     return figure, axes[0]
 
 
@@ -256,7 +256,7 @@ def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: 
     """
     if result.governing is not None:
         result = result.cases[result.governing]
-    figure, axes = _figure(result.assembly, 3)
+    figure, axes = figure_for(result.assembly, 3)
     draw_assembly(axes[0], result.assembly, result.labels)
     draw_forces(axes[1], result)
     draw_mechanism(axes[2], result)
@@ -265,23 +265,23 @@ def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: 
     if values:
         write_loads(axes[0], result.assembly)
         write_forces(axes[1], result)
-    _finish(figure, axes, title_of(result))
+    finish(figure, axes, title_of(result))
     return figure
 
 
 def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[str]) -> Figure:
     """Layouts of one assembly side by side, labels above mechanisms. titles: a line over each."""
     count = len(results)
-    figure, axes = _figure(results[0].assembly, 2 * count, columns=count)
+    figure, axes = figure_for(results[0].assembly, 2 * count, columns=count)
     for k, (result, title) in enumerate(zip(results, titles, strict=True)):
         draw_assembly(axes[k], result.assembly, result.labels)
         axes[k].set_title(title, fontsize=10)
         draw_mechanism(axes[count + k], result)
-    _finish(figure, axes, textwrap.shorten(results[0].assembly.name, 60, placeholder=" …"), columns=count)
+    finish(figure, axes, textwrap.shorten(results[0].assembly.name, 60, placeholder=" …"), columns=count)
     return figure
 
 
-def _figure(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
+def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
     """A figure with axes of about the size that they will have, since line widths depend on it."""
     lower, upper = extent(assembly, projection_of(assembly))
     figure = Figure(dpi=120)
@@ -291,7 +291,7 @@ def _figure(assembly: Assembly, count: int, columns: int | None = None) -> tuple
     return figure, axes
 
 
-def _finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
+def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
     """One scale for all axes, final sizes, and the title."""
     limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
     low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)

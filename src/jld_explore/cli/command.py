@@ -34,6 +34,7 @@ from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.progress import ProgressBar
+from jld_explore.cli.settlement import settlement
 from jld_explore.drivers import DRIVERS, owners
 from jld_explore.report import (
     check_folder,
@@ -72,6 +73,7 @@ exchange.add_to(app)
 plot.add_to(app)
 app.command()(experiment)
 app.command(name="assembly")(laying)
+app.command(name="settlement")(settlement)
 
 Objective = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
 

@@ -20,7 +20,12 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.build import Settlement
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, SolveOptions, Status, relative_width
+from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.bounds import relative_width
+from jld_core.limit.options import SolveOptions
+from jld_core.limit.proof import Proof
+from jld_core.limit.result import LimitAnalysisResult, number
+from jld_core.limit.status import Status
 from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
 from jld_core.program import Beside, Template
 from jld_core.threads import one_thread
@@ -48,9 +53,9 @@ class Thrust:
         """Plain numbers, None where there is none; forces as `jld solve --json` has them."""
         whole = None if self.state is None else self.state.to_json()
         return {
-            "reaction": _number(self.value),
-            "bracket": [_number(end) for end in self.bracket],
-            "gap": _number(self.gap),
+            "reaction": number(self.value),
+            "bracket": [number(end) for end in self.bracket],
+            "gap": number(self.gap),
             "status": self.status,
             "mechanism": None if whole is None else whole["mechanism"],
             "forces": None if whole is None else whole["forces"],
@@ -192,7 +197,3 @@ def _thrust(
         model=SolveOptions(gap=gap),
     )
     return Thrust(value, (low, high), width, "certified" if certified else "uncertified", found)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,73 @@
+"""`jld settlement`: supports that give way, the thrust that is left and the mechanism that follows them."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_core.build import settlements_of
+from jld_core.errors import InputError
+from jld_core.limit import Settled, settle
+from jld_explore.cli.layout import layout_of
+from jld_explore.report import check_writable, write_text
+
+UNCERTIFIED = 4
+
+
+def settlement(
+    source: Annotated[
+        Path,
+        typer.Argument(help='A scene file with "settlements", or a folder written by jld explore.', show_default=False),
+    ],
+    rank: Annotated[
+        int | None, typer.Option(min=1, help="Layout of the folder, by its rank; default: the best.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for settlement.json and pictures.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Range of thrust along each movement of supports that the scene names, and the mechanisms at its ends."""
+    if out is not None:
+        check_writable(out)
+    scene, assembly, labels = layout_of(source, rank)
+    if not scene.settlements:
+        raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
+    try:
+        found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
+    except InputError as error:
+        raise error.within(str(source)) from None
+    told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
+    if out is not None:
+        _write(found, json.dumps(told, indent=1), out)
+    sys.stdout.write((json.dumps(told, indent=1) if as_json else "\n".join(map(_words, found))) + "\n")
+    ends = [end for one in found for end in (one.least, one.most) if end is not None]
+    if any(end.status == "uncertified" for end in ends):
+        raise typer.Exit(UNCERTIFIED)
+
+
+def _words(found: Settled) -> str:
+    from jld_core.views.settled import words_of
+
+    if found.stands is False:
+        return f"{found.settlement.name}: it falls under its dead load alone"
+    force = found.assembly.units[1]
+    return (
+        f"{found.settlement.name}\n"
+        f"  least reaction    {words_of(found.least, force)}\n"
+        f"  greatest reaction {words_of(found.most, force)}"
+    )
+
+
+def _write(found: list[Settled], told: str, out: Path) -> None:
+    from jld_core.views.figures import save_figure
+    from jld_core.views.settled import figure_of_settled
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "settlement.json", told)
+    for number, one in enumerate(found, 1):
+        name = re.sub(r"[^\w-]+", "_", one.settlement.name)[:40]
+        save_figure(figure_of_settled(one), out / f"settlement-{number}-{name}.png")
