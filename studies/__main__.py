@@ -19,6 +19,7 @@ STUDIES: Final = (
     "leonardo_section_3_3",
     "how_low_can_it_go",
     "semicircular_arch",
+    "settlement",
     "wall_with_opening",
     "corner",
     "virtual_experiment",

@@ -12,6 +12,7 @@ from studies import (
     leonardo_flat_arch,
     one_block_two_cubes,
     semicircular_arch,
+    settlement,
     t_block,
     wall_with_opening,
     walls_of_section_3_1,
@@ -74,6 +75,18 @@ def test_semicircular_arch(tmp_path: Path) -> None:
     freed = table[table["part"].str.contains("free joints")]
     assert (freed["gain"] > 1.0).all()
     assert freed["proven"].all()
+
+
+def test_settlement(tmp_path: Path) -> None:
+    """Least and greatest thrust of the semicircular arch against the closed form of the endless ring."""
+    table = settlement.run(tmp_path, quick=True)
+    written(tmp_path, settlement.NAME)
+    assert set(table["status"]) == {"certified"}
+    assert table["error"].abs().max() < 1e-3
+    assert settlement.closed_form(0.2, 1.0) == pytest.approx(0.309723, rel=1e-5)
+    # one thrust is left where the arch is as thin as it may be (Cocchetti & Rizzi 2020, Table 3)
+    ends = [settlement.closed_form(settlement.LEAST_THICKNESS + 1e-6, sign) for sign in (1.0, -1.0)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-4)
 
 
 def test_t_block(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ m interfaces, n elements, d = 2 or 3, q resultants per interface.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -56,6 +56,10 @@ def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Fl
 
 def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
     """(m, q) jumps J = A_eqᵀ u of a mechanism (n, q), scene units: (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω)."""
+    moving = assembly.elements.support & mechanism.any(axis=1)
+    if moving.any():
+        # supports that settle
+        assembly = replace(assembly, elements=replace(assembly.elements, support=assembly.elements.support & ~moving))
     velocity = mechanism[assembly.elements.free].ravel()
     return np.asarray(equilibrium_matrix(assembly).T @ velocity).reshape(-1, assembly.freedoms)
 

@@ -48,7 +48,7 @@ def scaling_of(assembly: Assembly) -> Scaling:
         [assembly.dimension, assembly.freedoms - assembly.dimension],
         axis=1,
     )
-    return Scaling(force=force, face=force * face, row=force * row, load=force / assembly.total_live)
+    return Scaling(force=force, face=force * face, row=force * row, load=force / (assembly.total_live or force))
 
 
 def _force_scale(assembly: Assembly) -> float:

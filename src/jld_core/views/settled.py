@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +17,8 @@ from jld_core.views.structure import projection_of
 
 def figure_of_settled(found: Settled) -> Figure:
     """Movement and thrusts, side by side: forces at the least reaction, the mechanism there, forces at the greatest."""
+    if not found.settlement.load:
+        found = without_live_load(found)
     figure, axes = figure_for(found.assembly, 3)
     force = found.assembly.units[1]
     draw_thrust(axes[0], found, found.least, f"Least reaction {words_of(found.least, force)}")
@@ -29,6 +32,16 @@ def figure_of_settled(found: Settled) -> Figure:
     what = "" if found.stands is not False else "\nit falls under its dead load alone"
     finish(figure, axes, f"{name}: {found.settlement.name}{what}")
     return figure
+
+
+def without_live_load(found: Settled) -> Settled:
+    """The same without loads that do not act while supports settle."""
+    bare = replace(found.assembly, live=np.zeros_like(found.assembly.live), live_points=())
+
+    def stripped(end: Thrust | None) -> Thrust | None:
+        return end if end is None or end.state is None else replace(end, state=replace(end.state, assembly=bare))
+
+    return replace(found, assembly=bare, least=stripped(found.least), most=stripped(found.most))
 
 
 def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> None:
