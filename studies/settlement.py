@@ -34,8 +34,9 @@ def closed_form(thickness: float, sign: float) -> float:
     found = np.nan
     for _ in range(7):
         # a grid of both hinges, then finer ones about the best
-        ends = np.clip([centre - reach, centre + reach], 0.0, np.pi / 2.0)
-        upper, lower = np.meshgrid(*np.linspace(*ends, 61).T, indexing="ij")
+        low, high = (np.clip(centre + side * reach, 0.0, np.pi / 2.0) for side in (-1.0, 1.0))
+        sides = [np.linspace(low[k], high[k], 61) for k in range(2)]
+        upper, lower = np.meshgrid(sides[0], sides[1], indexing="ij")
         x1, y1, x2, y2 = above * np.sin(upper), above * np.cos(upper), below * np.sin(lower), below * np.cos(lower)
         moment = x2 * (lower - upper) - (np.cos(upper) - np.cos(lower)) + upper * (x2 - x1)
         sound = (lower > upper + 1e-6) & (y1 > y2 + 1e-9)
