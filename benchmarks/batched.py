@@ -3,7 +3,7 @@
 Planar programs of one template differ in the numbers of their yield rows alone, so that every array of the
 iteration gets one more axis, the labelling, and stands last: H is a stack of 3 × 3 blocks, the Schur complement a
 dense matrix per labelling, factored column by column for all of them. Mehrotra's predictor–corrector, as the
-Schur route ends (solvers/schur_ipm.py).
+Schur route ends (solvers/schur/interior_point.py).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Spatial scene → elements and interfaces, parallel to build_planar.py."""
+"""Spatial scene → elements and interfaces, step by step as in planar.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: jld check, solve, explore, plot."""
+"""The command line: jld check, solve, explore, studio; the modules beside it add the other commands."""
 
 from __future__ import annotations
 

@@ -23,8 +23,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import Motion, Proof, State
 from jld_core.program import Template
-
-Words = NDArray[np.uint64]
+from jld_explore.space import Words, as_words
 
 ROUND: Final = 32
 """Labellings solved between two questions to the pool, whatever the number of workers."""
@@ -176,7 +175,7 @@ class Pool:
             return known
         for permutation in self.group:
             image = labellings[:, permutation]
-            words = _words(image), _words(~image)
+            words = as_words(image), as_words(~image)
             low = self._forces.bounds(words, since)
             high, unstable = self._mechanisms.bounds(image, words, since)
             known = known.tightened(Bounds(low, high, unstable))
@@ -241,7 +240,7 @@ class _ForceTable(_Table):
         super().__init__(most, [("load", "f8"), ("not_dry", "u8", (words,)), ("not_inner", "u8", (words,))])
 
     def add(self, forces: Forces) -> None:
-        self.put(forces.load, *_words(~np.array([forces.dry, forces.inner])))
+        self.put(forces.load, *as_words(~np.array([forces.dry, forces.inner])))
 
     def bounds(self, words: tuple[Words, Words], since: int) -> Floats:
         """(k,) highest load of forces that labellings admit. words: their dry faces, and their inner ones."""
@@ -272,7 +271,7 @@ class _MechanismTable(_Table):
         # sums in another order may round differently: the bound is raised by more than that
         size = abs(mechanism.constant) + float(abs(values).max(axis=0).sum())
         constant = mechanism.constant + float(values[1].sum()) + tolerances.SUMMATION * size
-        self.put(constant, mechanism.falls, values[0] - values[1], *_words(~finite))
+        self.put(constant, mechanism.falls, values[0] - values[1], *as_words(~finite))
 
     def bounds(self, labellings: Bits, words: tuple[Words, Words], since: int) -> tuple[Floats, Bools]:
         """(k,) lowest bound on λ over the mechanisms, and (k,) whether one proves instability.
@@ -298,14 +297,6 @@ class _MechanismTable(_Table):
             told = below.any(axis=1) | np.isfinite(high[part])
             self.count(rows[first[told]])
         return high, unstable
-
-
-def _words(rows: Bools) -> Words:
-    """Rows of bits (k, m) as 64-bit words (k, w)."""
-    packed = np.packbits(rows, axis=1)
-    padded = np.zeros((len(packed), 8 * -(-packed.shape[1] // 8)), dtype=np.uint8)
-    padded[:, : packed.shape[1]] = packed
-    return padded.view(np.uint64)
 
 
 def _covered(dry: Words, inner: Words, not_dry: Words, not_inner: Words) -> Bools:

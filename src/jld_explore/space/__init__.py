@@ -13,6 +13,8 @@
 - `SearchSpace`: what may be labelled
 - `Sized`: things with a size by every measure
 - `Terms`: a count as a sum of ones, for proofs
+- `Words`: rows of labels as words of 64 bits
+- `as_words`: rows of labels as words that compare as they do
 - `block_sizes`: sizes of all blocks
 - `blocks_of`: the block of each element
 - `canonical`: the smallest image under the symmetries
@@ -51,6 +53,8 @@ from jld_explore.space.counts import (
     values_of,
 )
 from jld_explore.space.labelling import (
+    Words,
+    as_words,
     blocks_of,
     canonical,
     connectivity,
@@ -83,6 +87,8 @@ __all__ = [
     "SearchSpace",
     "Sized",
     "Terms",
+    "Words",
+    "as_words",
     "block_sizes",
     "blocks_of",
     "canonical",

@@ -25,6 +25,9 @@ from jld_core.lanes import Graph
 Packed = NDArray[np.uint8]
 """Labellings as bits, (k, ceil(m / 8)): rows sort by the first face that differs, inner before dry."""
 
+Words = NDArray[np.uint64]
+"""The same as words of 64 bits, (k, w)."""
+
 _ENTRIES: Final = 1 << 23
 """Entries of one temporary array in `blocks_of`; larger batches are taken in parts."""
 
@@ -164,10 +167,10 @@ def canonical(labellings: Bits, group: Ints) -> Bits:
     labellings: (k, m); group: (g, m) face permutations, closed under composition, the identity first.
     Returns (k, m).
     """
-    best, words = labellings.copy(), _words(labellings)
+    best, words = labellings.copy(), as_words(labellings)
     for permutation in group[1:]:
         image = labellings[:, permutation]
-        other = _words(image)
+        other = as_words(image)
         less = _compare(other, words) < 0
         best[less], words[less] = image[less], other[less]
     return best
@@ -175,25 +178,25 @@ def canonical(labellings: Bits, group: Ints) -> Bits:
 
 def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
     """Number of different images of each row (k, m) under the group (g, m); the multiplicity of its class."""
-    words = _words(labellings)
+    words = as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
-        fixed += _compare(_words(labellings[:, permutation]), words) == 0
+        fixed += _compare(as_words(labellings[:, permutation]), words) == 0
     return np.asarray(len(group) // fixed)
 
 
 def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
     """Indices (r,) of the rows (k, m) that are canonical, and their orbit sizes (r,)."""
-    kept, words = np.arange(len(labellings)), _words(labellings)
+    kept, words = np.arange(len(labellings)), as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
-        sign = _compare(_words(labellings[kept[:, None], permutation]), words)
+        sign = _compare(as_words(labellings[kept[:, None], permutation]), words)
         stays = sign >= 0
         kept, words, fixed = kept[stays], words[stays], fixed[stays] + (sign[stays] == 0)
     return kept, np.asarray(len(group) // fixed)
 
 
-def _words(labellings: Bits) -> NDArray[np.uint64]:
+def as_words(labellings: Bits) -> Words:
     """Rows (k, m) as 64-bit words (k, w) that compare, the first word first, as the rows do."""
     packed = pack(labellings)
     padded = np.zeros((len(packed), 8 * -(-packed.shape[1] // 8)), dtype=np.uint8)
@@ -201,7 +204,7 @@ def _words(labellings: Bits) -> NDArray[np.uint64]:
     return padded.view(">u8").astype(np.uint64)
 
 
-def _compare(first: NDArray[np.uint64], second: NDArray[np.uint64]) -> NDArray[np.int8]:
+def _compare(first: Words, second: Words) -> NDArray[np.int8]:
     """(k,) −1, 0 or 1 as rows of the first come before, equal or come after rows of the second."""
     sign = np.zeros(len(first), dtype=np.int8)
     for one, two in zip(first.T[::-1], second.T[::-1], strict=True):

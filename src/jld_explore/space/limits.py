@@ -28,7 +28,7 @@ _SAME: Final = 1e-12
 
 
 SHAPED: Final = {"block_aspect": "aspect"}
-"""Limits on the shape of single blocks with bounds: key under "search" and attribute of `BlockShape`."""
+"""Limits on the shape of single blocks with bounds: key under "search" and attribute of `BlockShapes`."""
 
 _MEASURED: Final = 1e-6
 """Relative rounding of what is measured on the outline of a block."""
@@ -238,7 +238,7 @@ class Limits:
 
     @cached_property
     def on_shapes(self) -> tuple[tuple[str, Range], ...]:
-        """Limits on the shape of single blocks that are given, by the attribute of `BlockShape`.
+        """Limits on the shape of single blocks that are given, by the attribute of `BlockShapes`.
 
         A part of a block may break what the whole keeps, so they say nothing of blocks that still grow.
         """

@@ -9,8 +9,8 @@ formula has no model left, nothing is stronger than the λ it was made for, and 
 Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
 branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything.
 
-What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`undecided`,
-`undecided_blocks`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
+What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`relaxation`,
+`block_relaxation`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
 
 Spaces that have no formula or no relaxation (dry compressive strengths in space, limits on a count that is no sum of
 ones, blocks to be counted where they are too many to be listed) are enumerated, which proves the same.
