@@ -13,7 +13,7 @@ import cases_spatial
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.mechanics import PrescribedFriction
-from jld_core.models import change, contact_of, frozen_contact, solve_zero_dilation
+from jld_core.models import areas_under, change, frozen_areas, solve_zero_dilation
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 from paths import SCENES
@@ -69,8 +69,8 @@ def test_walls_reach_a_fixed_point(live: list[float]) -> None:
     assert result.extra["effective_area"]["fixed_point"] <= 1e-8
     assert result.forces is not None
     scaled = result.forces / analysis.template.scaling.face
-    contact = contact_of(assembly, scaled, dry)
-    frozen = frozen_contact(analysis.template, contact)
+    areas = areas_under(assembly, scaled, dry)
+    frozen = frozen_areas(analysis.template, areas)
     # the forces lie in the set that they themselves ask for
     assert frozen.yield_set.slack(scaled, dry).min() >= -1e-12
     assert solve_zero_dilation(assembly, dry, effective_area=True).status is Status.COLLAPSE
@@ -82,7 +82,7 @@ def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, Prescr
     template, count = analysis.template, len(analysis.assembly.interfaces)
     forces = np.column_stack([rng.uniform(0.5, 2.0, count), rng.uniform(-0.4, 0.4, (count, 5))])
     dry = np.ones(count, dtype=bool)
-    areas = contact_of(analysis.assembly, forces, dry) if contact else None
+    areas = areas_under(analysis.assembly, forces, dry) if contact else None
     base = template.yield_set
     sets = PrescribedFriction(base, alpha, rng.uniform(0.0, 2.0, count), areas)  # type: ignore[arg-type]
     return template.renumbered(sets), sets, rng
@@ -122,9 +122,9 @@ def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
     assembly = prism(0.1)
     forces = np.array([[2.0, 0.1, 0.2, 0.3, 0.4, 0.5]])
     dry = np.ones(1, dtype=bool)
-    first = contact_of(assembly, forces, dry)
+    first = areas_under(assembly, forces, dry)
     assert change(first, first) == 0.0
-    assert change(first, contact_of(assembly, 0.0 * forces, dry)) > 0.1
+    assert change(first, areas_under(assembly, 0.0 * forces, dry)) > 0.1
     with pytest.raises(InputError, match="planar"):
         solve(build_assembly(load_scene(SCENES / "ferris_tinloi_1.json")), effective_area=True)
     odd = cases_spatial.stools([cases_spatial.TRIANGLE])

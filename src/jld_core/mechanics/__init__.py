@@ -1,6 +1,6 @@
 """Equilibrium, scaling, and what a yield set is.
 
-- `Contact`: effective rectangles, as they enter torsion
+- `EffectiveAreas`: effective rectangles, as they enter torsion
 - `FrictionSet`: a yield set of cohesion and friction, of which friction may be prescribed
 - `InnerBending`: "paper" or "kern"
 - `PlanarYield`: yield sets of planar faces
@@ -25,14 +25,14 @@ from __future__ import annotations
 
 from jld_core.mechanics.bending import InnerBending, local_hulls
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
-from jld_core.mechanics.prescribed_friction import Contact, PrescribedFriction
+from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.mechanics.scaling import Scaling, scaling_of
 from jld_core.mechanics.yield_planar import PlanarYield, planar_yield
 from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge, YieldSet, require_materials
 from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield, yield_set
 
 __all__ = [
-    "Contact",
+    "EffectiveAreas",
     "FrictionSet",
     "InnerBending",
     "PlanarYield",

@@ -16,7 +16,7 @@ from jld_core.mechanics.yield_set import Bow, FrictionSet, RowPattern, Rows, Wed
 
 
 @dataclass(frozen=True)
-class Contact:
+class EffectiveAreas:
     """Effective rectangles of m spatial faces, as they enter torsion: e = ρ (mT + a·V), |V| + |e| ≤ capacity.
 
     ratio: (m,) ρ = c_T / c_T,e ≥ 1. arm: (m, 2) a = (x2, −x1) / c_T. Source: Iannuzzo et al. 2024, eq. (5), (8).
@@ -31,7 +31,7 @@ class PrescribedFriction:
     """A yield set whose friction is μ (α N + (1 − α) N_prev), with torsion about frozen effective areas.
 
     base: the set of associative friction. alpha: α, share of the present N; 1 leaves the friction as it is, 0
-    leaves none of its dilation. previous: (m,) N_prev, scaled, taken as no less than a face can carry. contact: None
+    leaves none of its dilation. previous: (m,) N_prev, scaled, taken as no less than a face can carry. areas: None
     leaves torsion of dry faces as it is. Bending and cohesion are those of the base. Faces of either label rub.
     Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
@@ -39,7 +39,7 @@ class PrescribedFriction:
     base: FrictionSet
     alpha: float
     previous: Floats
-    contact: Contact | None = None
+    areas: EffectiveAreas | None = None
 
     @property
     def associative(self) -> FrictionSet:
@@ -47,7 +47,7 @@ class PrescribedFriction:
 
     @cached_property
     def pattern(self) -> RowPattern:
-        """Rows of the base with what limits shear changed; with a contact, V enters those of dry faces too."""
+        """Rows of the base with what limits shear changed; with areas, V enters those of dry faces too."""
         base = self.base.pattern
         entries = base.capacity
         head, face = base.row[entries], base.face[entries]
@@ -59,7 +59,7 @@ class PrescribedFriction:
             h_inner[head] -= (1.0 - self.alpha) * inner[entries] * self._previous[1][face]
             inner[entries] *= self.alpha
         changed = replace(base, dry=dry, h_dry=h_dry, inner=inner, h_inner=h_inner)
-        return changed if self.contact is None else self._with_contact(changed, self.contact)
+        return changed if self.areas is None else self._with_areas(changed, self.areas)
 
     @cached_property
     def _previous(self) -> tuple[Floats, Floats]:
@@ -71,13 +71,13 @@ class PrescribedFriction:
         previous = np.where(self.base.is_dry(labels), *self._previous)
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
-    def _with_contact(self, pattern: RowPattern, contact: Contact) -> RowPattern:
+    def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
         """Torsion rows t ± e ≤ capacity, divided by ρ so that no coefficient exceeds order one."""
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
         row, face, sign = p.row[twist], p.face[twist], p.dry[twist]
         divisor = np.ones(len(p.h_dry))
-        divisor[row] = contact.ratio[face]
+        divisor[row] = areas.ratio[face]
         h_dry, dry = p.h_dry / divisor, p.dry / divisor[p.row]
         dry[twist] = sign
         none = np.zeros(len(row))
@@ -86,7 +86,7 @@ class PrescribedFriction:
             row=np.concatenate([p.row, row, row]),
             column=np.concatenate([p.column, 6 * face + 1, 6 * face + 2]),
             face=np.concatenate([p.face, face, face]),
-            dry=np.concatenate([dry, sign * contact.arm[face, 0], sign * contact.arm[face, 1]]),
+            dry=np.concatenate([dry, sign * areas.arm[face, 0], sign * areas.arm[face, 1]]),
             inner=np.concatenate([p.inner, none, none]),
             h_dry=h_dry,
         )
@@ -132,21 +132,21 @@ class PrescribedFriction:
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
-        if self.contact is None:
+        if self.areas is None:
             return forces
         about = forces.copy()
-        push = np.einsum("ij,ij->i", self.contact.arm, forces[:, 1:3])
-        about[:, 5] = np.where(self.base.is_dry(labels), self.contact.ratio * (forces[:, 5] + push), forces[:, 5])
+        push = np.einsum("ij,ij->i", self.areas.arm, forces[:, 1:3])
+        about[:, 5] = np.where(self.base.is_dry(labels), self.areas.ratio * (forces[:, 5] + push), forces[:, 5])
         return about
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
         """Jumps dual to (V, e): the slip at the centre of pressure, and the turn over ρ."""
-        if self.contact is None:
+        if self.areas is None:
             return jumps
         about, dry = jumps.copy(), self.base.is_dry(labels)
-        moved = jumps[:, 1:3] - self.contact.arm * jumps[:, 5:6]
+        moved = jumps[:, 1:3] - self.areas.arm * jumps[:, 5:6]
         about[:, 1:3] = np.where(dry[:, None], moved, jumps[:, 1:3])
-        about[:, 5] = np.where(dry, jumps[:, 5] / self.contact.ratio, jumps[:, 5])
+        about[:, 5] = np.where(dry, jumps[:, 5] / self.areas.ratio, jumps[:, 5])
         return about
 
     # --- the protocol ------------------------------------------------------------------------------------
@@ -157,9 +157,9 @@ class PrescribedFriction:
     def slack(self, forces: Floats, labels: Bits) -> Floats:
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
         room = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
-        if self.contact is not None:
+        if self.areas is not None:
             # a change of the resultants by one changes e by up to ρ (1 + |a|)
-            steep = self.contact.ratio * (1.0 + np.abs(self.contact.arm).sum(axis=1))
+            steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
             room = np.where(self.base.is_dry(labels), room / steep, room)
         holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
         return np.minimum(self._smooth.slack(forces, labels), np.where(holds, room, np.inf))

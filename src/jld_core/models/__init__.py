@@ -4,9 +4,9 @@
 - `Scheme`: how a solution without dilation is sought
 - `SolutionPath`: a path through solutions without dilation
 - `SolveOptions`: what is modelled, as on the command line
+- `areas_under`: effective areas under given forces
 - `change`: how far effective areas moved between two iterates
-- `contact_of`: effective areas under given forces
-- `frozen_contact`: a template with effective areas frozen
+- `frozen_areas`: a template with effective areas frozen
 - `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
 - `path_of_solutions`: from the lowest λ without dilation upwards
 - `point_contact_assembly`: the assembly of concave contact
@@ -24,7 +24,7 @@
 from __future__ import annotations
 
 from jld_core.limit import SolveOptions
-from jld_core.models.effective_area import change, contact_of, frozen_contact, prove_effective_area
+from jld_core.models.effective_area import areas_under, change, frozen_areas, prove_effective_area
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
@@ -37,9 +37,9 @@ __all__ = [
     "Scheme",
     "SolutionPath",
     "SolveOptions",
+    "areas_under",
     "change",
-    "contact_of",
-    "frozen_contact",
+    "frozen_areas",
     "limit_analysis",
     "path_of_solutions",
     "point_contact_assembly",

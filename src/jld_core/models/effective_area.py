@@ -19,7 +19,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.limit import LimitAnalysis, Proof, Prover, State, Status, number, relative_width
-from jld_core.mechanics import Contact, PrescribedFriction
+from jld_core.mechanics import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 
@@ -46,7 +46,7 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
         raise InputError("--effective-area", f"dry face {pair} has cohesion", "friction alone, which acts where N does")
 
 
-def contact_of(assembly: Assembly, forces: Floats, labels: Bits) -> Contact:
+def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
     """Effective areas under scaled forces (m, 6); inner faces and those without pressure keep the whole face."""
     faces = assembly.interfaces
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so these are x2 / (l2 / 2) and x1 / (l1 / 2)
@@ -57,30 +57,30 @@ def contact_of(assembly: Assembly, forces: Floats, labels: Bits) -> Contact:
     side2 = faces.l2 * np.maximum(1.0 - np.abs(x2), _NARROW)
     ratio = np.where(labels, faces.c_t / rectangle_torsion_length(side1, side2), 1.0)
     arm = np.column_stack([0.5 * faces.l2 * x2, -0.5 * faces.l1 * x1]) / faces.c_t[:, None]
-    return Contact(ratio, arm)
+    return EffectiveAreas(ratio, arm)
 
 
-def change(old: Contact, new: Contact) -> float:
+def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
     """Largest change of c_T,e / c_T and of a = x / c_T between two iterates."""
     ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio).max(initial=0.0)
     return float(max(ratio, np.abs(old.arm - new.arm).max(initial=0.0)))
 
 
-def frozen_contact(template: Template, contact: Contact) -> Template:
+def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
     """The template of associative friction with torsion about given effective areas."""
     base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
-    return template.renumbered(PrescribedFriction(base, 1.0, none, contact))
+    return template.renumbered(PrescribedFriction(base, 1.0, none, areas))
 
 
-def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, Contact, Prover]:
+def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
     """A state as its own forces have it: judged under the effective areas that these ask for.
 
     prover: of any template of the assembly. Returns that state, the areas, and a prover with these areas frozen.
     """
-    contact = contact_of(prover.template.assembly, state.forces, labels)
-    frozen = prover.under(frozen_contact(prover.template, contact))
-    return frozen.state(np.append(state.forces.ravel(), state.load), labels, passes=1), contact, frozen
+    areas = areas_under(prover.template.assembly, state.forces, labels)
+    frozen = prover.under(frozen_areas(prover.template, areas))
+    return frozen.state(np.append(state.forces.ravel(), state.load), labels, passes=1), areas, frozen
 
 
 def slack_to_ask(own: State, margin: float, tries: int) -> float:
@@ -140,8 +140,8 @@ def _iterate(
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual
     stepping, holding = (ClarabelSolver(residual, proximal=(count, w)) for w in (weight, HOLD))
-    contact = contact_of(analysis.assembly, forces.reshape(-1, 6), labels)
-    prover = analysis.prover.under(frozen_contact(template, contact))
+    areas = areas_under(analysis.assembly, forces.reshape(-1, 6), labels)
+    prover = analysis.prover.under(frozen_areas(template, areas))
     solves, steps, slack, moved = 0, 0, margin, np.inf
     while True:
         route = stepping if steps < _STEPS else holding
@@ -149,7 +149,7 @@ def _iterate(
         solves, steps = solves + 1, steps + 1
         state = prover.state(point, labels, passes=3)
         own, asked, prover = under_own_areas(prover, state, labels)
-        moved, contact = change(contact, asked), asked
+        moved, areas = change(areas, asked), asked
         forces = state.forces.ravel()
         slack = slack_to_ask(own, margin, steps)
         settled = own.admissible and (moved <= tolerances.FIXED_POINT or steps > _STEPS)
@@ -158,7 +158,7 @@ def _iterate(
             solves += proof.solves
             if not settled:
                 return own, proof, moved, solves
-            left = change(contact, contact_of(analysis.assembly, own.forces, labels))
+            left = change(areas, areas_under(analysis.assembly, own.forces, labels))
             low, high = own.load, proof.bracket[1]
             if solves >= most or not high - low > analysis.gap * max(abs(high), abs(low)):
                 return own, proof, left, solves

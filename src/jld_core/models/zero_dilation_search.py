@@ -12,8 +12,8 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_floor
-from jld_core.mechanics import Contact, PrescribedFriction
-from jld_core.models.effective_area import HOLD, change, contact_of, slack_to_ask, under_own_areas
+from jld_core.mechanics import EffectiveAreas, PrescribedFriction
+from jld_core.models.effective_area import HOLD, areas_under, change, slack_to_ask, under_own_areas
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 
@@ -128,19 +128,21 @@ class PairSearch:
 
     # --- frozen problems ----------------------------------------------------------------------------------
 
-    def contact(self, forces: Floats) -> Contact | None:
+    def areas(self, forces: Floats) -> EffectiveAreas | None:
         """Effective areas under scaled forces, if they are asked for."""
         if not self.scheme.effective_area:
             return None
-        return contact_of(self.analysis.assembly, self.table(forces), self.labels)
+        return areas_under(self.analysis.assembly, self.table(forces), self.labels)
 
     def prover(self, template: Template) -> Prover:
         """The analysis' prover for another template."""
         return self.analysis.prover.under(template)
 
-    def frozen(self, alpha: float, previous: Floats, contact: Contact | None) -> tuple[Template, PrescribedFriction]:
+    def frozen(
+        self, alpha: float, previous: Floats, areas: EffectiveAreas | None
+    ) -> tuple[Template, PrescribedFriction]:
         """The template with friction μ(αN + (1 − α)N_prev); previous: (m,)."""
-        sets = PrescribedFriction(self.base, alpha, previous, contact)
+        sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
 
@@ -156,7 +158,7 @@ class PairSearch:
         """A proximal step on the problem frozen at the forces' own N."""
         centre = forces[: self.count]
         for _ in range(_BACK):
-            template, _ = self.frozen(alpha, self.normals(centre), self.contact(centre))
+            template, _ = self.frozen(alpha, self.normals(centre), self.areas(centre))
             raw = self.stepping.solve(template.program(self.labels, self.margin), centre)
             self.solves += 1
             if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST):
@@ -166,12 +168,12 @@ class PairSearch:
             centre = 0.5 * (centre + self.reached)
         return raw
 
-    def least_gap(self, forces: Floats, dual: Floats, contact: Contact | None, held: float | None = None) -> State:
+    def least_gap(self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, held: float | None = None) -> State:
         """The state of least Γ against velocities among those of true friction, near given forces.
 
         dual: multipliers whose first entries are the velocities. held: stay close to the forces, with this slack.
         """
-        template, sets = self.frozen(1.0, self.normals(forces), contact)
+        template, sets = self.frozen(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
         jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
         work = float(template.live @ velocity)
@@ -184,15 +186,15 @@ class PairSearch:
         priced = ConicProgram(program.structure, program.data, program.rhs, objective)
         route = self.matching if held is None else self.holding
         point = route.solve(priced, forces[: self.count]).point
-        return self.admissible(point, template, contact)
+        return self.admissible(point, template, areas)
 
-    def admissible(self, point: Floats, template: Template, contact: Contact | None) -> State:
+    def admissible(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
         """A raw point moved into equilibrium and the true cone, as far as that can be had."""
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
         if state.admissible:
             return state
-        analysis = self.analysis if contact is None else self.analysis.under(template, labels)
+        analysis = self.analysis if areas is None else self.analysis.under(template, labels)
         inside = analysis.interior.state(labels)
         self.solves += 1
         if inside is not None:
@@ -202,10 +204,10 @@ class PairSearch:
             state = analysis.interior.edge_state(point, labels) or state
         return state
 
-    def judge(self, state: State, contact: Contact | None) -> Pair:
+    def judge(self, state: State, areas: EffectiveAreas | None) -> Pair:
         """Velocities without any dilation for the N of a state: the last of the programs, and Γ."""
         labels = self.labels
-        template, sets = self.frozen(0.0, state.forces[:, 0], contact)
+        template, sets = self.frozen(0.0, state.forces[:, 0], areas)
         prover = self.prover(template)
         raw = self.route.solve(template.program(labels, self.margin))
         self.solves += 1
@@ -233,7 +235,7 @@ class PairSearch:
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load
-        moved = 0.0 if contact is None else change(contact, contact_of(self.analysis.assembly, state.forces, labels))
+        moved = 0.0 if areas is None else change(areas, areas_under(self.analysis.assembly, state.forces, labels))
         size = max(abs(motion.bound), abs(state.load), self.floor)
         settled = abs(gap) <= tolerances.SETTLED * size
         return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled)
@@ -262,33 +264,33 @@ class PairSearch:
                     share = max(0.5 * share, _LEAST) if back else min(2.0 * share, 1.0)
                     forces, dual, last = forces[: self.count] + share * way, raw.dual, way
                     alpha = 0.1 * alpha if alpha > 1e-6 else 0.0
-            contact = self.contact(forces)
-            state = self.least_gap(forces, dual, contact, held)
-            if contact is not None:
-                state, contact = self.settle_contact(state, dual, contact)
-            pair = self.judge(state, contact)
+            areas = self.areas(forces)
+            state = self.least_gap(forces, dual, areas, held)
+            if areas is not None:
+                state, areas = self.settle_areas(state, dual, areas)
+            pair = self.judge(state, areas)
             if best is None or _better(pair, best):
                 best = pair
-            width = (0.1 if contact is None else 1.0) * tolerances.GAP
+            width = (0.1 if areas is None else 1.0) * tolerances.GAP
             if pair.locked or (pair.converged and pair.closes(width)):
                 return pair
             if self.solves + scheme.block + 3 > scheme.most:
                 return best
             forces = self.reached = state.forces.ravel()
-            if contact is not None and pair.motion is not None:
+            if areas is not None and pair.motion is not None:
                 held, dual = self.margin, pair.motion.velocity
 
-    def settle_contact(self, state: State, dual: Floats, contact: Contact) -> tuple[State, Contact]:
+    def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
         """Match the same velocities until the state is admissible under the effective areas of its own forces."""
         tries = 0
         while self.solves < self.scheme.most - 2:
             tries += 1
-            own, contact, _ = under_own_areas(self.prover(self.shared), state, self.labels)
+            own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
-                return own, contact
+                return own, areas
             slack = slack_to_ask(own, self.margin, tries)
-            state = self.least_gap(state.forces.ravel(), dual, contact, slack)
-        return state, contact
+            state = self.least_gap(state.forces.ravel(), dual, areas, slack)
+        return state, areas
 
 
 def _better(one: Pair, other: Pair) -> bool:

@@ -85,7 +85,7 @@ def falling_friction(search: PairSearch, forces: Floats) -> Floats:
     """Forces to which friction that falls with N leads: thrust that a mechanism does not need is given up."""
     previous = search.normals(forces)
     for _ in range(_FALLS):
-        template, _ = search.frozen(_SLOPE, previous, search.contact(forces))
+        template, _ = search.frozen(_SLOPE, previous, search.areas(forces))
         raw = search.route.solve(template.program(search.labels, search.margin))
         search.solves += 1
         if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
@@ -97,6 +97,6 @@ def falling_friction(search: PairSearch, forces: Floats) -> Floats:
 
 def certified(search: PairSearch, point: Floats) -> Pair:
     """A pair for forces and λ (q·m + 1,): moved inside the true cone where they stand on its edge, then judged."""
-    contact = search.contact(point)
-    state: State = search.admissible(point, search.analysis.template, contact)
-    return search.judge(state, contact)
+    areas = search.areas(point)
+    state: State = search.admissible(point, search.analysis.template, areas)
+    return search.judge(state, areas)
