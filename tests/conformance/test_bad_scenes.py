@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from cases import grid_document
-from command import Outcome, call, process
+from command import Command, Outcome, process
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore
 from jld_explore.report import assembly as described
@@ -348,17 +348,11 @@ def complaint(outcome: Outcome, *words: str) -> None:
 
 @pytest.mark.parametrize(("base", "path", "value", "words"), list(cases()))
 def test_bad_scene(
-    base: Document,
-    path: tuple[Key, ...],
-    value: Any,
-    words: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    base: Document, path: tuple[Key, ...], value: Any, words: tuple[str, ...], tmp_path: Path, jld: Command
 ) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_text(json.dumps(changed(base, path, value)))
-    outcome = call(monkeypatch, capsys, "explore", file, "--out", out, "--jobs", "1", "--budget", "1")
+    outcome = jld("explore", file, "--out", out, "--jobs", "1", "--budget", "1")
     complaint(outcome, f"jld: {file}: ", *words)
     assert not out.exists()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.json"]
@@ -398,35 +392,25 @@ FILES: list[tuple[str, bytes, tuple[str, ...]]] = [
 
 
 @pytest.mark.parametrize(("content", "words"), [f[1:] for f in FILES], ids=[f[0] for f in FILES])
-def test_bad_file(
-    content: bytes,
-    words: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_file(content: bytes, words: tuple[str, ...], tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_bytes(content)
     for command in (["check"], ["solve"], ["explore", "--out", str(out)], ["plot"]):
-        complaint(call(monkeypatch, capsys, command[0], file, *command[1:]), f"jld: {file}: ", *words)
+        complaint(jld(command[0], file, *command[1:]), f"jld: {file}: ", *words)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.json"]
 
 
-def test_a_byte_order_mark_is_no_fault(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_byte_order_mark_is_no_fault(tmp_path: Path, jld: Command) -> None:
     file = tmp_path / "scene.json"
     file.write_bytes(b"\xef\xbb\xbf" + GOOD)
-    assert call(monkeypatch, capsys, "check", file).code == 0
+    assert jld("check", file).code == 0
 
 
-def test_no_file_and_no_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_file_and_no_folder(tmp_path: Path, jld: Command) -> None:
     missing, out = tmp_path / "missing.json", tmp_path / "out"
-    complaint(call(monkeypatch, capsys, "explore", missing, "--out", out), f"jld: {missing}: ", "No such file")
-    complaint(call(monkeypatch, capsys, "solve", tmp_path), f"jld: {tmp_path}: ", "a folder written by jld explore")
-    complaint(call(monkeypatch, capsys, "plot", tmp_path), f"jld: {tmp_path}: ", "jld explore")
+    complaint(jld("explore", missing, "--out", out), f"jld: {missing}: ", "No such file")
+    complaint(jld("solve", tmp_path), f"jld: {tmp_path}: ", "a folder written by jld explore")
+    complaint(jld("plot", tmp_path), f"jld: {tmp_path}: ", "jld explore")
     assert not any(tmp_path.iterdir())
 
 
@@ -447,16 +431,10 @@ OPTIONS: list[tuple[list[str], tuple[str, ...]]] = [
 
 
 @pytest.mark.parametrize(("options", "words"), OPTIONS, ids=[" ".join(o[0]) for o in OPTIONS])
-def test_bad_option_of_explore(
-    options: list[str],
-    words: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_option_of_explore(options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_bytes(GOOD)
-    complaint(call(monkeypatch, capsys, "explore", file, "--out", out, *options), "jld: ", *words)
+    complaint(jld("explore", file, "--out", out, *options), "jld: ", *words)
     assert not out.exists()
 
 
@@ -472,51 +450,41 @@ def test_bad_option_of_explore(
     ],
     ids=lambda value: " ".join(value),
 )
-def test_bad_option_of_solve(
-    options: list[str],
-    words: tuple[str, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_option_of_solve(options: list[str], words: tuple[str, ...], tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_bytes(GOOD)
-    complaint(call(monkeypatch, capsys, "solve", file, "--out", out, *options), "jld: ", *words)
+    complaint(jld("solve", file, "--out", out, *options), "jld: ", *words)
     assert not out.exists()
 
 
 @pytest.mark.parametrize("line", [[], ["frobnicate"], ["explore"], ["check", "a.json", "b.json"]])
-def test_bad_command(line: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    complaint(call(monkeypatch, capsys, *line), "jld: ", "--help")
+def test_bad_command(line: list[str], jld: Command) -> None:
+    complaint(jld(*line), "jld: ", "--help")
 
 
-def test_places_that_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_places_that_cannot_be_written(tmp_path: Path, jld: Command) -> None:
     file, taken = tmp_path / "scene.json", tmp_path / "taken"
     file.write_bytes(GOOD)
     taken.write_text("mine")
     for command in ("explore", "solve"):
         for out in (taken, taken / "below", taken / "far" / "below"):
-            outcome = call(monkeypatch, capsys, command, file, "--out", out)
+            outcome = jld(command, file, "--out", out)
             complaint(outcome, f"jld: {taken}: ", "it is a file", "a folder")
-    outcome = call(monkeypatch, capsys, "plot", file, "--out", tmp_path / "picture.bmp")
+    outcome = jld("plot", file, "--out", tmp_path / "picture.bmp")
     complaint(outcome, "jld: --out", "picture.bmp", ".png")
-    outcome = call(monkeypatch, capsys, "plot", file, "--out", tmp_path / "none" / "picture.png")
+    outcome = jld("plot", file, "--out", tmp_path / "none" / "picture.png")
     complaint(outcome, str(tmp_path / "none"))
     assert taken.read_text() == "mine"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.json", "taken"]
 
 
-def test_folders_that_are_not_a_study(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_folders_that_are_not_a_study(tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_bytes(GOOD)
     out.mkdir()
     (out / "thesis.txt").write_text("mine")
-    complaint(call(monkeypatch, capsys, "explore", file, "--out", out), f"jld: {out}: ", "empty", "--resume")
-    outcome = call(monkeypatch, capsys, "explore", file, "--out", out, "--resume")
+    complaint(jld("explore", file, "--out", out), f"jld: {out}: ", "empty", "--resume")
+    outcome = jld("explore", file, "--out", out, "--resume")
     complaint(outcome, f"jld: {out}: ", "nothing to go on with", "jld explore")
     assert [p.name for p in out.iterdir()] == ["thesis.txt"]
 
@@ -529,16 +497,10 @@ DOMINOES = {
 
 @pytest.mark.parametrize("rows", DOMINOES.values(), ids=DOMINOES)
 @pytest.mark.parametrize("driver", [[], ["--driver", "enumeration"]], ids=["chosen", "enumeration"])
-def test_constraints_that_parity_forbids(
-    rows: list[str],
-    driver: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_constraints_that_parity_forbids(rows: list[str], driver: list[str], tmp_path: Path, jld: Command) -> None:
     file, out = tmp_path / "scene.json", tmp_path / "out"
     file.write_text(json.dumps(grid_document(rows, block_cells=[2, 2])))
-    complaint(call(monkeypatch, capsys, "explore", file, "--out", out, *driver), f"jld: {file}: search")
+    complaint(jld("explore", file, "--out", out, *driver), f"jld: {file}: search")
     assert not out.exists()
 
 

@@ -24,7 +24,7 @@ import psutil
 import pytest
 
 from cases import grid_document
-from command import Outcome, call, command, environment, process
+from command import Command, Outcome, command, environment, process
 from jld_core.lanes.library import SWITCH
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import RECORDS_FILE
@@ -268,13 +268,7 @@ def copy_of(folder: Path, target: Path) -> Path:
     return target
 
 
-def test_torn_or_damaged(
-    scene: Path,
-    undisturbed: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_torn_or_damaged(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
     """A record that is cut, overwritten or no record at all is named in one line, and left as it is."""
     content = (undisturbed / RECORDS_FILE).read_bytes()
     rng = random.Random(11)
@@ -284,21 +278,19 @@ def test_torn_or_damaged(
         folder = tmp_path / str(number)
         folder.mkdir()
         (folder / RECORDS_FILE).write_bytes(text)
-        outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
+        outcome = jld("explore", scene, "--out", folder, "--resume", "--jobs", "1", "--json")
         assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
         assert outcome.err.startswith(f"jld: {folder / RECORDS_FILE}: it is damaged")
         assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
 
 
-def test_begun_and_nothing_more(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> None:
     """Killed before anything was written: nothing was finished, and --resume begins."""
     folder = tmp_path / "out"
     folder.mkdir()
     (folder / RECORDS_FILE).write_bytes(b"")
-    outcome = call(
-        *(monkeypatch, capsys, "explore", scene, "--out", folder, "--resume"),
+    outcome = jld(
+        *("explore", scene, "--out", folder, "--resume"),
         *("--jobs", "1", "--budget", "5", "--json"),
     )
     assert outcome.code == 0, outcome.err
@@ -321,17 +313,11 @@ def test_a_second_process_is_refused(scene: Path, undisturbed: Path, tmp_path: P
     pd.testing.assert_frame_equal(table(folder), table(undisturbed))
 
 
-def test_budget(
-    scene: Path,
-    undisturbed: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_budget(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
     """Distinct classes evaluated at the most; raised step by step it gives what it gives at once."""
 
     def run(folder: Path, *options: str) -> dict[str, Any]:
-        outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder, "--jobs", "1", "--json", *options)
+        outcome = jld("explore", scene, "--out", folder, "--jobs", "1", "--json", *options)
         assert outcome.code == 0
         facts: dict[str, Any] = json.loads(outcome.out)
         return facts
@@ -377,13 +363,7 @@ def other_scene(scene: Path, tmp_path: Path) -> Path:
     return file
 
 
-def test_another_study_is_refused(
-    scene: Path,
-    undisturbed: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_another_study_is_refused(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
     """--resume with another seed, scene or driver names what differs, and leaves the folder as it is."""
     folder = copy_of(undisturbed, tmp_path / "out")
     content = (folder / RECORDS_FILE).read_bytes()
@@ -393,30 +373,24 @@ def test_another_study_is_refused(
     ]
     tries += [("driver", [scene, "--driver", name]) for name in DRIVERS if name != "enumeration"][:1]
     for word, arguments in tries:
-        outcome: Outcome = call(monkeypatch, capsys, "explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
+        outcome: Outcome = jld("explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
         assert (outcome.code, outcome.err.count("\n")) == (2, 1)
         assert f"{folder / RECORDS_FILE}: it was made with {word} " in outcome.err
         assert f"expected the same {word} to resume" in outcome.err
         assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
         assert (folder / RECORDS_FILE).read_bytes() == content
-    outcome = call(monkeypatch, capsys, "explore", scene, "--out", folder)
+    outcome = jld("explore", scene, "--out", folder)
     assert outcome.code == 2
     assert "--resume" in outcome.err
 
 
-def test_notes_may_change_between_runs(
-    scene: Path,
-    undisturbed: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_notes_may_change_between_runs(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
     """What the numbers do not depend on does not stand in the way of going on."""
     folder = copy_of(undisturbed, tmp_path / "out")
     document = {**json.loads(scene.read_text()), "name": "renamed", "notes": "seen again"}
     file = tmp_path / "renamed.json"
     file.write_text(json.dumps(document))
-    outcome = call(monkeypatch, capsys, "explore", file, "--out", folder, "--resume", "--jobs", "1", "--json")
+    outcome = jld("explore", file, "--out", folder, "--resume", "--jobs", "1", "--json")
     assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
 
 
