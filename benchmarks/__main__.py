@@ -19,6 +19,8 @@ BENCHMARKS: Final = (
     "cases",
     "exact",
     "refuting",
+    "certified",
+    "trust_trials",
     "spared",
     "drivers",
     "convergence",

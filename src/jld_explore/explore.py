@@ -10,11 +10,11 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
-from jld_explore.drivers import DRIVERS, Driver, make_driver, size_up_to
+from jld_explore.drivers import DRIVERS, Driver, Exact, certify, check_certifiable, make_driver, size_up_to
 from jld_explore.evaluation import Records
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
-from jld_explore.space import SearchSpace, search_space
+from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import ExploreSettings, Progress, StopReason, Study
 
 
@@ -61,6 +61,10 @@ def explore(
         raise InputError(
             "--driver", f"{chosen.name} has no bounds for this model", "convex contact on whole faces, paper bending"
         )
+    if settings.certificate is not None:
+        check_certifiable(chosen, settings.model)
+        if settings.by_experiment:
+            raise InputError("--certificate", "an experiment is no proof", "--objective associative")
     study = Study(scene, assembly, space, chosen, folder, settings, total=total, report=report)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     try:
@@ -80,6 +84,9 @@ def explore(
             folder.rmdir()
         raise _nothing_to_search()
     done = write_tables(study, reason)
+    if settings.certificate is not None and isinstance(chosen, Exact):
+        best, load = done.summary["best_labelling"], done.summary["best"]
+        certify(chosen, scene, settings.certificate, None if best is None else (from_string(best), float(load)))
     if settings.experiment or settings.by_experiment:
         deadline = None if settings.seconds is None else study.started + settings.seconds
         experiments = Experiments(assembly, folder, settings.jobs, deadline)

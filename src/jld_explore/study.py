@@ -89,7 +89,7 @@ class ExploreSettings:
     end. strict: take what is possible but hardly meant as an error. experiment: how many of the best by λ are put to
     the virtual experiment at the end. by_experiment: search by it then, with as many experiments in all (default 500),
     seeded by the best by λ. small: classes up to which a space is counted beforehand, and enumerated where no driver is
-    named; 0: not counted. options: of a driver that is named.
+    named; 0: not counted. certificate: file for the proof of the exact driver. options: of a driver that is named.
     """
 
     driver: str | Driver | None = None
@@ -105,6 +105,7 @@ class ExploreSettings:
     pictures: bool = True
     strict: bool = False
     small: int = SMALL
+    certificate: Path | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
 

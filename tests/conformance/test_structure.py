@@ -26,6 +26,7 @@ ORDER = [
     ["jld_explore.drivers"],
     ["jld_explore.evaluation"],
     ["jld_explore.space"],
+    ["jld_explore.verification"],
     ["jld_experiment"],
     ["jld_core"],
     ["jld_core.exchange"],

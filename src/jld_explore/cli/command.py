@@ -35,6 +35,7 @@ from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
+from jld_explore.cli.verifying import verify_command
 from jld_explore.drivers import DRIVERS, owners
 from jld_explore.report import (
     check_folder,
@@ -74,6 +75,7 @@ plot.add_to(app)
 app.command()(experiment)
 app.command(name="assembly")(laying)
 app.command(name="settlement")(settlement)
+app.command(name="verify")(verify_command)
 
 Objective = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
 
@@ -268,6 +270,9 @@ def explore_command(
     certificates: Annotated[
         bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
     ] = False,
+    certificate: Annotated[
+        Path | None, typer.Option(help="Exact driver: file for its proof, which jld verify checks.")
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
     ] = False,
@@ -277,6 +282,10 @@ def explore_command(
     parsed = load_scene(scene)
     most = _JOBS * (os.cpu_count() or 1)
     check_folder(out, resume)
+    if certificate is not None:
+        check_writable(certificate.parent)
+        if certificate.is_dir():
+            raise InputError("--certificate", f"{certificate} is a folder", "a file")
     if jobs is not None and jobs > most:
         raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
     _raise_on_signals()
@@ -302,6 +311,7 @@ def explore_command(
         experiment=experiment_of,
         by_experiment=objective == "experiment",
         strict=strict,
+        certificate=certificate,
         options=own,
     )
     announce = None if as_json else _say

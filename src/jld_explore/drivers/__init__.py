@@ -16,6 +16,8 @@
 - `Segmentations`: how a segmentation is changed
 - `Surrogate`: learns λ and guesses at the rest
 - `Tally`: labellings and classes of a space
+- `certify`: write the proof of a bound as a file that others can check
+- `check_certifiable`: refuse a proof that has no certificate
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
 - `make_driver`: a driver by its name
 - `operators`: how labellings of a space are changed
@@ -34,6 +36,8 @@ from jld_explore.drivers.exact import (
     Exact,
     Formula,
     PossibleBlocks,
+    certify,
+    check_certifiable,
     conflict_of,
     possible_blocks,
 )
@@ -60,6 +64,8 @@ __all__ = [
     "Segmentations",
     "Surrogate",
     "Tally",
+    "certify",
+    "check_certifiable",
     "conflict_of",
     "make_driver",
     "operators",

@@ -4,12 +4,15 @@
 - `Exact`: proof by conflicts
 - `Formula`: labellings that nothing rules out yet
 - `PossibleBlocks`: all blocks there can be
+- `certify`: write the proof of a bound as a file that others can check
+- `check_certifiable`: refuse a proof that has no certificate
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
 - `possible_blocks`: the possible blocks of a space
 """
 
 from __future__ import annotations
 
+from jld_explore.drivers.exact.certifying import certify, check_certifiable
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
@@ -20,6 +23,8 @@ __all__ = [
     "Exact",
     "Formula",
     "PossibleBlocks",
+    "certify",
+    "check_certifiable",
     "conflict_of",
     "possible_blocks",
 ]

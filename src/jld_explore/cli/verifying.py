@@ -1,0 +1,54 @@
+"""jld verify: the certificate of a proof, checked."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_core.scene import load_scene
+from jld_explore.verification import Verified, verify
+
+
+def verify_command(
+    certificate: Annotated[Path, typer.Argument(help="File of jld explore --certificate.", show_default=False)],
+    scene: Annotated[
+        Path | None, typer.Option(help="Scene file that it is to be of; default: the one it holds.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Check a certificate: that no labelling of its scene carries more than it says."""
+    done = verify(certificate, None if scene is None else load_scene(scene))
+    sys.stdout.write((json.dumps(facts(done), indent=1) if as_json else words(done)) + "\n")
+
+
+def facts(done: Verified) -> dict[str, object]:
+    """What was checked, for scripts."""
+    claim = done.claim
+    return {
+        "scene": done.scene.name,
+        "bound": claim.bound,
+        "found": claim.load_factor,
+        "labelling": claim.labelling,
+        "mechanisms": done.mechanisms,
+        "rules": done.rules,
+        "lemmas": done.lemmas,
+        "bytes": done.size,
+        "seconds": done.seconds,
+    }
+
+
+def words(done: Verified) -> str:
+    """What was checked, for people."""
+    claim = done.claim
+    lines = [
+        f"verified: no labelling of {done.scene.name!r} carries more than λ = {claim.bound:.9g}",
+        f"  by {done.mechanisms} mechanisms, {done.rules} rules of a segmentation and {done.lemmas} lemmas",
+        f"  in {done.size / 1e3:.0f} kB, checked in {done.seconds:.2f} s",
+    ]
+    if claim.load_factor is not None:
+        lines.append(f"  found (by the search; not part of what is checked): λ = {claim.load_factor:.9g}")
+    return "\n".join(lines)

@@ -1,0 +1,195 @@
+"""What a mechanism proves about λ, in whole numbers: no rounding stands between it and the scene's own numbers.
+
+A double is a whole number over a power of two, so jumps, dissipation and work of a mechanism are whole numbers over
+one as well. The two places where they are not, a root in space and a quotient under crushing, are rounded up, against
+the mechanism. Formulas by their numbers in docs/method.md, stated here once more and shared with nothing that searches.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+
+Moves = Mapping[int, Sequence[int]]
+"""Velocities of elements that move, whole numbers: (ux, uy, ω), in space (u, ω); of a support never."""
+
+_PARTS: Final = 24
+"""Dissipation is kept in 24ths, so that halves, sixths and twelfths of strengths are whole numbers."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """λ · work ≤ spent for every labelling that a mechanism was weighed for; spent None where that is without bound."""
+
+    work: Fraction
+    spent: Fraction | None
+
+    def proves(self, bound: Fraction) -> bool:
+        """Whether no such labelling carries a λ above the bound."""
+        if self.spent is None or self.work < 0:
+            return False
+        return self.spent <= bound * self.work if self.work > 0 else self.spent < 0
+
+
+class Balances:
+    """Work balances of one assembly under one load.
+
+    Raises InputError where its faces have no balance in whole numbers: spatial ones that are crushed or no rectangles.
+    """
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        self._count = len(assembly.interfaces)
+        self._planar = assembly.dimension == 2
+        strengths, faces = assembly.strengths, assembly.interfaces
+        if not self._planar:
+            if np.isfinite(strengths.crush_dry).any() or np.isfinite(strengths.crush_inner).any():
+                raise InputError(
+                    "materials", "crushing in space has no certificate", "no compressive_strength in space"
+                )
+            if not faces.rectangle.all():
+                raise InputError("interfaces", "a face is no rectangle", "rectangular faces, for a certificate")
+        sizes = [faces.area, faces.l1, np.zeros(self._count) if self._planar else faces.l2, faces.c_t]
+        stresses = [strengths.tension, strengths.shear, strengths.crush_dry, strengths.crush_inner, strengths.cohesion]
+        numbers = np.array([*sizes, *stresses, strengths.friction, strengths.inner_friction])
+        self._finite = np.isfinite(numbers).T.tolist()
+        table, self._digits = whole(np.nan_to_num(numbers, nan=0.0, posinf=0.0))
+        self._numbers: list[list[int]] = [list(column) for column in zip(*table, strict=True)]
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Rows of A_eqᵀ, per face and side: what each velocity of an element adds to each jump."""
+        assembly, faces = self.assembly, self.assembly.interfaces
+        axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
+        values = np.concatenate([assembly.elements.centroid.ravel(), faces.origin.ravel()])
+        points, far = whole(values[None])
+        places = [points[0][k : k + assembly.dimension] for k in range(0, len(points[0]), assembly.dimension)]
+        frames, near = whole(np.stack(axes, axis=1).reshape(1, -1))
+        d = assembly.dimension
+        vectors = [frames[0][k : k + d] for k in range(0, len(frames[0]), d)]
+        self._coefficient_digits = far + near
+        number = len(assembly.elements)
+        self._sides: list[list[tuple[int, int, list[list[int]]]]] = []
+        for face in range(self._count):
+            frame = vectors[d * face : d * face + d]
+            both = []
+            for sign, element in ((-1, int(faces.a[face])), (1, int(faces.b[face]))):
+                if not assembly.elements.support[element]:
+                    arm = [o - c for o, c in zip(places[number + face], places[element], strict=True)]
+                    both.append((element, sign, _rows(frame, arm, far, near)))
+            self._sides.append(both)
+        self._dead, self._dead_digits = whole(assembly.dead)
+        self._live, self._live_digits = whole(assembly.live)
+
+    def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
+        """The balance of a mechanism whose velocities are `moves` over 2**digits.
+
+        labels: True dry, of the faces that are decided; others may have either label.
+        """
+        scale = self._coefficient_digits + digits
+        work = self._power(self._live, self._live_digits, moves, digits)
+        total = 0
+        for face in range(self._count):
+            jump = self._jump(face, moves)
+            if not any(jump):
+                continue
+            known = labels.get(face)
+            worst = 0
+            for dry in (True, False) if known is None else (known,):
+                cost = self._planar_cost(face, jump, dry) if self._planar else self._spatial_cost(face, jump, dry)
+                if cost is None:
+                    return Balance(work, None)
+                worst = max(worst, cost)
+            total += worst
+        dissipated = Fraction(total, _PARTS << (scale + (3 if self._planar else 4) * self._digits))
+        dead = self._power(self._dead, self._dead_digits, moves, digits)
+        return Balance(work, dissipated - dead)
+
+    def _jump(self, face: int, moves: Moves) -> list[int]:
+        found = [0] * self.assembly.freedoms
+        for element, sign, rows in self._sides[face]:
+            velocity = moves.get(element)
+            if velocity is not None:
+                for k, row in enumerate(rows):
+                    found[k] += sign * sum(c * v for c, v in zip(row, velocity, strict=True) if c)
+        return found
+
+    def _power(self, forces: list[list[int]], shared: int, moves: Moves, digits: int) -> Fraction:
+        total = sum(
+            f * v for element, velocity in moves.items() for f, v in zip(forces[element], velocity, strict=True)
+        )
+        return Fraction(total, 1 << (shared + digits))
+
+    def _planar_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
+        """D(J), (3.4) to (3.7), in 24ths of 2**−(jumps + 3 digits), rounded up; None where it is infinite."""
+        area, length, _, _, tension, shear, crush_dry, crush_inner, cohesion, friction, rough = self._numbers[face]
+        known, digits = self._finite[face], self._digits
+        opening, slip, turn = jump[0] << digits, abs(jump[1]), length * abs(jump[2])
+        if dry:
+            if not known[9]:
+                return None
+            stuck = _PARTS * area * cohesion * slip << digits
+            closing = turn - 2 * (opening - friction * slip)
+            if closing <= 0:
+                return stuck
+            if not known[6] or not crush_dry:
+                return None
+            if closing < 2 * turn:
+                return stuck + -(-3 * area * crush_dry * closing * closing // turn)
+            return stuck + 12 * area * crush_dry * (closing - turn)
+        if not (known[4] and known[5]):
+            return None
+        cracked = opening - rough * slip
+        sheared = _PARTS * area * shear * slip << digits
+        if not known[7]:
+            return None if 6 * cracked < turn else sheared + _PARTS * area * tension * cracked
+        corner = 2 * area * (crush_inner + tension) * turn - 12 * area * (crush_inner - tension) * cracked
+        ends = _PARTS * area * max(tension * cracked, -crush_inner * cracked)
+        return sheared + max(ends, corner)
+
+    def _spatial_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
+        """D(J), (3.4) and (3.5), in 24ths of 2**−(jumps + 4 digits), rounded up; None where it is infinite."""
+        area, l1, l2, arm, tension, shear, _, _, cohesion, friction, rough = self._numbers[face]
+        known, digits = self._finite[face], self._digits
+        slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
+        slide += slide * slide < jump[1] * jump[1] + jump[2] * jump[2]
+        slip = max(slide << digits, arm * abs(jump[5]))
+        opening = jump[0] << 2 * digits
+        turn = (l2 * abs(jump[3]) + l1 * abs(jump[4])) << digits
+        if dry:
+            if not known[9] or 2 * (opening - friction * slip) < turn:
+                return None
+            return _PARTS * area * cohesion * slip << digits
+        if not (known[4] and known[5]) or 6 * (opening - rough * slip) < turn:
+            return None
+        return _PARTS * area * ((shear * slip << digits) + tension * (opening - rough * slip))
+
+
+def whole(values: Floats) -> tuple[list[list[int]], int]:
+    """Finite numbers (r, c) as whole ones over 2**digits, exactly: rows of them, and digits."""
+    pairs = [[float(value).as_integer_ratio() for value in row] for row in values]
+    digits = max((below.bit_length() - 1 for row in pairs for _, below in row), default=0)
+    return [[above << (digits - below.bit_length() + 1) for above, below in row] for row in pairs], digits
+
+
+def _rows(frame: Sequence[Sequence[int]], arm: Sequence[int], far: int, near: int) -> list[list[int]]:
+    """What the velocities of an element do at a face, (1.1) and (3.1), all over one power of two."""
+    if len(arm) == 2:
+        along = [[x << far, y << far, arm[0] * y - arm[1] * x] for x, y in frame]
+        return [*along, [0, 0, 1 << far + near]]
+    slides = []
+    for x, y, z in frame:
+        across = [arm[1] * z - arm[2] * y, arm[2] * x - arm[0] * z, arm[0] * y - arm[1] * x]
+        slides.append([x << far, y << far, z << far, *across])
+    normal, e1, e2 = frame
+    turns = [[0, 0, 0, *(value << far for value in axis)] for axis in (e1, e2, normal)]
+    return [*slides, *turns]

@@ -1,0 +1,144 @@
+"""What may be labelled, stated once more from the scene itself, and clauses that hold for every labelling of it.
+
+Face f has the variable f + 1, true where the face is inner. A clause that a certificate gives is added only if it
+follows from what the scene asks for; what follows is decided here, by looks at a graph, and by nothing a search uses.
+Limits that no clause speaks of are left out: what is then proven is proven of more labellings than the scene has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.assembly import Assembly
+from jld_core.build import faces_of_pairs
+from jld_core.scene import Scene
+from jld_explore.verification.counting import at_least
+
+Clause = list[int]
+
+
+class Labellings:
+    """The labellings of a scene. fixed: the label (True dry) of every face that has one only.
+
+    beginning: clauses known before a certificate says anything, those of counts with variables of their own.
+    """
+
+    def __init__(self, scene: Scene, assembly: Assembly) -> None:
+        self.assembly, self.search = assembly, scene.search
+        faces, elements = assembly.interfaces, assembly.elements
+        self._ends = list(zip(faces.a.tolist(), faces.b.tolist(), strict=True))
+        self.fixed = self._fixed()
+        self._around: dict[int, list[int]] = {e: [] for e in range(len(elements))}
+        for face, pair in enumerate(self._ends):
+            for element in pair:
+                self._around[element].append(face)
+        self._support = elements.support.tolist()
+        self.beginning: list[Clause] = [[-(face + 1)] if dry else [face + 1] for face, dry in self.fixed.items()]
+        low, high = self.search.dry_faces
+        counted = [face for face, (a, b) in enumerate(self._ends) if not (self._support[a] or self._support[b])]
+        top = len(self._ends)
+        for bound, literals in ((low, [-(f + 1) for f in counted]), (high, [f + 1 for f in counted])):
+            least = bound if literals and literals[0] < 0 else None if bound is None else len(counted) - bound
+            if least is not None and least > 0:
+                clauses, top = at_least(literals, int(least), top)
+                self.beginning += clauses
+
+    def _fixed(self) -> dict[int, bool]:
+        """Labels that no labelling changes: of what is no candidate, and of what is kept."""
+        assembly, search = self.assembly, self.search
+        elements, faces = assembly.elements, assembly.interfaces
+        dry = faces_of_pairs(search.keep.dry, elements, faces, "search.keep.dry")
+        inner = faces_of_pairs(search.keep.inner, elements, faces, "search.keep.inner")
+        named = None
+        if isinstance(search.candidates, list):
+            named = faces_of_pairs(search.candidates, elements, faces, "search.candidates")
+        found: dict[int, bool] = {}
+        for face, (a, b) in enumerate(self._ends):
+            inside = not (elements.support[a] or elements.support[b])
+            if named is not None:
+                free = bool(named[face])
+            elif search.candidates == "all+supports":
+                free = True
+            elif search.candidates == "all":
+                free = inside
+            else:
+                same = elements.blocks[a] is not None and elements.blocks[a] == elements.blocks[b]
+                free = inside and same
+            if dry[face] or inner[face]:
+                found[face] = bool(dry[face])
+            elif not free:
+                found[face] = bool(assembly.labels[face])
+        return found
+
+    # --- clauses that a certificate gives ---------------------------------------------------------------
+
+    def slit(self, face: int, through: Sequence[int]) -> Clause | None:
+        """Not this face dry with these inner: they join its two sides. None where that does not follow."""
+        if not self.search.segmentation or face in through or not self._are_faces([face, *through]):
+            return None
+        a, b = self._ends[face]
+        return [face + 1, *(-(f + 1) for f in through)] if b in self._joined(a, through) else None
+
+    def too_large(self, joined: Sequence[int]) -> Clause | None:
+        """Not all of these inner: the block that they join breaks a limit. None where that does not follow."""
+        if not joined or not self._are_faces(joined):
+            return None
+        start = self._ends[joined[0]][0]
+        members = self._joined(start, joined)
+        if any(a not in members for face in joined for a in self._ends[face]):
+            return None
+        for size, (_, high), slack in self._sizes(members):
+            if high is not None and size > high * (1.0 + slack):
+                return [-(face + 1) for face in joined]
+        return None
+
+    def too_small(self, around: Sequence[int]) -> Clause | None:
+        """Not all faces around these free elements dry: what is inside breaks a limit. None where not so."""
+        members = set(around)
+        known = members and all(0 <= e < len(self._support) and not self._support[e] for e in members)
+        if not known:
+            return None
+        border = {f for e in members for f in self._around[e] if len(members.intersection(self._ends[f])) == 1}
+        for size, (low, _), slack in self._sizes(members):
+            if low is not None and size < low * (1.0 - slack):
+                return [face + 1 for face in sorted(border)]
+        return None
+
+    def _are_faces(self, faces: Iterable[int]) -> bool:
+        return all(0 <= face < len(self._ends) for face in faces)
+
+    def _joined(self, start: int, faces: Sequence[int]) -> set[int]:
+        """Elements reached from one across some faces."""
+        reached, waiting = {start}, [start]
+        while waiting:
+            at = waiting.pop()
+            for face in faces:
+                a, b = self._ends[face]
+                other = b if a == at else a if b == at else at
+                if other not in reached:
+                    reached.add(other)
+                    waiting.append(other)
+        return reached
+
+    def _sizes(self, members: Iterable[int]) -> list[tuple[float, Sequence[float | None], float]]:
+        """Size of a set of elements by each measure over its free ones, its limits, and their relative rounding."""
+        elements, search = self.assembly.elements, self.search
+        free = sorted(e for e in members if not self._support[e])
+        weights = [math.sqrt(math.fsum(w * w for w in elements.weight[e].tolist())) for e in free]
+        extent = 0.0
+        if free:
+            corners = np.concatenate([elements.shape[e] for e in free])
+            extent = float((corners.max(axis=0) - corners.min(axis=0)).max())
+        weight = math.fsum(weights)
+        mass = weight / elements.gravity if elements.gravity else 0.0
+        slack = tolerances.DECIMALS
+        return [
+            (float(len(free)), search.block_cells, 0.0),
+            (weight, search.block_weight, slack),
+            (mass, search.block_mass, slack),
+            (extent, search.block_extent, slack),
+        ]

@@ -1,0 +1,30 @@
+"""That clauses contradict each other, lemma by lemma: each follows from named ones by unit propagation alone.
+
+The format is that of LRAT without deletions and without lemmas that only preserve satisfiability. Source: Cruz-Filipe,
+Heule, Hunt, Kaufmann, Schneider-Kamp 2017, CADE 26, LNCS 10395, 220–236.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+
+def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
+    """Whether a lemma follows: were it false, each named clause in turn had one literal left, the last one none.
+
+    by: names of clauses, in that order.
+    """
+    false = set(lemma)
+    if any(-literal in false for literal in lemma):
+        return True
+    for name in by:
+        clause = clauses.get(name)
+        if clause is None:
+            return False
+        left = [literal for literal in clause if literal not in false]
+        if not left:
+            return True
+        if len(set(left)) > 1:
+            return False
+        false.add(-left[0])
+    return False

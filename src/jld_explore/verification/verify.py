@@ -1,0 +1,122 @@
+"""A certificate, checked reason by reason: what the scene means, that every mechanism balances, that nothing is left.
+
+What is believed: that the scene is read and assembled as `jld check` shows it, and the few hundred lines of this wing.
+Whatever searched, solved or wrote the file is not.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.scene import Scene, parse_scene
+from jld_explore.verification.balance import Balances
+from jld_explore.verification.certificate import Claim, Lemma, Mechanism, Reason, Rule, read
+from jld_explore.verification.labellings import Labellings
+from jld_explore.verification.refutation import follows
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What has been checked: no labelling of the scene carries a λ above `claim.bound`.
+
+    mechanisms, rules, lemmas: how many reasons of each kind. size: of the file, bytes. seconds: it took.
+    """
+
+    claim: Claim
+    scene: Scene
+    mechanisms: int
+    rules: int
+    lemmas: int
+    size: int
+    seconds: float
+
+
+def verify(path: Path, scene: Scene | None = None) -> Verified:
+    """Check a certificate.
+
+    scene: the one it is to be of; None takes the one it holds. Raises InputError, one line, for the first reason that
+    is none, and for a certificate of another scene.
+    """
+    start = time.perf_counter()
+    claim, reasons = read(path)
+    held = parse_scene(claim.scene, str(path))
+    if scene is not None and scene.fingerprint != held.fingerprint:
+        problem = f"it is of another scene ({held.name!r})"
+        raise InputError(str(path), problem, f"a certificate of {scene.name!r} as it stands")
+    try:
+        Checker(held, build_assembly(held), claim).check(reasons)
+    except InputError as error:
+        raise error.within(str(path)) from None
+    kinds = Counter(type(reason) for reason in reasons)
+    seconds = time.perf_counter() - start
+    return Verified(claim, held, kinds[Mechanism], kinds[Rule], kinds[Lemma], path.stat().st_size, seconds)
+
+
+class Checker:
+    """Checks the reasons of one claim, in order. The scene's own clauses have the numbers from one on."""
+
+    def __init__(self, scene: Scene, assembly: Assembly, claim: Claim) -> None:
+        self.labellings = Labellings(scene, assembly)
+        cases = assembly.by_case
+        self._balances = [Balances(case) for case in cases]
+        self._bounds = [Fraction(claim.bound) * Fraction(required) for required in assembly.required.tolist()]
+        self._faces = len(assembly.interfaces)
+        self.clauses: dict[int, list[int]] = dict(enumerate(self.labellings.beginning, 1))
+        self._refuted = any(not clause for clause in self.labellings.beginning)
+
+    def check(self, reasons: list[Reason]) -> None:
+        """Raises InputError for the first reason that does not hold, or where labellings are left."""
+        for number, reason in enumerate(reasons, len(self.clauses) + 1):
+            clause = self.clause(reason)
+            if clause is None:
+                raise InputError(f"reason {number}", _wrong(reason), "reasons that hold")
+            self.clauses[number] = clause
+            self._refuted |= not clause
+        if not self._refuted:
+            raise InputError("reasons", "they leave labellings that may carry more", "a proof that leaves none")
+
+    def clause(self, reason: Reason) -> list[int] | None:
+        """What a reason rules out, as a clause; None where it does not hold."""
+        if isinstance(reason, Mechanism):
+            return self._of_mechanism(reason)
+        if isinstance(reason, Lemma):
+            literals = list(reason.literals)
+            return literals if 0 not in literals and follows(literals, reason.by, self.clauses) else None
+        numbers = list(reason.numbers)
+        if reason.kind == "slit" and numbers:
+            return self.labellings.slit(numbers[0], numbers[1:])
+        if reason.kind == "large":
+            return self.labellings.too_large(numbers)
+        return self.labellings.too_small(numbers) if reason.kind == "small" else None
+
+    def _of_mechanism(self, reason: Mechanism) -> list[int] | None:
+        if not 0 <= reason.case < len(self._balances):
+            return None
+        balances, decided = self._balances[reason.case], dict(self.labellings.fixed)
+        elements = balances.assembly.elements
+        for face, dry in [*((f, True) for f in reason.dry), *((f, False) for f in reason.inner)]:
+            if not 0 <= face < self._faces or decided.get(face, dry) is not dry:
+                return None
+            decided[face] = dry
+        for element, velocity in reason.moves.items():
+            inside = 0 <= element < len(elements) and not elements.support[element]
+            if not inside or len(velocity) != balances.assembly.freedoms:
+                return None
+        if not balances.weigh(reason.moves, reason.digits, decided).proves(self._bounds[reason.case]):
+            return None
+        return [*(face + 1 for face in reason.dry), *(-(face + 1) for face in reason.inner)]
+
+
+def _wrong(reason: Reason) -> str:
+    if isinstance(reason, Mechanism):
+        return "its mechanism does not keep all labellings it speaks of below the bound"
+    if isinstance(reason, Lemma):
+        return "the lemma does not follow from the reasons it names"
+    return f"the rule {reason.kind!r} does not follow from the scene"

@@ -1,0 +1,375 @@
+"""Certificates: what the check states by itself, that it accepts what holds, and that it refuses what does not."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import itertools
+import json
+import random
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pysat.solvers import Solver
+
+from cases import grid_document
+from cases_spatial import box
+from cases_spatial import scene as spatial_document
+from command import call
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysis
+from jld_core.scene import parse_scene
+from jld_explore import ExploreSettings, explore
+from jld_explore.drivers.exact.trimming import refutation
+from jld_explore.space import feasible, search_space
+from jld_explore.verification import Balances, Claim, verify
+from jld_explore.verification.labellings import Labellings
+from jld_explore.verification.refutation import follows
+from jld_explore.verification.verify import Checker
+
+ROOM = Path(__file__).parents[2] / "src" / "jld_explore" / "verification"
+
+SPATIAL = spatial_document(
+    [
+        box("ground", [0, 0, -1], [2, 1, 0], support=True),
+        *(box(f"{i}{k}", [i, 0, k], [i + 1, 1, k + 1]) for i, k in itertools.product(range(2), range(2))),
+    ],
+    materials={"inner": {"tensile_strength": 0.3, "shear_strength": 0.4}},
+)
+
+CASES = [{"name": "left", "live": [{"body": [1, 0]}], "required": 1.5}, {"name": "right", "live": [{"body": [-1, 0]}]}]
+
+SCENES: dict[str, dict[str, Any]] = {
+    "weak": grid_document(["aaaa", "aaaa", "####"], tension=2e3, shear=2e3, block_cells=[1, 2]),
+    "counts": grid_document(["aaa", "aaa", "###"], block_cells=[1, 4], dry_faces=[4, 6], tension=2e3, shear=2e3),
+    "equal blocks": grid_document(["aaaa", "aaaa", "####"], block_cells=[2, 2], block_weight=[None, 30.0]),
+    "extent": grid_document(["aaa", "aaa", "###"], block_extent=[None, 0.2], tension=5e3, shear=8e3),
+    "kept": grid_document(
+        ["aaa", "aaa", "###"], block_cells=[1, 3], keep={"dry": [["c0r0", "c1r0"]], "inner": [["c1r1", "c2r1"]]}
+    ),
+    "rough": grid_document(
+        ["aaa", "aaa", "###"],
+        inner_friction=0.9,
+        cohesion=5e2,
+        tension=2e3,
+        shear=3e3,
+        friction=0.5,
+        block_mass=[0, 50],
+    ),
+    "crushing": grid_document(["aaa", "###"], crush_dry=1e5, crush_inner=1e5, tension=2e3, shear=2e3),
+    "slits": grid_document(["aa", "aa", "##"], segmentation=False, candidates="all+supports", tension=2e3, shear=2e3),
+    "cases": {**grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]), "loads": {"cases": CASES}},
+    "space": {**SPATIAL, "search": {"block_cells": [1, 2]}},
+}
+
+
+TALL = grid_document(["aaa", "aaa", "aaa", "aaa", "aaa", "###"], block_cells=[1, 2], tension=5e3, shear=5e3)
+"""A wall that turns over before it slides: no mechanism bounds all of its layouts."""
+
+
+def certificate(document: dict[str, Any], folder: Path) -> tuple[Path, float | None]:
+    """A certificate of a scene, and the best that enumeration finds."""
+    scene = parse_scene(document)
+    every = explore(scene, folder / "every", ExploreSettings(pictures=False, driver="enumeration"))
+    path = folder / "proof.jld"
+    explore(scene, folder / "exact", ExploreSettings(pictures=False, driver="exact", certificate=path))
+    return path, every.summary["best"]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_certificates_hold_and_meet_enumeration(name: str, tmp_path: Path) -> None:
+    path, best = certificate(SCENES[name], tmp_path)
+    done = verify(path, parse_scene(SCENES[name]))
+    assert best is not None
+    assert best * (1.0 - 1e-6) <= done.claim.bound <= best * (1.0 + 2e-6)
+    assert done.claim.load_factor == pytest.approx(best, rel=1e-6)
+
+
+# --- what is stated once more ------------------------------------------------------------------------------
+
+
+def test_a_sliding_block_balances_exactly() -> None:
+    assembly = build_assembly(parse_scene(grid_document(["a", "#"], friction=0.75)))
+    weigh = Balances(assembly).weigh
+    labels = {0: True}
+    slides = weigh({0: (4, 3, 0)}, 2, labels)
+    assert slides.spent == Fraction(3, 4) * slides.work  # λ = μ, whatever the weight
+    assert slides.proves(Fraction(3, 4))
+    assert not slides.proves(Fraction(3, 4) - Fraction(1, 2**60))
+    assert weigh({0: (4, 2, 0)}, 2, labels).spent is None  # friction asks for 3/4 of dilation
+    assert not weigh({0: (-4, 3, 0)}, 2, labels).proves(Fraction(10**9))  # negative work bounds nothing
+
+
+def test_an_inner_face_dissipates_what_its_strengths_say() -> None:
+    document = grid_document(["a", "#"], tension=2e4, shear=3e4)
+    document["labels"] = {"default": "inner"}
+    assembly = build_assembly(parse_scene(document))
+    area = Fraction(float(assembly.interfaces.area[0]))
+    found = Balances(assembly).weigh({0: (1, 2, 0)}, 0, {0: False})
+    lifted = -2 * Fraction(float(assembly.dead[0, 1]))
+    assert found.spent == 2 * 20000 * area + 30000 * area + lifted
+
+
+@pytest.mark.parametrize("name", ["weak", "rough", "crushing", "space"])
+def test_balances_are_those_of_the_search_to_rounding(name: str) -> None:
+    assembly = build_assembly(parse_scene(SCENES[name]))
+    analysis, balances = LimitAnalysis(assembly), Balances(assembly)
+    sets, template, rng = analysis.template.yield_set, analysis.template, np.random.default_rng(3)
+    opening = analysis.interior.opening()
+    assert opening is not None
+    every, free = np.ones(len(assembly.interfaces), dtype=bool), assembly.elements.free
+    for share in (0.0, 0.3, 3.0):
+        noise = rng.standard_normal(len(opening.velocity)) * abs(opening.velocity).max() * 0.05
+        scene_units = (share * opening.velocity + noise).reshape(len(free), -1) / template.scaling.row
+        whole = np.round(scene_units / abs(scene_units).max() * 2**40)
+        velocity = (whole * 2.0**-40 * template.scaling.row).ravel()
+        jumps = analysis.prover.motion(velocity, every, normalise=False).jumps
+        dry, inner = (
+            np.where(sets.margin(jumps, label) >= 0.0, sets.dissipation(jumps, label), np.inf)
+            for label in (every, ~every)
+        )
+        known = rng.random((2, len(every))) < 0.5
+        own = np.where(known[0], np.where(known[1], dry, inner), np.maximum(dry, inner))
+        expected = float(own.sum()) - float(template.dead @ velocity)
+        labels = {int(f): bool(known[1, f]) for f in np.flatnonzero(known[0])}
+        moves = {int(e): tuple(int(v) for v in row) for e, row in zip(free, whole, strict=True)}
+        found = balances.weigh(moves, 40, labels)
+        assert (found.spent is None) == (not np.isfinite(expected))
+        if found.spent is not None:
+            size = float(own.sum()) + abs(float(template.dead @ velocity))
+            assert float(found.spent) == pytest.approx(expected, abs=1e-12 * max(size, 1.0))
+
+
+@pytest.mark.parametrize("name", ["weak", "counts", "equal blocks", "extent", "kept", "slits"])
+def test_no_rule_rules_out_a_labelling_of_the_space(name: str) -> None:
+    """Whatever numbers a certificate gives: a clause that is accepted holds for every labelling there is."""
+    scene = parse_scene(SCENES[name])
+    assembly = build_assembly(scene)
+    space, rules = search_space(scene, assembly), Labellings(scene, assembly)
+    faces, rng = len(assembly.interfaces), random.Random(7)
+    spots = np.flatnonzero(space.candidates)
+    assert sorted(rules.fixed) == np.flatnonzero(~space.candidates).tolist()
+    assert all(space.fixed[face] == dry for face, dry in rules.fixed.items())
+    rows = np.repeat(space.fixed[None], min(2 ** len(spots), 4096), axis=0)
+    bits = np.array([rng.getrandbits(len(spots)) if len(spots) > 12 else k for k in range(len(rows))])
+    rows[:, spots] = (bits[:, None] >> np.arange(len(spots))) & 1
+    kept = rows[feasible(space, rows)]
+    assert len(kept)
+    accepted = 0
+    makers: list[Callable[[list[int]], list[int] | None]] = [
+        lambda n: rules.slit(n[0], n[1:]),
+        rules.too_large,
+        rules.too_small,
+    ]
+    for _ in range(1500):
+        numbers = rng.sample(range(faces), rng.randint(1, min(5, faces)))
+        for make in makers:
+            clause = make(numbers)
+            if clause is not None:
+                accepted += 1
+                holds = np.zeros(len(kept), dtype=bool)
+                for literal in clause:
+                    holds |= kept[:, abs(literal) - 1] == (literal < 0)
+                assert holds.all(), (make, numbers)
+    assert accepted > 20 or name == "slits"
+    with Solver("cadical195", bootstrap_with=rules.beginning) as solver:
+        for labels in kept[:40]:
+            assert solver.solve(assumptions=[-(f + 1) if dry else f + 1 for f, dry in enumerate(labels)])
+
+
+def test_counts_are_stated_as_they_are_counted() -> None:
+    scene = parse_scene(SCENES["counts"])
+    assembly = build_assembly(scene)
+    rules, faces = Labellings(scene, assembly), len(assembly.interfaces)
+    free = assembly.free_faces
+    with Solver("cadical195", bootstrap_with=rules.beginning) as solver:
+        for row in itertools.product([True, False], repeat=int(free.sum())):
+            labels = np.ones(faces, dtype=bool)
+            labels[free] = row
+            may = solver.solve(assumptions=[-(f + 1) if dry else f + 1 for f, dry in enumerate(labels.tolist())])
+            assert may == (4 <= sum(row) <= 6)
+
+
+def test_refutations_are_checked_step_by_step() -> None:
+    rng, found = random.Random(5), 0
+    for _ in range(150):
+        count = rng.randint(3, 12)
+        clauses = [
+            [rng.choice([-1, 1]) * v for v in rng.sample(range(1, count + 1), rng.randint(1, 3))]
+            for _ in range(int(count * rng.uniform(2, 6)))
+        ]
+        with Solver("glucose4", bootstrap_with=clauses) as solver:
+            satisfiable = solver.solve()
+        proof = refutation(clauses)
+        assert satisfiable == (proof is None)
+        if proof is None:
+            continue
+        found += 1
+        known = {place: clauses[place] for place in proof.needed}
+        for place, (literals, by) in enumerate(proof.lemmas):
+            assert follows(literals, by, known)
+            assert not follows(literals, by[:-1], known) or any(-v in literals for v in literals)
+            known[len(clauses) + place] = list(literals)
+        assert proof.lemmas[-1][0] == ()
+        # a lemma that does not follow is refused, whatever it names
+        with Solver("glucose4", bootstrap_with=clauses[:2]) as solver:
+            if solver.solve():
+                assert not follows((), range(2), dict(enumerate(clauses[:2])))
+    assert found > 50
+
+
+def test_the_room_uses_nothing_that_searches() -> None:
+    outside = {"__future__", "collections", "dataclasses", "fractions", "pathlib", "typing"}
+    allowed = ("jld_core.arrays", "jld_core.assembly", "jld_core.build", "jld_core.errors", "jld_core.scene")
+    allowed += ("jld_core.tolerances", "jld_core", "jld_explore.verification")
+    for path in ROOM.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                module = str(node.module)
+                own = module.startswith("jld")
+                assert not own or module.startswith(allowed[-1]) or module in allowed, f"{path.name}: {module}"
+                assert module != "jld_core" or [name.name for name in node.names] == ["tolerances"]
+                assert own or module.split(".")[0] in outside
+            elif isinstance(node, ast.Import):
+                assert {name.name for name in node.names} <= {"hashlib", "json", "math", "numpy", "os", "time"}
+
+
+# --- certificates that do not hold -------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def proof(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """The lines of a certificate without its digest."""
+    folder = tmp_path_factory.mktemp("proof")
+    path = folder / "proof.jld"
+    explore(parse_scene(TALL), folder / "out", ExploreSettings(pictures=False, driver="exact", certificate=path))
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()[:-1]]
+
+
+def rewritten(lines: list[dict[str, Any]], path: Path) -> Path:
+    """The file of these lines, with the digest that they have."""
+    text = "".join(json.dumps(line) + "\n" for line in lines)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    path.write_text(text + json.dumps({"sha256": digest}) + "\n", encoding="utf-8")
+    return path
+
+
+def first(lines: list[dict[str, Any]], key: str) -> int:
+    return next(k for k, line in enumerate(lines) if key in line and (key != "moves" or line["dry"] or line["inner"]))
+
+
+def lower(lines: list[dict[str, Any]]) -> None:
+    lines[0]["bound"] *= 0.999
+
+
+def flip(lines: list[dict[str, Any]]) -> None:
+    velocity = next(iter(lines[first(lines, "moves")]["moves"].values()))
+    velocity[0] = -velocity[0]
+
+
+def drop(lines: list[dict[str, Any]]) -> None:
+    del lines[first(lines, "moves")]
+
+
+def free(lines: list[dict[str, Any]]) -> None:
+    line = lines[first(lines, "moves")]
+    line["dry"], line["inner"] = [], []
+
+
+def shorten(lines: list[dict[str, Any]]) -> None:
+    lines[first(lines, "large")]["large"].pop()
+
+
+def borrow(lines: list[dict[str, Any]]) -> None:
+    lines[0]["scene"]["materials"]["inner"]["tensile_strength"] = 4e4
+
+
+def cut(lines: list[dict[str, Any]]) -> None:
+    lines[-1]["by"] = lines[-1]["by"][1:]
+
+
+def stop(lines: list[dict[str, Any]]) -> None:
+    del lines[-1]
+
+
+def support(lines: list[dict[str, Any]]) -> None:
+    line = lines[first(lines, "moves")]
+    line["moves"]["16"] = next(iter(line["moves"].values()))
+
+
+def widen(lines: list[dict[str, Any]]) -> None:
+    lines[0]["scene"]["search"]["block_cells"] = [1, 3]
+
+
+@pytest.mark.parametrize(
+    "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen], ids=lambda f: f.__name__
+)
+def test_what_was_tampered_with_is_refused(
+    harm: Callable[[list[dict[str, Any]]], None], proof: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    assert verify(rewritten(proof, tmp_path / "whole.jld")).mechanisms
+    lines = json.loads(json.dumps(proof))
+    harm(lines)
+    with pytest.raises(InputError) as complaint:
+        verify(rewritten(lines, tmp_path / "harmed.jld"))
+    assert "\n" not in str(complaint.value)
+
+
+def test_refusals_are_one_line(
+    proof: list[dict[str, Any]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    whole = rewritten(proof, tmp_path / "whole.jld")
+    text = whole.read_text(encoding="utf-8")
+    (tmp_path / "byte.jld").write_text(text.replace('"load_factor":', '"load_factor": ', 1), encoding="utf-8")
+    (tmp_path / "half.jld").write_text(text[: len(text) // 2], encoding="utf-8")
+    (tmp_path / "scene.json").write_text(json.dumps(SCENES["kept"]), encoding="utf-8")
+    (tmp_path / "own.json").write_text(json.dumps(TALL), encoding="utf-8")
+    good = call(monkeypatch, capsys, "verify", whole, "--scene", tmp_path / "own.json", "--json")
+    assert json.loads(good.out)["bound"] == proof[0]["bound"]
+    for arguments, words in (
+        ([tmp_path / "byte.jld"], "digest"),
+        ([tmp_path / "half.jld"], "not whole"),
+        ([tmp_path / "scene.json"], "no certificate"),
+        ([tmp_path / "none.jld"], "No such file"),
+        ([whole, "--scene", tmp_path / "scene.json"], "another scene"),
+    ):
+        bad = call(monkeypatch, capsys, "verify", *arguments)
+        assert bad.code == 2
+        assert words in bad.err
+        assert bad.err.count("\n") == 1
+        assert not bad.out
+
+
+@pytest.mark.parametrize(
+    ("document", "options", "words"),
+    [
+        (SCENES["weak"], {"driver": "genetic"}, "no proof to write"),
+        (SCENES["weak"], {"driver": "exact", "options": {"aim": "front"}}, "whole front"),
+        (grid_document(["aaa", "###"], blocks=[1, 2]), {"driver": "exact"}, "search.blocks"),
+        (grid_document(["aaa", "###"], block_aspect=[None, 2]), {"driver": "exact"}, "shape of blocks"),
+        ({**SPATIAL, "materials": {**SPATIAL["materials"], "dry": {"friction_angle": 30, "compressive_strength": 9.0}}},
+         {"driver": "exact"}, "crushing in space"),
+    ],
+)  # fmt: skip
+def test_what_has_no_certificate_is_refused_before_the_search(
+    document: dict[str, Any], options: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    settings = ExploreSettings(pictures=False, certificate=tmp_path / "proof.jld", **options)
+    with pytest.raises(InputError, match=words):
+        explore(parse_scene(document), tmp_path / "out", settings)
+    assert not (tmp_path / "proof.jld").exists()
+
+
+def test_a_claim_alone_proves_nothing() -> None:
+    scene = parse_scene(SCENES["weak"])
+    checker = Checker(scene, build_assembly(scene), Claim(SCENES["weak"], 1e9))
+    with pytest.raises(InputError, match="leave labellings"):
+        checker.check([])
