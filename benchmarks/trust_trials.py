@@ -21,7 +21,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,7 +31,7 @@ from benchmarks.common import RESULTS, table, write
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_floor
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact, check_certifiable
+from jld_explore.drivers import Exact, certify, check_certifiable
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
 from jld_explore.space import SearchSpace, count_named, feasible, search_space, values_of
 from jld_explore.verification import verify
@@ -250,16 +250,13 @@ def _compare(
         certified = all(found.status is not Status.LOCKED for _, found in known) and bool(known)
     except InputError:
         certified = False
+    driver = Exact(space, **options)
     try:
         if stopped:
             explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=4))
-        last = ExploreSettings(**{**vars(settings), "resume": stopped, "certificate": path if certified else None})
-        facts = explore(scene, folder / "out", last, driver=Exact(space, **options)).summary
+        facts = explore(scene, folder / "out", replace(settings, resume=stopped), driver=driver).summary
     except InputError as error:
         if not known and "no labelling" in str(error):
-            return ""
-        if certified and "no mechanism in whole numbers" in str(error):
-            kinds.append("no certificate")
             return ""
         raise
     sure = all(found.status not in (Status.UNCERTIFIED, Status.FAILED) for _, found in known)
@@ -279,6 +276,11 @@ def _compare(
     if any(found.status is Status.LOCKED for _, found in known) != bool(facts["unbounded"]) and facts["classes"]:
         return "unbounded is not said right"
     if certified:
+        try:
+            certify(driver, scene, path, None)
+        except InputError:
+            kinds.append("no certificate")
+            return ""
         kinds.append("certificate")
         bound = verify(path, scene).claim.bound
         if not best - room <= bound <= best + 2.0 * room and sure:
