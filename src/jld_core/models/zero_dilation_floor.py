@@ -30,7 +30,7 @@ FACES: Final = 60
 PATIENT: Final = 600.0
 """Seconds of processor time from which products are tried on any number of faces."""
 
-_ENOUGH: Final = 3e-8  # distance from the lowest solution found, relative, at which a certificate is fine enough
+_ENOUGH: Final = 2e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
 _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
 _LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
