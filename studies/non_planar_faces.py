@@ -268,9 +268,9 @@ def _report(table: pd.DataFrame) -> Report:
             "differs by "
             f"{100 * float((concave / convex - 1.0).abs().max()):.2g} %, the osteomorphic blocks by "
             f"{100 * float((wide['concave'] / wide['convex'] - 1.0).abs().to_numpy().max()):.2g} %.",
-            f"Experiments without dilation on the vault at {STRENGTHS[2] / 1e6:g} MPa, over λ: {said}. In space "
-            "the geometry "
-            "of an experiment stays at rest, and there is no row here that was held against a published number.",
+            f"Experiments without dilation on the vault at {STRENGTHS[2] / 1e6:g} MPa, over λ: {said}. The geometry "
+            "of these "
+            "experiments stays at rest, and there is no row here that was held against a published number.",
         ),
         pictures={"": "Top: Abeille's vault, its mechanism, λ by strength. Bottom: osteomorphic blocks, λ by facets."},
     )  # fmt: skip

@@ -55,7 +55,7 @@ def scout(specimen: Specimen, settled: State) -> float:
     """
     state, system = copied(settled), specimen.system
     assembly = specimen.assembly
-    strength = float(np.nanmax(specimen.law[:, 4:6].max(axis=1) * assembly.interfaces.area, initial=0.0))
+    strength = float(np.nanmax(specimen.bench.law[:, 4:6].max(axis=1) * assembly.interfaces.area, initial=0.0))
     start = 1e-3 * (assembly.total_dead or strength) / assembly.total_live
     if start == 0.0:
         return 0.0

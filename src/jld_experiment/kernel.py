@@ -7,40 +7,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from jld_core.arrays import Bools, Floats, Ints
+from jld_core.arrays import Floats
+from jld_experiment.bench import Bench, Drive, Motion
 from jld_experiment.compiled import compiled
-from jld_experiment.laws import contact_stress
-from jld_experiment.moving import Geometry, corner_forces, moving_forces, near_pairs
-
-Drive = tuple[bool, float, float, float]
-
-# columns of `law`, one row a face
-KN, KS, FRICTION, DILATION, COHESION, TENSION, CRUSHING, RESIDUAL = range(8)
+from jld_experiment.laws import numbers_of, sub_contact
+from jld_experiment.moving import Plane, corner_forces, moving_forces, near_pairs
+from jld_experiment.moving_spatial import (
+    Space,
+    corner_forces_in_space,
+    moving_forces_in_space,
+    near_pairs_in_space,
+    turn_along,
+)
 
 
 @compiled
-def planar_forces(
-    step: Floats,
-    force: Floats,
-    ends: Ints,
-    frame: Floats,
-    first: Ints,
-    place: Floats,
-    law: Floats,
-    brittle: Bools,
-    gaps: Bools,
-    overlap: Floats,
-    pressure: Floats,
-    shear: Floats,
-    broken: Bools,
-) -> None:
-    """Move every planar sub-contact by one step and add the forces of all faces to the elements.
-
-    step: (n, 3) movement of the elements. force: (n, 3), added to. ends: (m, 2) elements a and b. frame: (m, 6)
-    normal x, y, then r × n and r × t for the arms to the middle of the face from a and from b. first: (m + 1,) where
-    the sub-contacts of each face begin. place: (s, 2) coordinate along t, and area. law: (m, 8), columns as named
-    above. brittle, gaps: (m,). overlap, pressure, shear (s, 1), broken: (s,) state, changed in place.
-    """
+def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
+    """Move every planar sub-contact by one step and add the forces (n, 3) of all faces to the elements."""
+    step, ends, frame = motion.velocity, bench.ends, bench.frame
+    first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
+    overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
     for f in range(len(ends)):
         a, b = ends[f, 0], ends[f, 1]
         nx, ny = frame[f, 0], frame[f, 1]
@@ -48,29 +34,19 @@ def planar_forces(
         turn = step[b, 2] - step[a, 2]
         opening = dx * nx + dy * ny + step[b, 2] * frame[f, 4] - step[a, 2] * frame[f, 2]
         slip = dy * nx - dx * ny + step[b, 2] * frame[f, 5] - step[a, 2] * frame[f, 3]
-        kn, ks = law[f, 0], law[f, 1]
+        ks, own = law[f, 1], numbers_of(law, f)
         normal, tangent, moment = 0.0, 0.0, 0.0
         for k in range(first[f], first[f + 1]):
-            s = place[k, 0]
+            s, area = place[k, 0], place[k, 1]
             e = overlap[k] - opening + s * turn
-            p = kn * e
             q = shear[k, 0] - ks * slip
-            mu, psi, cohesion, tension = law[f, 2], law[f, 3], law[f, 4], law[f, 5]
-            if broken[k]:
-                mu, psi, cohesion, tension = law[f, 7], 0.0, 0.0, 0.0
-            failing = p < -tension or abs(q) > cohesion + mu * p
-            if failing or p > law[f, 6]:
-                if failing and brittle[f] and not broken[k]:
-                    broken[k] = True
-                    mu, psi, cohesion, tension = law[f, 7], 0.0, 0.0, 0.0
-                kept = gaps[f] or broken[k]
-                e, p, size = contact_stress(e, abs(q), kn, ks, mu, psi, cohesion, tension, law[f, 6], kept)
-                q = size if q > 0.0 else -size
+            e, p, size, broken[k] = sub_contact(e, abs(q), own, brittle[f], gaps[f], broken[k])
+            q = size if q > 0.0 else -size
             overlap[k], pressure[k], shear[k, 0] = e, p, q
-            part = p * place[k, 1]
+            part = p * area
             normal += part
             moment -= s * part
-            tangent += q * place[k, 1]
+            tangent += q * area
         fx, fy = normal * nx - tangent * ny, normal * ny + tangent * nx
         force[b, 0] += fx
         force[b, 1] += fy
@@ -81,24 +57,11 @@ def planar_forces(
 
 
 @compiled
-def spatial_forces(
-    step: Floats,
-    force: Floats,
-    ends: Ints,
-    frame: Floats,
-    first: Ints,
-    place: Floats,
-    law: Floats,
-    brittle: Bools,
-    gaps: Bools,
-    overlap: Floats,
-    pressure: Floats,
-    shear: Floats,
-    broken: Bools,
-) -> None:
-    """The same in space. step, force: (n, 6). frame: (m, 15) normal, e1, e2, then the arms to the middle of the face
-    from a and from b. place: (s, 3) coordinates along e1 and e2, and area. shear: (s, 2) along e1 and e2.
-    """
+def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
+    """The same in space, forces (n, 6)."""
+    step, ends, frame = motion.velocity, bench.ends, bench.frame
+    first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
+    overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
     jump = np.empty((3, 2))
     for f in range(len(ends)):
         a, b = ends[f, 0], ends[f, 1]
@@ -116,29 +79,20 @@ def spatial_forces(
             twist += jump[i, 1] * frame[f, i]
             turn1 += jump[i, 1] * frame[f, 3 + i]
             turn2 += jump[i, 1] * frame[f, 6 + i]
-        kn, ks = law[f, 0], law[f, 1]
+        ks, own = law[f, 1], numbers_of(law, f)
         normal, along1, along2, moment1, moment2, torsion = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(first[f], first[f + 1]):
             x1, x2, area = place[k, 0], place[k, 1], place[k, 2]
             e = overlap[k] - opening - turn1 * x2 + turn2 * x1
-            p = kn * e
             q1 = shear[k, 0] - ks * (slip1 - twist * x2)
             q2 = shear[k, 1] - ks * (slip2 + twist * x1)
-            mu, psi, cohesion, tension = law[f, 2], law[f, 3], law[f, 4], law[f, 5]
-            if broken[k]:
-                mu, psi, cohesion, tension = law[f, 7], 0.0, 0.0, 0.0
             trial = np.sqrt(q1 * q1 + q2 * q2)
-            failing = p < -tension or trial > cohesion + mu * p
-            if failing or p > law[f, 6]:
-                if failing and brittle[f] and not broken[k]:
-                    broken[k] = True
-                    mu, psi, cohesion, tension = law[f, 7], 0.0, 0.0, 0.0
-                kept = gaps[f] or broken[k]
-                e, p, size = contact_stress(e, trial, kn, ks, mu, psi, cohesion, tension, law[f, 6], kept)
-                share = size / trial if trial > 0.0 else 0.0
-                q1 *= share
-                q2 *= share
-            overlap[k], pressure[k], shear[k, 0], shear[k, 1] = e, p, q1, q2
+            e, p, size, broken[k] = sub_contact(e, trial, own, brittle[f], gaps[f], broken[k])
+            if size < trial:
+                q1 *= size / trial
+                q2 *= size / trial
+            overlap[k], pressure[k] = e, p
+            shear[k, 0], shear[k, 1] = q1, q2
             normal += p * area
             along1 += q1 * area
             along2 += q2 * area
@@ -158,16 +112,17 @@ def spatial_forces(
 
 
 @compiled
-def driven(
-    force: Floats, velocity: Floats, live: Floats, inverse: Floats, radius: Floats, drive: Drive
-) -> tuple[float, float, float]:
-    """Velocities after one step under given forces. drive: is it pushed, λ, live velocity, damping.
+def driven(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> tuple[float, float, float]:
+    """Velocities after one step under given forces, a share of the way from the first step to the last.
 
     Returns λ, the largest out-of-balance force, and the largest speed.
     """
+    velocity, live, inverse, radius = motion.velocity, bench.live, bench.inverse, bench.radius
     count, q = velocity.shape
     d = 2 if q == 3 else 3
-    push, factor, rate, damping = drive
+    push, _, factors, rates, damping = drive
+    factor = factors[0] + (factors[1] - factors[0]) * share
+    rate = rates[0] + (rates[1] - rates[0]) * share
     weight, given, speed = 0.0, 0.0, 0.0
     if push:
         for i in range(count):
@@ -205,109 +160,63 @@ def driven(
 
 
 @compiled
-def march(
-    steps: int,
-    push: bool,
-    dead_ends: tuple[float, float],
-    factor_ends: tuple[float, float],
-    rate_ends: tuple[float, float],
-    damping: float,
-    dead: Floats,
-    live: Floats,
-    inverse: Floats,
-    radius: Floats,
-    moved: Floats,
-    velocity: Floats,
-    ends: Ints,
-    frame: Floats,
-    first: Ints,
-    place: Floats,
-    law: Floats,
-    brittle: Bools,
-    gaps: Bools,
-    overlap: Floats,
-    pressure: Floats,
-    shear: Floats,
-    broken: Bools,
-) -> tuple[float, float, float]:
-    """Advance by a number of steps under dead loads and either a live load factor or a live velocity, at rest geometry.
+def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> None:
+    """Move the elements by one step, and begin its forces with the dead loads."""
+    most = drive[1][0] + (drive[1][1] - drive[1][0]) * share
+    for i in range(len(force)):
+        for j in range(force.shape[1]):
+            motion.moved[i, j] += motion.velocity[i, j]
+            force[i, j] = most * bench.dead[i, j]
 
-    push: hold live·velocity at a rate and find λ as the multiplier of that constraint; otherwise λ runs as factor_ends
-    says. dead_ends, factor_ends, rate_ends: share of the dead loads, λ and rate, from the first step to the last,
-    linear. damping: share of the out-of-balance force that acts against the movement, forces and moments apart, so
-    that no direction is preferred. dead, live: (n, q) loads. inverse: (n, 2) one over mass and over inertia, 0 on
-    supports. radius: (n,) by which moments are compared with forces. moved, velocity: (n, q) state, changed in place;
-    the rest as in `planar_forces`. Returns the mean of λ, the largest out-of-balance force and the largest speed.
+
+@compiled
+def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float, float, float]:
+    """Advance by a number of steps at rest geometry; planar or spatial.
+
+    motion is changed in place. Returns the mean of λ, the largest out-of-balance force and the largest speed.
     """
-    force = np.empty(velocity.shape)
+    force = np.empty(motion.velocity.shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     for turn in range(steps):
         share = (turn + 1.0) / steps
-        begin(moved, velocity, force, dead, dead_ends[0] + (dead_ends[1] - dead_ends[0]) * share)
-        if velocity.shape[1] == 3:
-            planar_forces(
-                velocity, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken
-            )
+        begin(bench, motion, force, drive, share)
+        if force.shape[1] == 3:
+            planar_forces(bench, motion, force)
         else:
-            spatial_forces(
-                velocity, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken
-            )
-        factor = factor_ends[0] + (factor_ends[1] - factor_ends[0]) * share
-        rate = rate_ends[0] + (rate_ends[1] - rate_ends[0]) * share
-        found, size, speed = driven(force, velocity, live, inverse, radius, (push, factor, rate, damping))
+            spatial_forces(bench, motion, force)
+        found, size, speed = driven(bench, motion, force, drive, share)
         mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
 
 
 @compiled
-def march_moving(
-    steps: int,
-    push: bool,
-    dead_ends: tuple[float, float],
-    factor_ends: tuple[float, float],
-    rate_ends: tuple[float, float],
-    damping: float,
-    dead: Floats,
-    live: Floats,
-    inverse: Floats,
-    radius: Floats,
-    moved: Floats,
-    velocity: Floats,
-    ends: Ints,
-    frame: Floats,
-    first: Ints,
-    place: Floats,
-    law: Floats,
-    brittle: Bools,
-    gaps: Bools,
-    overlap: Floats,
-    pressure: Floats,
-    shear: Floats,
-    broken: Bools,
-    geometry: Geometry,
-) -> tuple[float, float, float]:
-    """`march` in the plane with faces that follow the geometry, and corners that meet other elements."""
-    force = np.empty(velocity.shape)
+def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane: Plane) -> tuple[float, float, float]:
+    """`march` with planar faces that follow the geometry, and corners that meet other elements."""
+    force = np.empty(motion.velocity.shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
-    pairs = near_pairs(moved, geometry)
+    pairs = near_pairs(motion.moved, plane)
     for turn in range(steps):
         share = (turn + 1.0) / steps
-        begin(moved, velocity, force, dead, dead_ends[0] + (dead_ends[1] - dead_ends[0]) * share)
-        moving_forces(
-            moved, force, ends, frame, first, place, law, brittle, gaps, overlap, pressure, shear, broken, geometry
-        )
-        corner_forces(pairs, moved, force, geometry)
-        factor = factor_ends[0] + (factor_ends[1] - factor_ends[0]) * share
-        rate = rate_ends[0] + (rate_ends[1] - rate_ends[0]) * share
-        found, size, speed = driven(force, velocity, live, inverse, radius, (push, factor, rate, damping))
+        begin(bench, motion, force, drive, share)
+        moving_forces(bench, motion, force, plane)
+        corner_forces(pairs, motion.moved, force, plane)
+        found, size, speed = driven(bench, motion, force, drive, share)
         mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
     return mean / steps, worst, fastest
 
 
 @compiled
-def begin(moved: Floats, velocity: Floats, force: Floats, dead: Floats, share: float) -> None:
-    """Move the elements by one step, and begin its forces with a share of the dead loads."""
-    for i in range(len(moved)):
-        for j in range(moved.shape[1]):
-            moved[i, j] += velocity[i, j]
-            force[i, j] = share * dead[i, j]
+def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space: Space) -> tuple[float, float, float]:
+    """The same in space."""
+    force = np.empty(motion.velocity.shape)
+    mean, worst, fastest = 0.0, 0.0, 0.0
+    pairs = near_pairs_in_space(motion.moved, space)
+    for turn in range(steps):
+        share = (turn + 1.0) / steps
+        begin(bench, motion, force, drive, share)
+        turn_along(motion.velocity, space)
+        moving_forces_in_space(bench, motion, force, space)
+        corner_forces_in_space(pairs, motion.moved, force, space)
+        found, size, speed = driven(bench, motion, force, drive, share)
+        mean, worst, fastest = mean + found, max(worst, size), max(fastest, speed)
+    return mean / steps, worst, fastest

@@ -2,7 +2,40 @@
 
 from __future__ import annotations
 
+from jld_core.arrays import Floats
 from jld_experiment.compiled import compiled
+
+Law = tuple[float, float, float, float, float, float, float, float]
+"""Columns of `law`, one row a face: springs kn and ks, friction, dilation, cohesion, tension, crushing, residual."""
+
+
+@compiled
+def numbers_of(law: Floats, f: int) -> Law:
+    """Row f of `law`."""
+    return (law[f, 0], law[f, 1], law[f, 2], law[f, 3], law[f, 4], law[f, 5], law[f, 6], law[f, 7])
+
+
+@compiled
+def sub_contact(
+    overlap: float, size: float, law: Law, brittle: bool, gaps: bool, broken: bool
+) -> tuple[float, float, float, bool]:
+    """What one carries after an elastic trial: overlap, compressive stress, size of the shear stress, is it broken.
+
+    overlap, size: of the trial, see `contact_stress`. law: of its face, as numbers: arrays that are handed on count
+    their references, which takes longer than all that is done here. broken: was it before? A brittle one that exceeds
+    its tension or cohesion is now.
+    """
+    kn, ks, mu, psi, cohesion, tension, crushing, residual = law
+    p = kn * overlap
+    if broken:
+        mu, psi, cohesion, tension = residual, 0.0, 0.0, 0.0
+    failing = p < -tension or size > cohesion + mu * p
+    if failing or p > crushing:
+        if failing and brittle and not broken:
+            broken = True
+            mu, psi, cohesion, tension = residual, 0.0, 0.0, 0.0
+        overlap, p, size = contact_stress(overlap, size, kn, ks, mu, psi, cohesion, tension, crushing, gaps or broken)
+    return overlap, p, size, broken
 
 
 @compiled

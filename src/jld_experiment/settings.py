@@ -57,7 +57,7 @@ class Settings:
 
     scheme, segments: of sub-contacts on a face, see `sub_contacts`. gaps: a joint that opened closes without
     resistance ("free"), or is plastic like everything else ("plastic", for proofs against λ). moving: follow the
-    geometry, with new contacts where corners meet other faces (planar).
+    geometry, with new contacts where corners meet other faces.
 
     A push is measured in elastic movements, live·u at the load it ends at if nothing yielded. periods: slowest periods
     for one of them in the faster of two pushes; the other takes `slower` times as long. hasten: elastic movements after

@@ -11,8 +11,10 @@ import numpy as np
 from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
-from jld_experiment.kernel import march, march_moving
-from jld_experiment.moving import Geometry, geometry_of, nowhere
+from jld_experiment.bench import Bench, Drive, Motion
+from jld_experiment.kernel import march, march_in_plane, march_in_space
+from jld_experiment.moving import Plane, plane_of
+from jld_experiment.moving_spatial import Space, space_of
 from jld_experiment.settings import REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts
 from jld_experiment.system import System, system_of
@@ -33,7 +35,8 @@ class Standing(StrEnum):
 @dataclass
 class State:
     """What changes: movements and velocities (n, q) about the centroids; of sub-contacts (s,) elastic overlap,
-    compressive stress, shear stress (s, d − 1), and whether they are broken; of a moving geometry what it remembers."""
+    compressive stress, shear stress (s, d − 1), and whether they are broken; of a moving geometry what it remembers,
+    None where it stays at rest."""
 
     moved: Floats
     velocity: Floats
@@ -41,23 +44,21 @@ class State:
     pressure: Floats
     shear: Floats
     broken: Bools
-    geometry: Geometry
+    geometry: Plane | Space | None
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """One labelling of an assembly, ready to be loaded. law: (m, 8), columns as in `kernel`. brittle, gaps: (m,).
-    largest: force that out-of-balance forces are compared with."""
+    """One labelling of an assembly, ready to be loaded. bench: what the kernel works on. largest: force that
+    out-of-balance forces are compared with. geometry: of what moves, None where it stays at rest."""
 
     assembly: Assembly
     labels: Bits
     points: SubContacts
     system: System
-    law: Floats
-    brittle: Bools
-    gaps: Bools
+    bench: Bench
     largest: float
-    geometry: Geometry
+    geometry: Plane | Space | None
     settings: Settings
 
     def fresh(self) -> State:
@@ -80,34 +81,14 @@ class Specimen:
         rate: tuple[float, float] | None = None,
     ) -> tuple[float, float, float]:
         """Some steps: mean of λ, largest out-of-balance force over `largest`, largest speed. State is changed."""
-        system = self.system
-        moving = self.settings.moving
-        arguments = (
-            steps,
-            rate is not None,
-            dead,
-            load_factor,
-            rate or (0.0, 0.0),
-            self.settings.damping,
-            self.assembly.dead,
-            self.assembly.live,
-            system.inverse,
-            system.radius,
-            state.moved,
-            state.velocity,
-            system.ends,
-            system.frame,
-            self.points.first,
-            self.points.place,
-            self.law,
-            self.brittle,
-            self.gaps,
-            state.overlap,
-            state.pressure,
-            state.shear,
-            state.broken,
-        )
-        factor, worst, speed = march_moving(*arguments, state.geometry) if moving else march(*arguments)
+        drive: Drive = (rate is not None, dead, load_factor, rate or (0.0, 0.0), self.settings.damping)
+        motion = Motion(state.moved, state.velocity, state.overlap, state.pressure, state.shear, state.broken)
+        if isinstance(state.geometry, Plane):
+            factor, worst, speed = march_in_plane(steps, drive, self.bench, motion, state.geometry)
+        elif isinstance(state.geometry, Space):
+            factor, worst, speed = march_in_space(steps, drive, self.bench, motion, state.geometry)
+        else:
+            factor, worst, speed = march(steps, drive, self.bench, motion)
         return factor, worst / self.largest, speed
 
     def settle(self) -> tuple[State, Standing]:
@@ -157,13 +138,26 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
     kn, ks = _springs(assembly, labels, joints)
     law = _law(assembly, labels, joints, kn, ks)
     system = system_of(assembly, points, kn, ks, settings.step)
-    brittle = ~labels & (joints.inner == "brittle")
-    gaps = labels & (settings.gaps == "free")
-    geometry = geometry_of(assembly, points, labels, kn, ks) if settings.moving else nowhere()
+    bench = Bench(
+        dead=assembly.dead,
+        live=assembly.live,
+        inverse=system.inverse,
+        radius=system.radius,
+        ends=system.ends,
+        frame=system.frame,
+        first=points.first,
+        place=points.place,
+        law=law,
+        brittle=~labels & (joints.inner == "brittle"),
+        gaps=labels & (settings.gaps == "free"),
+    )
     d = assembly.dimension
+    geometry = None
+    if settings.moving:
+        geometry = plane_of(assembly, points, kn, ks) if d == 2 else space_of(assembly, points, kn, ks)
     forces = np.linalg.norm(assembly.dead[:, :d], axis=1)
     largest = float(forces.max()) or float(np.linalg.norm(assembly.live[:, :d], axis=1).max())
-    return Specimen(assembly, labels, points, system, law, brittle, gaps, largest, geometry, settings)
+    return Specimen(assembly, labels, points, system, bench, largest, geometry, settings)
 
 
 def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, Floats]:
@@ -178,7 +172,7 @@ def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, 
 
 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
-    """(m, 8) the law of every face; tension is cut where the cone of friction ends."""
+    """(m, 8) the law of every face, columns as in `laws`; tension is cut where the cone of friction ends."""
     strengths = assembly.strengths
     friction = np.where(labels, strengths.friction, strengths.inner_friction)
     cohesion = np.where(labels, strengths.cohesion, strengths.shear)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-from jld_core import InputError, build_assembly, parse_scene
+from jld_core import build_assembly, parse_scene
 from jld_experiment import Joints, Push, Settings, push, run_experiment, specimen_of
+from jld_experiment.solids import angle_seen, triangles_of
 
 
 def test_stiff_joints_move_as_at_rest() -> None:
@@ -43,11 +44,38 @@ def block(wide: float, high: float, *others: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def test_a_rocking_block_gets_weaker_as_it_turns() -> None:
+def solid(document: dict[str, Any], turn: float = 0.0) -> dict[str, Any]:
+    """The same of elements one deep in space, turned about the vertical."""
+    c, s = float(np.cos(turn)), float(np.sin(turn))
+
+    def places(polygon: list[list[float]]) -> list[list[float]]:
+        return [[c * x - s * y, s * x + c * y, z] for y in (0.0, 1.0) for x, z in polygon]
+
+    elements = []
+    for element in document["elements"]:
+        n = len(element["polygon"])
+        sides = [[k, (k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)]
+        faces = [[*range(n)][::-1], [*range(n, 2 * n)], *sides]
+        # a polygon about −y, seen from where y grows, runs clockwise
+        outward = [face[::-1] for face in faces]
+        kept = {key: value for key, value in element.items() if key != "polygon"}
+        elements.append({**kept, "vertices": places(element["polygon"]), "faces": outward})
+    return {**document, "elements": elements, "loads": {"live": [{"body": [c, s, 0.0]}]}}
+
+
+SPACES = pytest.mark.parametrize("turn", [None, 0.0, 0.4], ids=["plane", "space", "space, turned"])
+
+
+def in_space(document: dict[str, Any], turn: float | None) -> dict[str, Any]:
+    return document if turn is None else solid(document, turn)
+
+
+@SPACES
+def test_a_rocking_block_gets_weaker_as_it_turns(turn: float | None) -> None:
     """About its toe: the centroid at an angle α − θ from the vertical has moved R (sin α − sin(α − θ)), and
     λ = tan(α − θ)."""
     wide, high = 0.5, 1.0
-    found, _ = pushed(block(wide, high), Joints(normal_stiffness=1e4), 0.1)
+    found, _ = pushed(in_space(block(wide, high), turn), Joints(normal_stiffness=1e4), 0.1)
     reach, alpha = 0.5 * np.hypot(wide, high), np.arctan(wide / high)
     leaning = np.arcsin(np.sin(alpha) - found.distance / reach)
     late = found.distance > 0.03
@@ -55,28 +83,48 @@ def test_a_rocking_block_gets_weaker_as_it_turns() -> None:
     assert found.load_factor[-1] < 0.6 * wide / high
 
 
-def test_a_corner_that_meets_another_block_presses() -> None:
+@SPACES
+def test_a_corner_that_meets_another_block_presses(turn: float | None) -> None:
     """A sliding block carries μ until it reaches a step 0.02 away that is not its neighbour at rest; then it is held.
 
     The step leans over the block, so that it is a corner of the block that meets it."""
     step = {"id": "step", "polygon": [[1.08, 0.3], [1.6, 0.3], [1.6, 0.8], [0.98, 0.8]], "support": True}
-    found, _ = pushed(block(1.0, 0.6, step), Joints(normal_stiffness=1e5), 0.024)
+    found, _ = pushed(in_space(block(1.0, 0.6, step), turn), Joints(normal_stiffness=1e5), 0.024)
     before = (found.distance > 0.002) & (found.distance < 0.018)
     assert found.load_factor[before] == pytest.approx(0.3, rel=2e-2)
     assert found.load_factor[found.distance < 0.0200].max() < 0.32
     assert found.load_factor[-1] > 3.0 * 0.3
 
 
-def test_what_slides_off_its_face_is_carried_no_more() -> None:
+@SPACES
+def test_what_slides_off_its_face_is_carried_no_more(turn: float | None) -> None:
     """A block on a base as long as itself tips once its middle has slid past the end: λ falls from μ."""
     document = block(1.0, 0.2)
     document["elements"][1]["polygon"] = [[0, -1], [1, -1], [1, 0], [0, 0]]
-    found, _ = pushed(document, Joints(normal_stiffness=1e5), 0.7)
+    found, _ = pushed(in_space(document, turn), Joints(normal_stiffness=1e5), 0.7)
     assert found.load_factor[(found.distance > 0.01) & (found.distance < 0.3)] == pytest.approx(0.3, rel=3e-2)
     assert found.load_factor[found.distance > 0.6].min() < 0.15
 
 
-def test_spatial_scenes_stay_at_rest() -> None:
-    assembly = build_assembly(stacked_cubes(1, friction=0.5, tension=1.0, shear=1.0, direction=0.0))
-    with pytest.raises(InputError, match="--moving"):
-        run_experiment(assembly, settings=Settings(moving=True))
+def test_stiff_solids_move_as_at_rest() -> None:
+    """Two cubes pushed askew tip about a corner of the base (section 3.2b of the source: λ = 1/2 along a side)."""
+    assembly = build_assembly(stacked_cubes(2, friction=0.9, tension=4.0, shear=4.0, direction=0.4))
+    rest = run_experiment(assembly, settings=Settings(scheme="limit", periods=50.0))
+    moving = run_experiment(assembly, settings=Settings(scheme="limit", periods=50.0, moving=True))
+    assert moving.certified
+    assert moving.collapse_load == pytest.approx(rest.collapse_load, rel=2e-3)
+
+
+def test_triangles_of_faces_that_are_not_convex() -> None:
+    """An L has two triangles a leg's worth of area, all within it; points are told from their solid angle."""
+    ring = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], dtype=float)
+    low, high = (np.column_stack([ring, np.full(6, z)]) for z in (0.0, 1.0))
+    sides = [(k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k) for k in range(6)]
+    table, which = triangles_of(np.vstack([low, high]), ((5, 4, 3, 2, 1, 0), (6, 7, 8, 9, 10, 11), *sides))
+    normals = 0.5 * np.cross(table[:, 1] - table[:, 0], table[:, 2] - table[:, 0])
+    assert np.linalg.norm(normals[which < 2], axis=1).sum() == pytest.approx(2 * 3.0)
+    assert abs(normals.sum(axis=0)).max() < 1e-12
+    inside = {(0.5, 0.5, 0.5): True, (0.4, 1.9, 0.9): True, (1.5, 1.5, 0.5): False, (0.5, 0.5, 1.1): False}
+    for place, expected in inside.items():
+        seen = sum(angle_seen(np.array(place), triangle) for triangle in table)
+        assert seen == pytest.approx(2.0 * np.pi if expected else 0.0, abs=1e-9)

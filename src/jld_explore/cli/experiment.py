@@ -50,7 +50,7 @@ def experiment(
     scheme: Annotated[SubContacts, typer.Option(help="Where sub-contacts lie on a face.")] = SubContacts.TRAPEZOID,
     segments: Annotated[int, typer.Option(min=1, help="Parts of a face between sub-contacts.")] = 4,
     moving: Annotated[
-        bool, typer.Option("--moving", help="Follow the geometry, with new contacts at corners (planar).")
+        bool, typer.Option("--moving", help="Follow the geometry, with new contacts at corners.")
     ] = False,
     normal_stiffness: Annotated[
         float | None, typer.Option(help="Spring of a face per area, force per length³; default: nearly rigid.")

@@ -1,0 +1,343 @@
+"""Spatial faces that follow the geometry, as `moving` has them in the plane: finite rotations, contact lost where one
+face slides past the rim of the other, and new contacts where corners meet other elements.
+
+Edges that meet edges crosswise, with no corner of either inside the other, are not seen.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from jld_core import Assembly
+from jld_core.arrays import Floats, Ints
+from jld_experiment.bench import Bench, Motion
+from jld_experiment.compiled import compiled
+from jld_experiment.laws import numbers_of, sub_contact
+from jld_experiment.moving import contacts_of, corner_springs, near_corners
+from jld_experiment.solids import (
+    angle_seen,
+    beyond,
+    dot,
+    nearest_on_triangle,
+    pressed,
+    triangles_of,
+    turned,
+    turned_back,
+)
+from jld_experiment.subcontacts import SubContacts
+
+_FLUSH: Final = 1e-6  # typical elements within which faces lie in one plane
+
+
+class Space(NamedTuple):
+    """What moving faces and corners need to know, shapes at rest about the centroids.
+
+    centre: (n, 3). near, far: (s, 3) arms to each sub-contact from elements a and b. share: (s,) side of a square of
+    its area. rim_first: (m + 1,) where the rim (r, 2) of each face begins, in its frame about its origin.
+    corner: (c,) element of each corner; arm: (c, 3) to it. pair: (p, 2) corner and element that may meet. barred:
+    (p, k) faces of that element whose contact is a face already, −1 where none. side_first: (n + 1,) where the
+    triangles, sides (t, 3, 3), of each element begin, outward; side: (t,) which of its faces each belongs to. flush:
+    (p, k) faces of it through which the corner does not come, −1 where none. spring: see `corner_springs`.
+    State, changed in place: turn (n, 3, 3) rotations since rest; gap (s,), slid (s, 2); stuck (p, 3) force and place
+    (p, 3) on the element, in its axes at rest; on (p,) face touched.
+    """
+
+    centre: Floats
+    near: Floats
+    far: Floats
+    share: Floats
+    rim_first: Ints
+    rim: Floats
+    corner: Ints
+    arm: Floats
+    pair: Ints
+    barred: Ints
+    side_first: Ints
+    sides: Floats
+    side: Ints
+    flush: Ints
+    spring: Floats
+    turn: Floats
+    gap: Floats
+    slid: Floats
+    stuck: Floats
+    place: Floats
+    on: Ints
+
+
+def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Space:
+    """What a spatial assembly is at rest. kn, ks: (m,) springs per area."""
+    faces, elements = assembly.interfaces, assembly.elements
+    along = points.place[:, :1] * faces.e1[points.face] + points.place[:, 1:2] * faces.e2[points.face]
+    at = faces.origin[points.face] + along
+    near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
+    rims = []
+    for face in range(len(faces)):
+        arm = faces.polygon[face] - faces.origin[face]
+        rims.append(np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]]))
+    corner = np.repeat(np.arange(len(elements)), [len(shape) for shape in elements.shape])
+    places = np.concatenate(elements.shape)
+    typical = float(np.median(np.cbrt(elements.volume[elements.free])))
+    pair = near_corners(assembly, corner, places, typical)
+    cut = [triangles_of(elements.shape[k] - elements.centroid[k], elements.faces[k]) for k in range(len(elements))]
+    return Space(
+        centre=elements.centroid,
+        near=near,
+        far=far,
+        share=np.sqrt(points.place[:, 2]),
+        rim_first=np.concatenate([[0], np.cumsum([len(rim) for rim in rims])]),
+        rim=np.concatenate(rims),
+        corner=corner,
+        arm=places - elements.centroid[corner],
+        pair=pair,
+        barred=_faces_in_contact(assembly, corner, pair),
+        side_first=np.concatenate([[0], np.cumsum([len(which) for _, which in cut])]),
+        sides=np.concatenate([table for table, _ in cut]),
+        side=np.concatenate([which for _, which in cut]),
+        flush=_flush_faces(assembly, corner, pair, typical),
+        spring=corner_springs(assembly, points, kn, ks, typical),
+        turn=np.tile(np.eye(3), (len(elements), 1, 1)),
+        gap=np.zeros(len(points.face)),
+        slid=np.zeros((len(points.face), 2)),
+        stuck=np.zeros((len(pair), 3)),
+        place=np.zeros((len(pair), 3)),
+        on=np.full(len(pair), -1),
+    )
+
+
+def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
+    """(p, k) faces of the element of each pair along which that of the corner touches it already, −1 where none."""
+    contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
+    found = []
+    for c, other in pair.tolist():
+        rings = [elements.shape[other][list(side)] for side in elements.faces[other]]
+        off = []
+        for face in contacts.get((int(corner[c]), other), []):
+            away = [abs((ring - faces.origin[face]) @ faces.normal[face]).max() for ring in rings]
+            off.append(int(np.argmin(away)))
+        found.append(off)
+    return _table(found)
+
+
+def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
+    """(p, k) faces of the element of each pair that lie in one plane with a face of the corner's, outward the same way,
+    −1 where none: the ends of a wall's blocks. No corner comes in through these."""
+    elements, planes = assembly.elements, []
+    for shape, sides in zip(elements.shape, elements.faces, strict=True):
+        rows = []
+        for side in sides:
+            ring = shape[list(side)]
+            normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
+            normal /= np.linalg.norm(normal)
+            rows.append(np.append(typical * normal, ring.mean(axis=0) @ normal))
+        planes.append(np.array(rows))
+    found, known = [], dict[tuple[int, int], list[int]]()
+    for c, other in pair.tolist():
+        both = int(corner[c]), other
+        if both not in known:
+            apart = abs(planes[other][:, None] - planes[both[0]][None]).max(axis=2)
+            known[both] = np.flatnonzero(apart.min(axis=1) < _FLUSH * typical).tolist()
+        found.append(known[both])
+    return _table(found)
+
+
+def _table(rows: list[list[int]]) -> Ints:
+    """Lists of numbers as one table, filled up with −1."""
+    table = np.full((len(rows), max((len(row) for row in rows), default=0)), -1)
+    for line, row in zip(table, rows, strict=True):
+        line[: len(row)] = row
+    return table
+
+
+@compiled
+def turn_along(velocity: Floats, space: Space) -> None:
+    """Turn the elements by one step of their angular velocities (Rodrigues' formula)."""
+    spin, was = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(len(velocity)):
+        x, y, z = velocity[i, 3], velocity[i, 4], velocity[i, 5]
+        angle = np.sqrt(x * x + y * y + z * z)
+        if angle == 0.0:
+            continue
+        x, y, z = x / angle, y / angle, z / angle
+        s, c = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+        spin[0, 0], spin[0, 1], spin[0, 2] = -c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y
+        spin[1, 0], spin[1, 1], spin[1, 2] = c * x * y + s * z, -c * (x * x + z * z), c * y * z - s * x
+        spin[2, 0], spin[2, 1], spin[2, 2] = c * x * z - s * y, c * y * z + s * x, -c * (x * x + y * y)
+        was[:] = space.turn[i]
+        for row in range(3):
+            for column in range(3):
+                for k in range(3):
+                    space.turn[i, row, column] += spin[row, k] * was[k, column]
+
+
+@compiled
+def mean_axes(bench: Bench, space: Space, f: int, axes: Floats) -> None:
+    """Normal, e1 and e2 (3, 3) of a face, turned by the mean of both elements."""
+    a, b = bench.ends[f, 0], bench.ends[f, 1]
+    for axis in range(2):
+        for i in range(3):
+            axes[axis, i] = 0.0
+            for k in range(3):
+                axes[axis, i] += (space.turn[a, i, k] + space.turn[b, i, k]) * bench.frame[f, 3 * axis + k]
+    size = np.sqrt(dot(axes[0], axes[0]))
+    for i in range(3):
+        axes[0, i] /= size
+    off = dot(axes[0], axes[1])
+    for i in range(3):
+        axes[1, i] -= off * axes[0, i]
+    size = np.sqrt(dot(axes[1], axes[1]))
+    for i in range(3):
+        axes[1, i] /= size
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        axes[2, i] = axes[0, j] * axes[1, k] - axes[0, k] * axes[1, j]
+
+
+@compiled
+def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: Space) -> None:
+    """Forces (n, 6) of all faces from where the elements are, added to `force`; see `moving_forces`."""
+    axes, near, far = np.empty((3, 3)), np.empty(3), np.empty(3)
+    between, part, jump = np.empty(3), np.empty(3), np.empty(3)
+    moved, ends, first, place = motion.moved, bench.ends, bench.first, bench.place
+    law, brittle, gaps = bench.law, bench.brittle, bench.gaps
+    overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
+    deepest = 0.0
+    for f in range(len(ends)):
+        a, b = ends[f, 0], ends[f, 1]
+        mean_axes(bench, space, f, axes)
+        for i in range(3):
+            between[i] = space.centre[b, i] - space.centre[a, i] + moved[b, i] - moved[a, i]
+        ks, own = law[f, 1], numbers_of(law, f)
+        low, high = space.rim_first[f], space.rim_first[f + 1]
+        for k in range(first[f], first[f + 1]):
+            turned(space.turn[a], space.near[k], near)
+            turned(space.turn[b], space.far[k], far)
+            for i in range(3):
+                jump[i] = between[i] + far[i] - near[i]
+            gap, slid1, slid2 = dot(jump, axes[0]), dot(jump, axes[1]), dot(jump, axes[2])
+            e = overlap[k] - (gap - space.gap[k])
+            q1 = shear[k, 0] - ks * (slid1 - space.slid[k, 0])
+            q2 = shear[k, 1] - ks * (slid2 - space.slid[k, 1])
+            space.gap[k], space.slid[k, 0], space.slid[k, 1] = gap, slid1, slid2
+            trial = np.sqrt(q1 * q1 + q2 * q2)
+            e, p, size, broken[k] = sub_contact(e, trial, own, brittle[f], gaps[f], broken[k])
+            if size < trial:
+                q1 *= size / trial
+                q2 *= size / trial
+            overlap[k], pressure[k] = e, p
+            shear[k, 0], shear[k, 1] = q1, q2
+            deepest = max(deepest, e)
+            x1, x2, left = place[k, 0], place[k, 1], space.share[k]
+            kept_b = max(0.0, 1.0 - beyond(x1 + slid1, x2 + slid2, low, high, space.rim) / left)
+            kept_a = max(0.0, 1.0 - beyond(x1 - slid1, x2 - slid2, low, high, space.rim) / left)
+            area = 0.5 * (kept_a + kept_b) * place[k, 2]
+            if area == 0.0:
+                continue
+            at = kept_b / (kept_a + kept_b)
+            for i in range(3):
+                part[i] = area * (p * axes[0, i] + q1 * axes[1, i] + q2 * axes[2, i])
+                near[i] += at * jump[i]
+                far[i] -= (1.0 - at) * jump[i]
+            pressed(force, b, far, part, 1.0)
+            pressed(force, a, near, part, -1.0)
+    space.spring[5] = deepest
+
+
+@compiled
+def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest: Floats) -> tuple[int, float]:
+    """Triangle of the element of a pair that its corner is nearest to, and how far from it the corner is.
+
+    point, nearest: (3,) filled with the corner and the nearest point, in the element's axes at rest.
+    """
+    c, j = space.pair[pair, 0], space.pair[pair, 1]
+    i = space.corner[c]
+    arm, trial = np.empty(3), np.empty(3)
+    turned(space.turn[i], space.arm[c], arm)
+    for k in range(3):
+        arm[k] += space.centre[i, k] + moved[i, k] - space.centre[j, k] - moved[j, k]
+    turned_back(space.turn[j], arm, point)
+    best, least = 0, np.inf
+    for t in range(space.side_first[j], space.side_first[j + 1]):
+        if is_among(space.flush, pair, space.side[t]):
+            continue
+        nearest_on_triangle(point, space.sides[t], trial)
+        away = (point[0] - trial[0]) ** 2 + (point[1] - trial[1]) ** 2 + (point[2] - trial[2]) ** 2
+        if away < least:
+            best, least = t, away
+            nearest[:] = trial
+    return best, np.sqrt(least)
+
+
+@compiled
+def is_among(table: Ints, row: int, value: int) -> bool:
+    """Does a value stand in a row of a table?"""
+    found = False
+    for k in range(table.shape[1]):
+        found = found or table[row, k] == value
+    return found
+
+
+@compiled
+def is_inside(point: Floats, pair: int, space: Space) -> bool:
+    """Does a point, in the axes at rest of the element of a pair, lie within it?
+
+    With flush faces left out, what lies in their plane sees half of what it would see from far within.
+    """
+    element, seen = space.pair[pair, 1], 0.0
+    for t in range(space.side_first[element], space.side_first[element + 1]):
+        if not is_among(space.flush, pair, space.side[t]):
+            seen += angle_seen(point, space.sides[t])
+    return seen > 0.4 * np.pi
+
+
+@compiled
+def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
+    """Pairs of corner and element that are near each other now."""
+    found, count = np.empty(len(space.pair), dtype=np.int64), 0
+    point, nearest = np.empty(3), np.empty(3)
+    for pair in range(len(space.pair)):
+        _, away = nearest_side(pair, moved, space, point, nearest)
+        if away < space.spring[4]:
+            found[count] = pair
+            count += 1
+    return found[:count]
+
+
+@compiled
+def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Space) -> None:
+    """Forces of corners that have come into other elements, with friction, added to `force`; see `corner_forces`."""
+    kn, ks, friction = space.spring[0], space.spring[1], space.spring[2]
+    clearance = space.spring[3] + space.spring[5]
+    point, nearest, normal, part, total, arm = np.empty((6, 3))
+    for pair in pairs:
+        t, away = nearest_side(pair, moved, space, point, nearest)
+        side, c, j = space.side[t], space.pair[pair, 0], space.pair[pair, 1]
+        meets = away > clearance and not is_among(space.barred, pair, side)
+        if not (meets and is_inside(point, pair, space)):
+            space.on[pair] = -1
+            space.stuck[pair] = 0.0
+            continue
+        if space.on[pair] == side:
+            space.stuck[pair] -= ks * (nearest - space.place[pair])
+        else:
+            space.on[pair], space.stuck[pair] = side, 0.0
+        space.place[pair] = nearest
+        # inside, the nearest point lies straight outward
+        press = kn * (away - clearance)
+        for k in range(3):
+            normal[k] = (nearest[k] - point[k]) / away
+        space.stuck[pair] -= dot(space.stuck[pair], normal) * normal
+        rub = np.sqrt(dot(space.stuck[pair], space.stuck[pair]))
+        if rub > friction * press:
+            space.stuck[pair] *= friction * press / rub
+        i = space.corner[c]
+        for k in range(3):
+            part[k] = press * normal[k] + space.stuck[pair, k]
+        turned(space.turn[j], part, total)
+        turned(space.turn[i], space.arm[c], arm)
+        pressed(force, i, arm, total, 1.0)
+        for k in range(3):
+            arm[k] += space.centre[i, k] + moved[i, k] - space.centre[j, k] - moved[j, k]
+        pressed(force, j, arm, total, -1.0)
