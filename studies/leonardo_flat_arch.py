@@ -14,11 +14,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, solve
+from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.limit import Movement, face_motions
-from jld_core.models import Scheme, zero_dilation
 from jld_core.views.figures import draw_assembly, draw_forces, draw_mechanism
 from jld_explore import ExploreSettings
 from jld_explore.space import from_string
@@ -47,33 +46,33 @@ PUBLISHED: Final = {
 """Load factors of section 3.3 in N, in the order in which they stand there."""
 
 FRICTION, TENSION, SHEAR = float(np.tan(np.radians(30.0))), 2e6, 2e5
+FLOOR: Final = 20.0
+"""Processor time for a floor, s."""
+
 LIMITS: Final = (2, 4)
 """Least and most cells in a block of the search: those of the blocks of the arch itself."""
 
 
-def without_dilation(assembly: Assembly, labels: Bits, quick: bool) -> tuple[LimitAnalysisResult, pd.DataFrame]:
-    """The lowest certified zero-dilation result, and a table of all that were found."""
-    analysis = LimitAnalysis(assembly, reference=labels)
-    associative = analysis.prove(labels)
-    found = []
-    for start in ("associative", "gravity"):
-        for damping in (1e-2,) if quick else (1e-3, 1e-2, 1e-1):
-            for anchor in (1e-3,) if quick else (1e-4, 1e-3, 1e-2):
-                scheme = Scheme(start=start, damping=damping, anchor=anchor)
-                result = zero_dilation(analysis, labels, scheme, associative=associative, stands=False)
-                found.append((start, damping, anchor, result))
-    rows = [
-        {
-            "start": start,
-            "damping": damping,
-            "anchor": anchor,
-            "zero_dilation_N": r.load_factor,
-            "status": str(r.status),
-        }
-        for start, damping, anchor, r in found
-    ]
-    certified = [result for *_, result in found if str(result.status) == "collapse"]
-    return min(certified, key=lambda result: result.load_factor), pd.DataFrame(rows)
+def without_dilation(assembly: Assembly, labels: Bits, seconds: float = 0.0) -> LimitAnalysisResult:
+    """The lowest solution without dilation; `extra` has the highest, and a floor where it is given time, s."""
+    return solve(assembly, labels, friction="zero-dilation", range=True, floor_seconds=seconds)
+
+
+def facts_of(part: str, result: LimitAnalysisResult, blocks: int) -> dict[str, Any]:
+    """One row of the table from a result of `without_dilation`."""
+    extra = result.extra
+    return {
+        "part": part,
+        "friction": FRICTION,
+        "tension": TENSION,
+        "shear": SHEAR,
+        "associative_N": extra["associative_load_factor"],
+        "zero_lowest_N": extra["lowest_found"],
+        "zero_highest_N": extra["highest_found"],
+        "zero_proven_N": extra["lowest_proven"],
+        "status": str(result.status),
+        "blocks": blocks,
+    }
 
 
 def sensitivity(quick: bool) -> pd.DataFrame:
@@ -93,9 +92,8 @@ def sensitivity(quick: bool) -> pd.DataFrame:
             row: dict[str, Any] = {"part": f"by {name}", **given, "associative_N": result.load_factor}
             row["status"] = str(result.status)
             if row["status"] == "collapse":
-                table = without_dilation(assembly, assembly.labels, True)[1]
-                certified = table[table["status"] == "collapse"]["zero_dilation_N"]
-                row |= {"zero_lowest_N": certified.min(), "zero_highest_N": certified.max()}
+                span = without_dilation(assembly, assembly.labels).extra
+                row |= {"zero_lowest_N": span["lowest_found"], "zero_highest_N": span["highest_found"]}
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -107,6 +105,13 @@ def search(quick: bool) -> tuple[pd.DataFrame, Assembly, bool]:
     return done.results, done.assembly, bool(done.summary["proven"])
 
 
+def _proven(extra: dict[str, Any]) -> str:
+    """What is proven of the lower end."""
+    if extra["lowest_proven"] is None:
+        return "no floor is proven"
+    return f"none lies below {extra['lowest_proven']:.1f} N, proven"
+
+
 def _cracks(result: LimitAnalysisResult) -> int:
     kinds = (Movement.CRACK_SHEAR, Movement.CRACK_TENSION)
     return sum(motion.kind in kinds for motion in face_motions(result))
@@ -116,7 +121,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     """Solve all parts, write table, picture and page into a folder; returns the table."""
     assembly = build_assembly(leonardo_flat_arch())
     own = solve(assembly)
-    lowest, spread = without_dilation(assembly, assembly.labels, quick)
+    lowest = without_dilation(assembly, assembly.labels, FLOOR)
     moved = sensitivity(quick)
     results, _, proven = search(quick)
     ranked = results[results["status"] == "collapse"]
@@ -124,49 +129,16 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     five = ranked[ranked["blocks"] <= 5].iloc[0]
     counts = results["status"].value_counts()
     better = int((ranked["load_factor"] > own.load_factor * (1.0 + 1e-6)).sum())
-    best_zero, best_spread = without_dilation(assembly, best.labels, quick)
+    best_zero = without_dilation(assembly, best.labels, 0.0 if quick else FLOOR)
     held = build_assembly(leonardo_flat_arch(abutments=True))
-    confined, confined_spread = solve(held), without_dilation(held, held.labels, quick)[1]
-    confined_zero = confined_spread[confined_spread["status"] == "collapse"]["zero_dilation_N"]
-    zero = spread[spread["status"] == "collapse"]["zero_dilation_N"]
-    zero_best = best_spread[best_spread["status"] == "collapse"]["zero_dilation_N"]
+    confined = without_dilation(held, held.labels, 0.0 if quick else FLOOR)
+    blocks = int(ranked["blocks"].iloc[0])
     rows = [
-        {
-            "part": "this arch",
-            "friction": FRICTION,
-            "tension": TENSION,
-            "shear": SHEAR,
-            "associative_N": own.load_factor,
-            "zero_lowest_N": zero.min(),
-            "zero_highest_N": zero.max(),
-            "status": str(own.status),
-            "blocks": 5,
-        },
-        {
-            "part": "strongest segmentation",
-            "friction": FRICTION,
-            "tension": TENSION,
-            "shear": SHEAR,
-            "associative_N": best.load_factor,
-            "zero_lowest_N": zero_best.min(),
-            "zero_highest_N": zero_best.max(),
-            "status": str(best.status),
-            "blocks": int(ranked["blocks"].iloc[0]),
-        },
+        facts_of("this arch", lowest, 5),
+        facts_of("strongest segmentation", best_zero, blocks),
+        facts_of("this arch between abutments", confined, 5),
     ]
-    rows.append(
-        {
-            "part": "this arch between abutments",
-            "friction": FRICTION,
-            "tension": TENSION,
-            "shear": SHEAR,
-            "associative_N": confined.load_factor,
-            "zero_lowest_N": confined_zero.min(),
-            "zero_highest_N": confined_zero.max(),
-            "status": str(confined.status),
-            "blocks": 5,
-        }
-    )
+    zero, zero_best, zero_held = (row.extra for row in (lowest, best_zero, confined))
     published = [{"part": f"published, {name}", "associative_N": value} for name, value in PUBLISHED.items()]
     table = pd.concat([pd.DataFrame(rows), pd.DataFrame(published), moved], ignore_index=True)
     gain = best.load_factor / own.load_factor
@@ -185,26 +157,26 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
             f"With dilation λ = {own.load_factor:.1f} N per force ({3 * own.load_factor:.0f} N in all), beside 2153 N: "
             "of the same size, for the same reason. A cell face carries τA = 2000 N in shear, and "
             f"{_cracks(own)} faces crack in the mechanism.",
-            f"Without dilation the lowest solution found is {zero.min():.1f} N, {zero.min() / own.load_factor:.2f} of "
-            "the value with dilation, beside 1312/2153 = 0.61.",
+            f"Without dilation the lowest solution found is {zero['lowest_found']:.1f} N, "
+            f"{zero['lowest_found'] / own.load_factor:.2f} of the value with dilation, beside 1312/2153 = 0.61; "
+            f"{_proven(zero)}.",
         ),
         differs=(
             "None of this reproduces section 3.3: its layout, and whether λ is per force or in all, are not known.",
-            f"Without dilation, certified solutions reach from {zero.min():.0f} to {zero.max():.0f} N by start and "
-            "damping of the iteration: the arch is confined, and without dilation the thrust it starts with decides. "
+            f"Without dilation, certified solutions reach from {zero['lowest_found']:.0f} to "
+            f"{zero['highest_found']:.0f} N: the arch is confined, and the thrust that is there beforehand decides. "
             "One number without its start is not an answer; 1312 N can be no exception.",
-            f"Between rigid abutments the same five blocks carry {confined.load_factor:.0f} N with dilation, and "
-            f"without anything found between {confined_zero.min():.3g} and {confined_zero.max():.0f} N: only the "
-            "thrust "
-            "that is there beforehand holds them.",
+            f"Between rigid abutments the same five blocks carry {zero_held['associative_load_factor']:.0f} N with "
+            f"dilation, and without it anything from {zero_held['lowest_found']:.3g} to "
+            f"{zero_held['highest_found']:.0f} N was found: only the thrust that is there beforehand holds them.",
             "Two faces that shear at τA, less the weight of six cells, would give (4000 − 82)/3 = 1306 N: the crack "
-            "beside the bearings with next to no friction, which the lowest solutions come close to.",
+            "beside the bearings with next to no friction, which the lowest solution is.",
             f"Of {len(results)} classes of segmentations into blocks of {LIMITS[0]}–{LIMITS[1]} cells, "
             f"{int(counts.get('unstable', 0))} do not stand and {better} beat this arch. The strongest carries "
             f"{best.load_factor:.0f} N, {gain:.2f} times as much (associative friction, "
             f"{'every class solved: proven' if proven else 'not proven'}); with at most five blocks "
-            f"{five['load_factor']:.0f} N. Without dilation it was found between "
-            f"{zero_best.min():.0f} and {zero_best.max():.0f} N.",
+            f"{five['load_factor']:.0f} N. Without dilation it was found between {zero_best['lowest_found']:.0f} and "
+            f"{zero_best['highest_found']:.0f} N; {_proven(zero_best)}.",
         ),
         pictures={
             "": "Top: our layout, forces and mechanism with dilation, and the mechanism of the lowest one without. "

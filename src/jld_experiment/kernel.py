@@ -175,12 +175,12 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
 
     motion is changed in place. Returns the mean of λ, the largest out-of-balance force and the largest speed.
     """
-    force = np.empty(motion.velocity.shape)
+    force = np.empty_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
     for turn in range(steps):
         share = (turn + 1.0) / steps
         begin(bench, motion, force, drive, share)
-        if force.shape[1] == 3:
+        if motion.shear.shape[1] == 1:
             planar_forces(bench, motion, force)
         else:
             spatial_forces(bench, motion, force)

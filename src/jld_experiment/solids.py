@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
@@ -56,7 +58,7 @@ def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
 @compiled
 def dot(one: Floats, two: Floats) -> float:
     """one · two"""
-    return one[0] * two[0] + one[1] * two[1] + one[2] * two[2]
+    return float(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
 
 
 @compiled
@@ -80,7 +82,7 @@ def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
         ex, ey = x1 - x0, y1 - y0
         along = min(max(((x - x0) * ex + (y - y0) * ey) / (ex * ex + ey * ey), 0.0), 1.0)
         least = min(least, (x - x0 - along * ex) ** 2 + (y - y0 - along * ey) ** 2)
-    return 0.0 if within else np.sqrt(least)
+    return 0.0 if within else math.sqrt(least)
 
 
 @compiled
@@ -125,4 +127,4 @@ def angle_seen(point: Floats, triangle: Floats) -> float:
     volume = (
         x[0] * (y[1] * z[2] - y[2] * z[1]) + x[1] * (y[2] * z[0] - y[0] * z[2]) + x[2] * (y[0] * z[1] - y[1] * z[0])
     )
-    return np.arctan2(volume, lx * ly * lz + dot(x, y) * lz + dot(y, z) * lx + dot(z, x) * ly)
+    return math.atan2(volume, lx * ly * lz + dot(x, y) * lz + dot(y, z) * lx + dot(z, x) * ly)

@@ -31,7 +31,10 @@ PATIENT: Final = 600.0
 """Seconds of processor time from which products are tried on any number of faces."""
 
 _ENOUGH: Final = 2e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
-_SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1
+_SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1, and
+_MORE: Final = 1e-6  # the same where the bound is far yet: it costs λ, and the certificate is exact at once
+_FINER: Final = 0.1  # steps in which it goes back
+_FAR: Final = 1e-4  # distance of a bound from the lowest solution found, relative, up to which slack is what lacks
 _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
 _LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
 _STALL: Final = 0.05  # share of the distance that a sweep must win, else rows are added or the region is branched
@@ -163,17 +166,27 @@ class FloorSearch:
 
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
         """Relaxations of one region, each from the bound of the last; branches where they stall."""
-        name = "products" if depth == 0 else f"branch {depth}"
+        name, slack = "products" if depth == 0 else f"branch {depth}", _SLACK
         while not self._met(bounds.believed) and self._left > 0.0:
             low = bounds.believed
             statics = Statics(self.modes, low, self._above(low), held, self._size)
             region = Region(low, self._above(low), closed | statics.closed(), held)
-            relaxed = self._relaxed(region, pairs)
+            relaxed = self._relaxed(region, pairs, slack)
             if relaxed is None:
                 self.route.append(f"{name}: no answer")
                 return bounds
             self.route.append(name)
-            found = self._proven(region, relaxed) if bounds.proven >= low * (1.0 - tolerances.GAP) else -math.inf
+            certifies = self._reach is not None and bounds.proven >= low * (1.0 - tolerances.GAP)
+            if certifies and slack < _MORE and not self._near(relaxed.multipliers.bound):
+                # another step follows whatever this one proves
+                slack = _MORE
+                self.route.append("more slack")
+                continue
+            found = self._proven(region, relaxed, slack) if certifies else -math.inf
+            if certifies and found == -math.inf and slack < _MORE:
+                slack = min(slack / _FINER, _MORE)
+                self.route.append("more slack")
+                continue
             believed = -math.inf
             if relaxed.sure:
                 believed = min(relaxed.multipliers.bound, self.ceiling * (1.0 + tolerances.GAP)) - _TRUSTED * abs(
@@ -184,6 +197,10 @@ class FloorSearch:
             if self.offer is not None and depth == 0:
                 self.ceiling = min(self.ceiling, self.offer(relaxed.states))
             if gained > _STALL * (self.ceiling - low) or self._met(bounds.believed):
+                continue
+            if slack > _SLACK and self._near(bounds.believed):
+                slack = max(slack * _FINER, _SLACK)
+                self.route.append("less slack")
                 continue
             more = _worst(relaxed.violated, pairs)
             if more is not None:
@@ -206,22 +223,22 @@ class FloorSearch:
         touching = self._sweep(bounds, region.closed, region.held | one, pairs, depth + 1)
         return still.least(touching)
 
-    def _relaxed(self, region: Region, pairs: Bools) -> Relaxed | None:
+    def _near(self, bound: float) -> bool:
+        return bound >= self.ceiling - _FAR * max(abs(self.ceiling), _SLACK)
+
+    def _relaxed(self, region: Region, pairs: Bools, slack: float) -> Relaxed | None:
         assert self._size is not None
         self.programs += 1
-        slack = self._slack if self._reach is not None else 0.0
-        return relax(self.modes, region, self._size, pairs, slack, max(self._left, 1.0))
+        earned = slack * max(abs(self.ceiling), 1.0) if self._reach is not None else 0.0
+        return relax(self.modes, region, self._size, pairs, earned, max(self._left, 1.0))
 
-    @property
-    def _slack(self) -> float:
-        return _SLACK * max(abs(self.ceiling), 1.0)
-
-    def _proven(self, region: Region, relaxed: Relaxed) -> float:
-        if self._reach is None or self._size is None:
-            return -math.inf
-        return Certifier(self.modes, region, self._slack, self._size, self._reach).bound(
-            relaxed.multipliers, self.ceiling - _ENOUGH * abs(self.ceiling)
-        )
+    def _proven(self, region: Region, relaxed: Relaxed, slack: float) -> float:
+        assert self._reach is not None
+        assert self._size is not None
+        earned = slack * max(abs(self.ceiling), 1.0)
+        # what another step follows need not be proven with the least slack
+        enough = self.ceiling - _ENOUGH * abs(self.ceiling) if slack == _SLACK else -math.inf
+        return Certifier(self.modes, region, earned, self._size, self._reach).bound(relaxed.multipliers, enough)
 
 
 def _worst(violated: Bools, pairs: Bools) -> Bools | None:
