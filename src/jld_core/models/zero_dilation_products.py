@@ -117,7 +117,8 @@ def relax(
 ) -> Relaxed | None:
     """Solve the program of a region with the rows y_k z_l of given pairs (4m, 4m); None where the solver fails.
 
-    size: (3m + 2,) of Φ, see `Statics.size`: in the program forces are shares of it, and every row is of order one.
+    size: (3m + 2,) of Φ, see `Statics.size`: in the program forces are shares of it and λ of the way from low to high,
+    and every row is of order one, as is what is minimised, (λ − low) b_λ·u: of a narrow region, too, digits are left.
 
     slack: what each unit of `cost_of` earns; it leaves the multipliers room that the proof needs. The bound never
     exceeds region.high: beyond, an elastic b_λ·u = 1 gives way.
@@ -128,10 +129,11 @@ def relax(
     rates[abs(rates) < _NOTHING] = 0.0
     live, width = modes.live_rate @ basis, basis.shape[1]
     moving = np.flatnonzero(~region.closed)
-    facts = extended(modes, region) * size
+    unit, wide = _units(region, size), region.high - region.low
+    facts = extended(modes, region) @ unit
     largest = abs(facts).max(axis=1)
     facts /= largest[:, None]
-    statics = modes.statics * size
+    statics = modes.statics @ unit
     statics /= abs(statics).max(axis=1)[:, None]
     held = np.flatnonzero(region.held)
     asked = pairs & ~region.closed[None, :]
@@ -157,28 +159,35 @@ def relax(
     high = np.concatenate([np.zeros(sizes[0] + sizes[1]), np.full(sum(sizes[2:4]), np.inf), np.zeros(sizes[4]), [1.0]])
     high[-1 - sizes[4] : -1] = np.where(np.append(region.held, [False, False]), 0.0, np.inf)
     low[-1] = 1.0
-    load = np.zeros(columns)
-    load[-2] = 1.0
-    objective = size[:, None] * (np.outer(load, live) - slack * (cost_of(modes) @ basis))
+    above = np.zeros(columns)
+    above[-2:] = 1.0, -region.low
+    objective = unit.T @ (np.outer(above, live) - slack * (cost_of(modes) @ basis)) / wide
     positive = sp.csr_array(([1.0], ([0], [columns * width])), shape=(1, columns * width + 1))
     rows: Any = sp.vstack([sp.hstack([matrix, sp.csr_array(elastic)], format="csr"), positive], format="csc")
     answer = interior_point(
-        np.append(objective.ravel(), region.high), rows, np.append(low, 0.0), np.append(high, np.inf), seconds
+        np.append(objective.ravel(), 1.0), rows, np.append(low, 0.0), np.append(high, np.inf), seconds
     )
     usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
     if not usable or not answer.dual.any():
         return None
-    dual = np.split(answer.dual[:-1], np.cumsum(sizes)[:-1])
+    dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
     over = np.zeros((len(facts), count))
     over[zero_k, zero_l] = dual[1]
     over[row, mode] = np.maximum(dual[2], 0.0)
     over[count:, moving] = np.maximum(dual[3].reshape(3, len(moving)), 0.0)
     sign_free = np.append(region.held, [False, False])
     by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
-    multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], float(dual[5][0]))
-    x = size[:, None] * answer.point[:-1].reshape(columns, width)
+    multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], region.low + float(dual[5][0]))
+    x = unit @ answer.point[:-1].reshape(columns, width)
     states, z, y, violated = _read(modes, region, x, rates, live, asked)
     return Relaxed(multipliers, states, z, y, violated, answer.found)
+
+
+def _units(region: Region, size: Floats) -> Floats:
+    """(3m + 2, 3m + 2): (F, λ, 1) of forces as shares of the largest, λ as a share of the region, and 1."""
+    unit = np.diag(size)
+    unit[-2, -2:] = region.high - region.low, region.low
+    return unit
 
 
 def _read(
