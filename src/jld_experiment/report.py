@@ -87,9 +87,15 @@ def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
     return replace(result, mechanism=moved / scale)
 
 
-def draw_curve(ax: Axes, curve: Curve, load_factor: float, band: tuple[float, float] | None = None) -> None:
+def draw_curve(
+    ax: Axes,
+    curve: Curve,
+    load_factor: float,
+    band: tuple[float, float] | None = None,
+    proven: float | None = None,
+) -> None:
     """λ over the movement of the live loads in multiples of the elastic one at collapse; λ of limit analysis as a
-    line, and the band of zero-dilation answers where one is given."""
+    line, and where they are given the band of zero-dilation answers, and what is proven of its lower end."""
     unit = curve.reach * (curve.collapse_load or np.nan)
     if band is not None:
         low, high = band
@@ -97,6 +103,8 @@ def draw_curve(ax: Axes, curve: Curve, load_factor: float, band: tuple[float, fl
         ax.axhspan(
             low, max(high, low * 1.004), facecolor="#FBE3B5", edgecolor="#C9A55A", hatch="///", lw=0.6, label=name
         )
+    if proven is not None:
+        ax.axhline(proven, color=PUSHED, lw=1.1, ls=(0, (1, 1.5)), label=f"proven, none below: {proven:.5g}")
     if len(curve.distance):
         ax.plot(
             curve.faster[:, 0] / unit, curve.faster[:, 1], color=FASTER, lw=1.0, ls=(0, (4, 2)), label="faster push"
@@ -122,15 +130,20 @@ def draw_curve(ax: Axes, curve: Curve, load_factor: float, band: tuple[float, fl
         ax.spines[side].set_visible(False)
 
 
-def figure_of(curve: Curve, result: LimitAnalysisResult, band: tuple[float, float] | None = None) -> Figure:
+def figure_of(
+    curve: Curve,
+    result: LimitAnalysisResult,
+    band: tuple[float, float] | None = None,
+    proven: float | None = None,
+) -> Figure:
     """The curve, how the experiment ended, and the mechanism of limit analysis, side by side.
 
-    result: of the same assembly and labels. band: lowest and highest zero-dilation answer, for the picture.
+    result: of the same assembly and labels. band: lowest and highest zero-dilation answer. proven: none lies below it.
     """
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 3, width_ratios=(1.15, 1.0, 1.0))
-    draw_curve(axes[0], curve, result.load_factor, band)
+    draw_curve(axes[0], curve, result.load_factor, band, proven)
     titles = ("end of the experiment", "mechanism of limit analysis")
     for ax, shown, title in zip(axes[1:], (end_state(curve, result), result), titles, strict=True):
         draw_mechanism(ax, shown)
