@@ -23,7 +23,7 @@ from jld_explore.space import from_string
 from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, main, without_legend, write
 
 NAME: Final = "brittle_front"
-MOST: Final = 2000
+MOST: Final = 200
 """Experiments for each number of dry joints, at the most."""
 
 
