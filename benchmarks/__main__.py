@@ -21,6 +21,7 @@ BENCHMARKS: Final = (
     "refuting",
     "certified",
     "trust_trials",
+    "reach",
     "spared",
     "drivers",
     "convergence",

@@ -7,10 +7,9 @@ whose λ is below what another has carried needs no experiment.
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +18,8 @@ import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.files import whole_file
 from jld_core.limit import SolveOptions, Status
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
@@ -52,7 +53,12 @@ class Experiments:
     def __post_init__(self) -> None:
         path = self.folder / FILE
         if path.exists():
-            table = pd.read_csv(path, dtype={"labelling": str})
+            try:
+                table = pd.read_csv(path, dtype={"labelling": str})[list(COLUMNS)]
+            except (KeyError, ValueError) as error:
+                raise InputError(
+                    str(path), f"it is damaged ({str(error).splitlines()[0]})", "a file as jld explore left it, or none"
+                ) from None
             self.rows = {str(row["labelling"]): {str(k): v for k, v in row.items()} for row in table.to_dict("records")}
 
     @property
@@ -183,9 +189,8 @@ def add_experiments(
         search_by_experiment(experiments, done, space, objective[0], count, objective[1])
     found = with_experiments(done, experiments, objective is not None)
     write_text(done.folder / "results.csv", csv_of(found.results))
-    fresh = done.folder / "results.parquet.new"
-    found.results.to_parquet(fresh, index=False)
-    os.replace(fresh, done.folder / "results.parquet")
+    with whole_file(done.folder / "results.parquet") as fresh:
+        found.results.to_parquet(fresh, index=False)
     write_text(done.folder / "summary.json", json.dumps(found.summary, indent=1))
     return found
 
@@ -212,4 +217,4 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
         "searched": objective,
     }
     summary = {**done.summary, "experiment": facts}
-    return Exploration(done.scene, done.assembly, results, done.front, summary, done.folder, done.stop_reason)
+    return replace(done, results=results, summary=summary)

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
-from jld_explore.drivers import DRIVERS, Driver, Exact, certify, check_certifiable, make_driver, size_up_to
+from jld_explore.drivers import (
+    DRIVERS,
+    Driver,
+    Exact,
+    bound_of_all,
+    certify,
+    check_certifiable,
+    driver_for,
+    make_driver,
+    size_up_to,
+)
 from jld_explore.evaluation import Records
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import ExploreSettings, Progress, StopReason, Study
+
+DRAWING: Final = 2.5
+"""Seconds after a time limit in which pictures are begun: what is drawn later would end later than was promised."""
 
 
 @one_thread()
@@ -35,6 +50,7 @@ def explore(
     settings. Raises InputError for a folder or a search that cannot be used; Interrupted after writing
     the tables of what was finished.
     """
+    started = time.perf_counter()
     settings = settings or ExploreSettings()
     check_folder(folder, settings.resume)
     assembly = build_assembly(scene)
@@ -65,7 +81,7 @@ def explore(
         check_certifiable(chosen, settings.model)
         if settings.by_experiment:
             raise InputError("--certificate", "an experiment is no proof", "--objective associative")
-    study = Study(scene, assembly, space, chosen, folder, settings, total=total, report=report)
+    study = Study(scene, assembly, space, chosen, folder, settings, total=total, report=report, started=started)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     try:
         reason = study.run()
@@ -73,6 +89,7 @@ def explore(
         # a signal may come between the disk and the memory: what is on disk is what was finished
         study.records.close()
         study.records = Records(folder, study.header, len(assembly.interfaces), len(assembly.cases))
+        _bound_all(study)
         study.records.close()
         write_tables(study, StopReason.INTERRUPTED)
         raise
@@ -83,6 +100,10 @@ def explore(
         if not any(folder.iterdir()):
             folder.rmdir()
         raise _nothing_to_search()
+    if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
+        study.records = Records(folder, study.header, len(assembly.interfaces), len(assembly.cases))
+        _bound_all(study)
+        study.records.close()
     done = write_tables(study, reason)
     if settings.certificate is not None and isinstance(chosen, Exact):
         best, load = done.summary["best_labelling"], done.summary["best"]
@@ -93,9 +114,19 @@ def explore(
         objective = (settings.model, settings.seed) if settings.by_experiment else None
         done = add_experiments(done, space, experiments, settings.experiment or DEFAULT, objective)
     if settings.pictures:
-        write_pictures(done)
-        write_report(done)
+        # what is drawn late is drawn in vain where an end was promised
+        late = None if settings.seconds is None else started + settings.seconds + DRAWING
+        missing = [] if write_report(done, until=late) else ["report.html"]
+        missing += write_pictures(done, until=late)[1]
+        if missing and announce is not None:
+            announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {folder} draws them")
     return done
+
+
+def _bound_all(study: Study) -> None:
+    """Put a bound on all labellings on record, where none is known yet."""
+    if study.bound is None:
+        study.keep_bound(bound_of_all(study.space, study.settings.model))
 
 
 def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[Driver, int | None]:
@@ -111,8 +142,11 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[Driver
         raise _nothing_to_search()
     if isinstance(wanted, Driver):
         return wanted, known
-    name = wanted or ("enumeration" if known is not None else "genetic")
-    return make_driver(name, space, settings.seed, **settings.options), known
+    if wanted is None:
+        many = settings.by_experiment or settings.experiment is not None
+        chosen = driver_for(space, settings.seed, settings.model, known, settings.options, many=many)
+        return chosen, known
+    return make_driver(wanted, space, settings.seed, **settings.options), known
 
 
 def _nothing_to_search() -> InputError:

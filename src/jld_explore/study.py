@@ -113,8 +113,9 @@ class Study:
     """One search over labellings of a scene.
 
     scene, assembly, space, driver: they belong together. total: classes there are, where that is known. report: called
-    after every batch. make: makes what evaluates labellings in each worker. The same scene, driver, seed and budget
-    give the same rows on record whatever `jobs` is.
+    after every batch. make: makes what evaluates labellings in each worker. started: when its time began, as
+    `time.perf_counter` counts; default now. The same scene, driver, seed and budget give the same rows on record
+    whatever `jobs` is.
     """
 
     def __init__(
@@ -129,12 +130,13 @@ class Study:
         total: int | None = None,
         report: Callable[[Progress], None] | None = None,
         make: MakeEvaluator = evaluator_of,
+        started: float | None = None,
     ) -> None:
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
         self._make = make
         self.certificates = self.settings.certificates and self.settings.model.modular
-        self.started = time.perf_counter()
+        self.started = time.perf_counter() if started is None else started
         self.evaluated = self.asked = self.solved = 0
         self._best = np.nan
         self.records = Records(folder, self.header, len(assembly.interfaces), len(assembly.cases))
@@ -159,6 +161,22 @@ class Study:
     def elapsed(self) -> float:
         """Seconds since the study began."""
         return time.perf_counter() - self.started
+
+    @property
+    def bound(self) -> float | None:
+        """The best proven upper bound on λ over the whole space, scene units, of this run and of those before it."""
+        known = [bound for bound in (self.driver.bound, self.records.bound) if bound is not None]
+        return min(known, default=None)
+
+    @property
+    def finite(self) -> bool:
+        """Whether the driver comes to an end that is worth waiting for, with a proof."""
+        return self.driver.modular or (self.driver.exhaustive and self.total is not None)
+
+    def keep_bound(self, bound: float | None) -> None:
+        """Put a proven upper bound over the whole space on record, for runs that go on with this one."""
+        if bound is not None:
+            self.records.keep_bound(bound)
 
     def run(self) -> StopReason:
         """Search until the space, the budget or the time is used up; Interrupted passes through."""
@@ -221,7 +239,10 @@ class Study:
             self.solved = recorded.solved
             workers.close()
             driver.close()
-            self.records.close()
+            try:
+                self.keep_bound(driver.bound)
+            finally:
+                self.records.close()
 
     def _reason(self, dry: bool) -> StopReason:
         """Why nothing is asked or waited for any more."""
@@ -246,8 +267,9 @@ class Study:
         self.evaluated += len(evaluations)
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
+        self.keep_bound(self.driver.bound)
         if self.report is not None:
-            bound = np.nan if self.driver.bound is None else self.driver.bound
+            bound = np.nan if self.bound is None else self.bound
             budget, total = self.settings.budget, self.total
             total = total if budget is None else min(budget, total or budget)
             self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound))

@@ -44,6 +44,7 @@ ORDER = [
         "jld_core.shown",
         "jld_core.arrays",
         "jld_core.errors",
+        "jld_core.files",
         "jld_core.tolerances",
         "jld_core.threads",
         "jld_core._version",

@@ -15,6 +15,7 @@ from jld_core.exchange.facts import element_keys, facts_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.libraries import library
 from jld_core.exchange.read_dxf import FACTS
+from jld_core.files import printable
 from jld_core.geometry import polygons
 
 _UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}
@@ -101,7 +102,7 @@ def _inside(outline: Floats) -> tuple[float, float]:
 def _text(space: Any, words: str, at: tuple[float, float], height: float, layer: str) -> None:
     """A text with its middle at a place."""
     look = {"layer": layer, "height": height, "insert": at, "align_point": at, "halign": 4}
-    space.add_text(words, dxfattribs=look)
+    space.add_text(printable(words).replace("\n", " "), dxfattribs=look)
 
 
 def _dimensions(layout: Layout, space: Any, height: float) -> None:
@@ -117,6 +118,10 @@ def _dimensions(layout: Layout, space: Any, height: float) -> None:
     away = 9.0 * height
     space.add_linear_dim(base=(x0, y1 + away), p1=(x0, y1), p2=(x1, y1), **look).render()
     space.add_linear_dim(base=(x0 - 0.5 * away, y0), p1=(x0, y0), p2=(x0, y1), angle=90, **look).render()
+
+
+def _escaped(text: str) -> str:
+    return escape(printable(text), quote=True)
 
 
 def svg_text(layout: Layout) -> str:
@@ -137,11 +142,11 @@ def svg_text(layout: Layout) -> str:
 
     groups: dict[str, list[str]] = {}
     for k, block in enumerate(layout.blocks):
-        name = escape(block.name, quote=True)
+        name = _escaped(block.name)
         if block.support:
             for element in block.elements:
                 layer = "supports" if elements.support[element] else f"shape {block.shape}"
-                own = escape(elements.ids[element], quote=True)
+                own = _escaped(elements.ids[element])
                 outline = ring(elements.shape[element])
                 groups.setdefault(layer, []).append(f'<path data-name="{own}" d="{outline}"/>')
             continue
@@ -154,7 +159,7 @@ def svg_text(layout: Layout) -> str:
         groups.setdefault(layer, []).append(f'<path d="M {x0!r},{-y0!r} L {x1!r},{-y1!r}"/>')
     for name, shape in zip(elements.ids, elements.shape, strict=True):
         x, y = _inside(shape)
-        groups.setdefault("ids", []).append(f'<text x="{x!r}" y="{-y!r}">{escape(name)}</text>')
+        groups.setdefault("ids", []).append(f'<text x="{x!r}" y="{-y!r}">{_escaped(name)}</text>')
     tall = 0.12 * float(np.median(np.sqrt(np.abs([polygons.area(s[None])[0] for s in elements.shape]))))
     looks = {
         "supports": f'fill="#c9c9c9" stroke="#555" stroke-width="{line:.6g}"',
@@ -168,4 +173,4 @@ def svg_text(layout: Layout) -> str:
         for layer, parts in sorted(groups.items(), key=lambda item: (item[0] in looks, item[0] == "ids"))
     ]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{v:.9g}" for v in box)}" width="800">'
-    return "\n".join([head, f"<title>{escape(layout.assembly.name)}</title>", *body, "</svg>"]) + "\n"
+    return "\n".join([head, f"<title>{_escaped(layout.assembly.name)}</title>", *body, "</svg>"]) + "\n"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +14,7 @@ from jld_core.exchange.write_compas import compas_text
 from jld_core.exchange.write_drawing import svg_text, write_dxf
 from jld_core.exchange.write_mesh import obj_text, ply_text, stl_text
 from jld_core.exchange.write_vtk import write_vtk
+from jld_core.files import whole_file
 
 FORMATS: Final = {
     "dxf": ".dxf",
@@ -43,8 +43,7 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
         raise InputError("--format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
     if cells and kind not in ("obj", "stl", "ply", "compas"):
         raise InputError("--cells", f"{kind} draws blocks and the faces inside them", "obj, stl, ply or compas")
-    fresh = path.with_name(path.name + ".new")
-    try:
+    with whole_file(path) as fresh:
         if kind == "dxf":
             write_dxf(layout, fresh)
         elif kind == "vtk":
@@ -59,9 +58,6 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
                 "svg": lambda: svg_text(layout),
             }[kind]()
             fresh.write_text(text, encoding="utf-8")
-        os.replace(fresh, path)
-    finally:
-        fresh.unlink(missing_ok=True)
     return path
 
 

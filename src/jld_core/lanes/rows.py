@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -10,10 +11,14 @@ from jld_core.arrays import Floats
 from jld_core.mechanics import RowPattern, Rows
 from jld_core.program import Template
 
+LARGEST: Final = 3000
+"""Faces above which one labelling alone is a long solve, and a solver made for large ones is the quicker."""
+
 
 def fits(template: Template, undecided: Rows | None = None) -> bool:
-    """Whether the kernel knows rows of this shape; undecided: rows of a third label, see `rows_of`."""
-    return rows_of(template, undecided) is not None
+    """Whether the kernel knows rows of this shape and the structure is small enough for it; undecided: rows of a third
+    label, see `rows_of`."""
+    return len(template.assembly.interfaces) <= LARGEST and rows_of(template, undecided) is not None
 
 
 @dataclass(frozen=True)

@@ -243,5 +243,7 @@ def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
 
 
 def load_floor(assembly: Assembly) -> float:
-    """1e-3 · total weight / total live load, in scene units of λ."""
-    return tolerances.GAP_FLOOR * assembly.total_dead / assembly.total_live
+    """1e-3 · total weight / total live load, in scene units of λ; of several load cases the least, over what is
+    required of each."""
+    each = zip(assembly.by_case, assembly.required.tolist(), strict=True)
+    return float(min(tolerances.GAP_FLOOR * case.total_dead / case.total_live / required for case, required in each))

@@ -27,7 +27,9 @@ def load_scene(path: str | Path) -> Scene:
     except UnicodeDecodeError:
         raise InputError(str(path), "it is not UTF-8 text", "a JSON document in UTF-8") from None
     try:
-        document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twins)
+        document = json.loads(
+            text, parse_float=_float, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twins
+        )
     except json.JSONDecodeError as error:
         what = error.msg.removesuffix(" at").lower()
         problem = (
@@ -63,6 +65,13 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
 
 def _refuse_constant(name: str) -> float:
     raise InputError("", f"it holds the number {name}", "finite numbers only")
+
+
+def _float(text: str) -> float:
+    value = float(text)
+    if value == 0.0 and text.lower().partition("e")[0].strip("-0."):  # too small for a double, and no zero
+        raise InputError("", f"it holds the number {text[:24]}", _NUMBERS)
+    return value
 
 
 def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from matplotlib.animation import FFMpegWriter, PillowWriter
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult
 from jld_core.views.figures import draw_mechanism, figure_of_mechanism
+from jld_core.views.writing import as_written
 
 FRAMES: Final = 24
 """Pictures from rest to the drawn displacement and back: the other way blocks would pass through one another."""
@@ -37,4 +38,5 @@ def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
         for k in range(FRAMES):
             ax.clear()
             draw_mechanism(ax, result, share=float(0.5 - 0.5 * np.cos(2.0 * np.pi * k / FRAMES)))
-            writer.grab_frame()
+            with as_written(figure):
+                writer.grab_frame()

@@ -124,8 +124,9 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
     if bare or assembly.dimension == 3:
         ax.set_axis_off()
         return
-    ax.set_xlabel(f"x [{assembly.units[0]}]", fontsize=9, labelpad=2.0)
-    ax.set_ylabel(f"y [{assembly.units[0]}]", fontsize=9, labelpad=4.0)
+    # a lone dollar sign in a unit would begin a formula
+    ax.set_xlabel(f"x [{assembly.units[0]}]", fontsize=9, labelpad=2.0, parse_math=False)
+    ax.set_ylabel(f"y [{assembly.units[0]}]", fontsize=9, labelpad=4.0, parse_math=False)
     ax.tick_params(labelsize=8)
     ax.locator_params(nbins=6, min_n_ticks=2)
     for side in ("top", "right"):
@@ -146,7 +147,7 @@ def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
         x, y = foot + tip * (1.0 + 0.035 * size / reach)
         ax.text(x, y, name, fontsize=8, va="center", **text)
     note = f"each {length:g} {assembly.units[0]}"
-    ax.text(foot[0], foot[1] - 0.05 * size, note, fontsize=7, va="top", **text)
+    ax.text(foot[0], foot[1] - 0.05 * size, note, fontsize=7, va="top", parse_math=False, **text)
     return np.array([foot[0] - 0.08 * size, min(lower[1], foot[1] - 0.08 * size)])
 
 
@@ -159,7 +160,9 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
     columns = int(np.clip(ax.bbox.width / figure.dpi / 2.0, 2, 5))
     size: dict[str, Any] = {"fontsize": FONT, "handlelength": 2.2, "columnspacing": 1.2, "labelspacing": 0.5}
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.0}
-    ax.legend(handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **place, **size)
+    box = ax.legend(handles=handles, bbox_transform=ax.transAxes + shift, ncols=columns, frameon=False, **place, **size)
+    for text in box.get_texts():
+        text.set_parse_math(False)
 
 
 def _below(ax: Axes) -> float:

@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
 from jld_core.views import annotations as furniture
 from jld_core.views import quantities as marks
@@ -36,7 +37,7 @@ from jld_core.views.structure import (
     paint,
     projection_of,
 )
-from jld_core.views.writing import write_forces, write_ids, write_loads
+from jld_core.views.writing import as_written, write_forces, write_ids, write_loads
 
 FADED: Final = HATCH
 NO_MECHANISM: Final = {
@@ -353,14 +354,14 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     undated: dict[str, dict[str, Any]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     if ending not in undated:
         raise InputError(str(path), f"{ending!r} is no ending of a picture", "a name ending in .png, .svg or .pdf")
-    with mpl.rc_context({"svg.hashsalt": "jld"}):
-        figure.savefig(path, format=ending[1:], metadata=undated[ending])
+    with mpl.rc_context({"svg.hashsalt": "jld"}), as_written(figure), whole_file(Path(path)) as fresh:
+        figure.savefig(fresh, format=ending[1:], metadata=undated[ending])
 
 
 def svg_of(figure: Figure) -> str:
     """A figure as SVG text from its opening tag on, fit for `_repr_html_`; equal figures give equal text."""
     buffer = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": "jld"}):
+    with mpl.rc_context({"svg.hashsalt": "jld"}), as_written(figure):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
     return text[text.index("<svg") :]

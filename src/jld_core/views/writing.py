@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Tick
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
 
 from jld_core.assembly import Assembly
+from jld_core.files import printable
 from jld_core.limit import LimitAnalysisResult
 from jld_core.views import quantities as marks
 from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
 from jld_core.views.structure import element_points, extent, projection_of
 
 _HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
+
+
+@contextmanager
+def as_written(figure: Figure) -> Iterator[None]:
+    """While a figure is drawn: names and units stand in it as they are. No dollar sign in them begins a formula, what
+    cannot be printed is a blank, and letters that the font lacks are boxes of which nobody is warned."""
+    ticks = {id(text) for tick in figure.findobj(Tick) for text in tick.findobj(Text)}  # numbers, of our own making
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and id(text) not in ticks:
+            text.set_parse_math(False)
+            text.set_text(printable(text.get_text()))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from", category=UserWarning)
+        yield
 
 
 def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:

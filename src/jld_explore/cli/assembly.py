@@ -25,9 +25,7 @@ def assembly(
     source: Annotated[
         Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
     ],
-    rank: Annotated[
-        int | None, typer.Option(min=1, help="Layout of the folder, by its rank; default: the best.")
-    ] = None,
+    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
     wish: Annotated[
         Wish, typer.Option(help="Any order by translations, or one whose every stage stands.")
     ] = Wish.TRANSLATION,

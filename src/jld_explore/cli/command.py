@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import inspect
-import itertools
 import json
 import os
-import re
-import signal
 import sys
-import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NoReturn, get_type_hints
+from typing import Annotated, Any, Final, Literal, get_type_hints
 
 import typer
 from typer.core import TyperGroup
@@ -31,6 +27,7 @@ from jld_core.tolerances import GAP
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
+from jld_explore.cli.ending import STOPPED, UNCERTIFIED, complain, raise_on_signals, say, usage_of
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.progress import ProgressBar
@@ -46,7 +43,6 @@ from jld_explore.report import (
 from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Interrupted
 
-INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
 _JOBS = 16  # worker processes per core at the most
 
 # typer brings a click of its own in some versions; its own exceptions say which one is in force
@@ -149,7 +145,7 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
 @app.command()
 def solve(
     scene: Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)],
-    rank: Annotated[int | None, typer.Option(min=1, help="Which layout of a folder; default the strongest.")] = None,
+    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
     friction: Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")] = "associative",
     range_: Annotated[
         bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
@@ -242,7 +238,7 @@ def explore_command(
     scene: SceneFile,
     out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
     driver: Annotated[
-        str | None, typer.Option(help="Search driver; default: enumeration where the space is small.")
+        str | None, typer.Option(help="Search driver; default: one that proves where the proof is in reach.")
     ] = None,
     objective: Annotated[
         Objective,
@@ -288,7 +284,7 @@ def explore_command(
             raise InputError("--certificate", f"{certificate} is a folder", "a file")
     if jobs is not None and jobs > most:
         raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
-    _raise_on_signals()
+    raise_on_signals()
     settings = ExploreSettings(
         driver=driver,
         model=SolveOptions(
@@ -366,52 +362,22 @@ def _top(
     pass
 
 
-def _raise_on_signals() -> None:
-    def stop(number: int, frame: object) -> NoReturn:
-        raise Interrupted
-
-    # tasks given up at the end of a run are no news
-    warnings.filterwarnings("ignore", message=r"\d+ tasks which were still", module="joblib")
-    signal.signal(signal.SIGINT, stop)
-    signal.signal(signal.SIGTERM, stop)
-
-
 def main() -> None:
     """Entry point: one clear line and an exit code for whatever goes wrong."""
     try:
         code = app(standalone_mode=False)
     except InputError as error:
-        _complain(str(error))
+        complain(str(error))
     except _UsageError as error:
-        _complain(_usage(error.format_message()))
+        complain(usage_of(error.format_message()))
     except OSError as error:
         # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
         path = error.filename or "a file"
-        _complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
+        complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
     except (Interrupted, KeyboardInterrupt, typer.Abort):
-        sys.stderr.write("stopped; everything finished is on disk, go on with --resume\n")
+        say("stopped; everything finished is on disk, go on with --resume")
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _usage(message: str) -> str:
-    """One line for a command line that cannot be parsed: option, what was given, what is expected."""
-    text = " ".join(message.split()).rstrip(".")
-    found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
-    if found is None:
-        return f"{text}; expected what jld --help lists"
-    option, wish = found.groups()
-    wish = wish.partition(", unable to parse")[0].replace("a valid number", "a number")
-    wish = re.sub("^.* is not one of ", "one of ", wish)
-    wish = re.sub("^(greater|less) than", r"a number \1 than", wish).replace("a valid integer", "a whole number")
-    given = [b for a, b in itertools.pairwise(sys.argv) if a == option]
-    given += [a.partition("=")[2] for a in sys.argv if a.startswith(f"{option}=")]
-    return f"{option}: {given[0] if given else 'the value'!r} is wrong; expected {wish}"
-
-
-def _complain(line: str) -> NoReturn:
-    sys.stderr.write(f"jld: {line}\n")
-    sys.exit(INPUT)
 
 
 if __name__ == "__main__":

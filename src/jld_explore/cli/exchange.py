@@ -85,7 +85,7 @@ def export_command(
     ],
     kind: Annotated[Format, typer.Option("--format", help="Kind of file.", show_default=False)],
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
-    rank: Annotated[int | None, typer.Option(min=1, help="Which layout of a folder; default the strongest.")] = None,
+    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
     cells: Annotated[
         bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas).")
     ] = False,

@@ -42,7 +42,7 @@ def experiment(
     source: Annotated[
         Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
     ],
-    rank: Annotated[int | None, typer.Option(min=1, help="Which layout of a folder; default the strongest.")] = None,
+    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
     dilation: Annotated[
         str, typer.Option(help="Opening of dry joints as they slide: 0, friction (associative), or a tangent.")
     ] = "0",

@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+import pandas as pd
+
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
-from jld_explore.report import read_folder
+from jld_explore.report import Exploration, read_folder
 
 _MOST: Final = 6
 
@@ -30,7 +33,7 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
             raise error.within(str(source)) from None
         return scene, assembly, assembly.labels
     done = read_folder(source)
-    return done.scene, done.assembly, done.layout(rank or 1).labels
+    return done.scene, done.assembly, done.layout(rank).labels
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
@@ -55,8 +58,20 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
 
     counts = [sum(1 for block in done.layout(rank).blocks if block.cells) for rank in ranks]
     titles = [
-        f"rank {rank}: λ = {result.load_factor:.5g}, {count} block{'s' if count != 1 else ''}"
+        f"{_named(done, rank)}: {_value(result)}, {count} block{'s' if count != 1 else ''}"
         for rank, result, count in zip(ranks, results, counts, strict=True)
     ]
     figures.save_figure(figures.figure_of_layouts(results, titles), target)
     return target
+
+
+def _named(done: Exploration, number: int) -> str:
+    """A row of the results by its rank, and by its number where others share that, or it has none."""
+    rank = done.row(number)["rank"]
+    if pd.isna(rank):
+        return f"row {number}"
+    return f"rank {rank}" + (f", row {number}" if (done.results["rank"] == rank).sum() > 1 else "")
+
+
+def _value(result: LimitAnalysisResult) -> str:
+    return f"λ = {result.load_factor:.5g}" if result.status is Status.COLLAPSE else str(result.status)

@@ -23,7 +23,7 @@ COMMANDS: Final = {
 
 DRIVERS: Final = {
     "enumeration": "every layout once; the best is proven. Default where the space is small",
-    "exact": "proves the best of spaces far too large to enumerate",
+    "exact": "proves the best of spaces far too large to enumerate. Default where that is in reach",
     "genetic": "good layouts of large scenes, and fronts. Default elsewhere",
     "random": "a baseline",
     "hillclimb": "a baseline",

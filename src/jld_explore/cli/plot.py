@@ -36,7 +36,7 @@ def plot_command(
     ],
     out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
     kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
-    rank: Annotated[str | None, typer.Option(help="Layouts of a folder, side by side: 1,4.")] = None,
+    rank: Annotated[str | None, typer.Option(help="Rows of a folder's results.csv, side by side: 1,4.")] = None,
     ids: Annotated[bool, typer.Option("--ids", help="Write the ids of elements (scene).")] = False,
     values: Annotated[bool, typer.Option("--values", help="Write the values of live loads (scene).")] = False,
 ) -> None:
@@ -52,7 +52,12 @@ def plot_command(
         done = read_folder(source)
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
-        for path in [write_report(done, out)] if kind is Picture.HTML else write_pictures(done, str(kind), out):
+        if kind is Picture.HTML:
+            page = write_report(done, out)
+            written = [] if page is None else [page]
+        else:
+            written = write_pictures(done, str(kind), out)[0]
+        for path in written:
             _say(path)
     else:
         _say(_of_scene(source, out, str(kind), ids, values))

@@ -2,6 +2,7 @@
 
 - `DRIVERS`: drivers by name
 - `MEMORY`: labellings the surrogate learns from
+- `REACH`: faces up to which the exact driver is taken unasked
 - `Anneal`: chains that follow mechanisms, ever colder
 - `BufferedRandom`: random choices, drawn in blocks
 - `Conflict`: labels that no labelling worth finding has together
@@ -18,18 +19,22 @@
 - `Tally`: labellings and classes of a space
 - `certify`: write the proof of a bound as a file that others can check
 - `check_certifiable`: refuse a proof that has no certificate
+- `bound_of_all`: λ that no labelling of a space exceeds
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
+- `driver_for`: the driver where none is named
 - `make_driver`: a driver by its name
 - `operators`: how labellings of a space are changed
 - `owners`: the drivers that take an option
 - `possible_blocks`: the possible blocks of a space
 - `size_up_to`: the number of classes, if soon found
+- `what_would_prove`: one line on what is left to prove
 """
 
 from __future__ import annotations
 
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver, DriverOptions
+from jld_explore.drivers.choice import REACH, bound_of_all, driver_for, what_would_prove
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
 from jld_explore.drivers.exact import (
     Conflict,
@@ -50,6 +55,7 @@ from jld_explore.drivers.surrogate import MEMORY, Surrogate
 __all__ = [
     "DRIVERS",
     "MEMORY",
+    "REACH",
     "Anneal",
     "BufferedRandom",
     "Conflict",
@@ -64,12 +70,15 @@ __all__ = [
     "Segmentations",
     "Surrogate",
     "Tally",
+    "bound_of_all",
     "certify",
     "check_certifiable",
     "conflict_of",
+    "driver_for",
     "make_driver",
     "operators",
     "owners",
     "possible_blocks",
     "size_up_to",
+    "what_would_prove",
 ]

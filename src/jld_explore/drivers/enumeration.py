@@ -148,6 +148,8 @@ class Enumeration(Driver):
         work: frontiers looked at before giving up, which is None too: a space that hides few labellings
         behind many dead ends is not a small one.
         """
+        if len(self._faces) >= work:  # the first labelling is a frontier for each face away
+            return None
         classes = 0
         for looked, rows in enumerate(self._walk()):
             if rows is not None:

@@ -43,6 +43,11 @@ fifteen times as long for each (58 ms against 4 with 17 faces), which is more th
 _NEEDS: Final = {"cmaes": "cmaes", "gp": "torch"}
 """Packages that some samplers need and that are not among our own requirements."""
 
+_SEEDS: Final = 2**32
+
+_ODD: Final = (ValueError, KeyError, TypeError, AttributeError)
+"""What the library raises for a journal that is none of its own."""
+
 _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
 """Samplers that cannot propose keys without being told more than a seed."""
 
@@ -75,6 +80,8 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
         problem = f"{known[plain(name)]} needs the package {needed}, which is not installed"
         raise InputError("--sampler", problem, "another sampler, or that package")
     kind: Any = getattr(optuna.samplers, known[plain(name)] + "Sampler")
+    if seed >= _SEEDS:  # more than the library's generators take
+        seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
     sampler: optuna.samplers.BaseSampler = kind(seed=seed)
     return known[plain(name)], sampler
 
@@ -212,18 +219,30 @@ class Copy:
 
     def open(self, title: str, file: Path) -> None:
         """Begin to copy. title: of the study in the storage. file: where no other storage was named."""
-        import optuna
         from sqlalchemy.exc import SQLAlchemyError
 
-        if self._storage is None:
-            self._storage = _journal(file)
+        if self._storage is not None:
+            try:
+                self._begin(title)
+            except SQLAlchemyError as error:
+                raise _unusable(title, error) from None
+            return
         try:
-            self._study = optuna.create_study(
-                storage=self._storage, study_name=title, directions=self._directions, load_if_exists=True
-            )
-            self._there = len(self._study.get_trials(deepcopy=False))
-        except SQLAlchemyError as error:
-            raise _unusable(title, error) from None
+            self._storage = _journal(file)
+            self._begin(title)
+        except _ODD:
+            # a copy that is damaged is written again, since to resume is to replay
+            file.unlink()
+            self._storage = _journal(file)
+            self._begin(title)
+
+    def _begin(self, title: str) -> None:
+        import optuna
+
+        self._study = optuna.create_study(
+            storage=self._storage, study_name=title, directions=self._directions, load_if_exists=True
+        )
+        self._there = len(self._study.get_trials(deepcopy=False))
 
     def add(self, trial: FrozenTrial, attributes: dict[str, Any]) -> None:
         """Take a trial to be written."""
@@ -256,7 +275,7 @@ def _storage(url: str) -> Any:
 def _journal(file: Path) -> Any:
     """The journal in the folder of a study, which nobody else writes to: the study's lock sees to that.
 
-    What a killed run left of a line, and its lock, are removed. Raises InputError for a damaged journal.
+    What a killed run left of a line, and its lock, are removed. Raises one of _ODD for a damaged journal.
     """
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
@@ -267,12 +286,7 @@ def _journal(file: Path) -> Any:
         if not whole.endswith(b"\n"):
             with file.open("r+b") as torn:
                 torn.truncate(whole.rfind(b"\n") + 1)
-    try:
-        return JournalStorage(JournalFileBackend(str(file), JournalFileOpenLock(str(file))))
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise InputError(
-            str(file), "it is damaged", "the journal of this study; without it, it is written again when resumed"
-        ) from None
+    return JournalStorage(JournalFileBackend(str(file), JournalFileOpenLock(str(file))))
 
 
 def _unusable(url: str, error: Exception) -> InputError:

@@ -44,6 +44,7 @@ _STATUSES: Final = tuple(Status)
 _SETTLED: Final = (SOLVE, CERTIFICATE, BOUND)
 _NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
 _FORMAT: Final = 2
+_BOUND: Final = "bound"
 
 _TABLES: Final = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
@@ -88,6 +89,7 @@ class Records:
         self._count = 0
         self._index: dict[bytes, int] = {}
         self._synced = time.monotonic()
+        self.bound: float | None = None
         folder.mkdir(parents=True, exist_ok=True)
         wanted = {"jld": "records", "format": _FORMAT, "faces": faces, **header}
         self._file: Any = None
@@ -117,6 +119,7 @@ class Records:
         if not names >= {"meta", "evaluations", "proofs", "conflicts"}:
             raise self._damaged("it holds other tables")
         found = {key: _parsed(value) for key, value in self._file.execute("SELECT key, value FROM meta")}
+        self.bound = self._bound_of(found.get(_BOUND))
         _compare(str(self.path), found, json.loads(json.dumps(wanted)))
         self._read()
 
@@ -276,6 +279,31 @@ class Records:
         with self._told(), self._transaction():
             self._file.execute("INSERT INTO conflicts (decided, labels, bound, checksum) VALUES (?, ?, ?, ?)", row)
 
+    # --- the bound --------------------------------------------------------------------------------------
+
+    def keep_bound(self, bound: float) -> None:
+        """Write a proven upper bound on λ over the whole space, scene units, where it is lower than the one on record.
+
+        `bound` is the one on record, None where there is none.
+        """
+        if self.bound is not None and bound >= self.bound:
+            return
+        content = json.dumps([bound, _checksum(_BOUND, bound)])
+        with self._told(), self._transaction():
+            self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (_BOUND, content))
+        self.bound = bound
+
+    def _bound_of(self, found: Any) -> float | None:
+        if found is None:
+            return None
+        try:
+            bound, checksum = found
+            if _checksum(_BOUND, bound) != checksum:
+                raise ValueError
+        except (TypeError, ValueError):
+            raise self._damaged("the bound is not as it was written") from None
+        return float(bound)
+
     # --- the file ---------------------------------------------------------------------------------------
 
     def close(self) -> None:
@@ -384,7 +412,7 @@ def _parsed(value: object) -> Any:
 
 def _compare(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
     """Raise InputError naming the first entry in which a record differs from the study that wants to go on."""
-    for key in sorted((old.keys() | new.keys()) - {"conflicts of"}):
+    for key in sorted((old.keys() | new.keys()) - {"conflicts of", _BOUND}):
         if old.get(key) != new.get(key):
             raise InputError(
                 path,

@@ -1,4 +1,4 @@
-"""Evaluation of many labellings in joblib workers; each owns its template and solver.
+"""Evaluation of many labellings in worker processes; each owns its template and solver.
 
 A worker that dies or hangs costs its batch, not the run: what was in flight is tried once more, alone, and
 recorded as failed if that ends the same way. Inside `joblib.parallel_config(backend=...)` with another backend
@@ -14,7 +14,7 @@ import pickle
 import signal
 import sys
 import threading
-import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -22,8 +22,6 @@ from typing import Any, Final
 
 import joblib
 import numpy as np
-from joblib.externals.loky import get_reusable_executor
-from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
@@ -32,6 +30,7 @@ from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.processes import DEATHS, Flight, Processes
 
 HANG: Final = 600.0
 """Seconds without any result after which the workers are taken to hang."""
@@ -120,6 +119,10 @@ class Workers:
         self.begun: list[Run] = []
         self.threads = min(jobs, _THREADS) if self.here else 0
         self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self.processes = Processes(jobs, hang)
+        if self.outside:
+            # tasks given up at the end of a run are no news
+            warnings.filterwarnings("ignore", message=r"\d+ tasks (which were|have been)", module="joblib")
 
     def run(
         self,
@@ -136,7 +139,10 @@ class Workers:
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
         run = Run(self, labellings, deadline, floors, waiting)
         if not self.here and not self.outside:
-            run.begin()
+            try:
+                run.begin()
+            except _deaths():
+                run.stop()  # it begins again when its turn comes
         return run
 
     def map(self, tasks: Iterable[tuple[Any, ...]]) -> list[tuple[int, list[Evaluation]]]:
@@ -146,24 +152,14 @@ class Workers:
         return list(self._threads.map(lambda task: evaluate_batch(*task), tasks))
 
     def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
-        """Results of tasks as they finish; tasks are taken at once, and more when some are done."""
+        """Results of tasks from a cluster as they finish; tasks are taken at once, and more when some are done."""
         how: dict[str, Any] = {
             "return_as": "generator_unordered",
             "batch_size": 1,
             "pre_dispatch": "2 * n_jobs",
             "timeout": self.hang,
         }
-        if self.outside:
-            return iter(joblib.Parallel(**how)(tasks))
-        # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
-        with joblib.parallel_config(
-            inner_max_num_threads=1,
-            backend="loky",
-            n_jobs=self.jobs,
-            initializer=_attend,
-            initargs=(os.getpid(),),
-        ):
-            return iter(joblib.Parallel(**how)(tasks))
+        return iter(joblib.Parallel(**how)(tasks))
 
     def close(self) -> None:
         """Stop all worker processes at once, whatever they are at; a cluster's are not ours to stop."""
@@ -172,8 +168,7 @@ class Workers:
         self.begun = []
         if self._threads is not None:
             self._threads.shutdown(cancel_futures=True)
-        if not self.here and not self.outside:
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+        self.processes.close()
 
 
 class Run:
@@ -197,14 +192,21 @@ class Run:
         self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
         self._done: set[int] = set()
         self._sent: list[int] = []
-        self._results: Iterator[tuple[int, list[Evaluation]]] | None = None
+        self._results: Iterable[tuple[int, list[Evaluation]]] | None = None
 
     def begin(self, numbers: list[int] | None = None) -> None:
         """Send tasks to the workers; numbers: of those to send, None for all that are not done."""
         waiting = [number for number in range(len(self._slices)) if number not in self._done]
-        self._sent = []
-        self._results = self._workers.parallel(self._tasks(waiting if numbers is None else numbers))
+        numbers = waiting if numbers is None else numbers
         self._workers.begun.append(self)
+        if self._workers.outside:
+            self._sent = []
+            self._results = self._workers.parallel(self._tasks(numbers))
+            return
+        flight = Flight(self._workers.processes, self._deadline)
+        # known before the first is sent, which fails where a worker has died meanwhile
+        self._results, self._sent = flight, flight.sent
+        flight.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
 
     def stop(self) -> None:
         """Forget what was sent; what it would have given is evaluated again."""
@@ -241,15 +243,18 @@ class Run:
         strikes = dict.fromkeys(range(len(self._slices)), 0)
         while len(self._done) < len(self._slices):
             suspects = [number for number, count in strikes.items() if count == 1 and number not in self._done]
-            if suspects:  # one at a time, so that a second death has one culprit
-                self.begin(suspects[:1])
-            elif self._results is None:
-                self.begin()
             try:
+                if suspects:  # one at a time, so that a second death has one culprit
+                    self.begin(suspects[:1])
+                elif self._results is None:
+                    self.begin()
                 for number, evaluations in self._results or ():
                     self._done.add(number)
                     low = self._slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
+                if isinstance(self._results, Flight) and self._results.late:
+                    workers.close()
+                    return
                 self._results = None
             except _deaths():
                 workers.deaths += 1
@@ -265,22 +270,9 @@ class Run:
         workers.begun = [run for run in workers.begun if run is not self]
 
 
-def _attend(parent: int) -> None:
-    """Begin a worker: leave Ctrl-C to the parent, and do not outlive it when it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
-
-
-def _leave_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(1)
-
-
 def _deaths() -> tuple[type[BaseException], ...]:
     """What is raised where a worker died or hung; a cluster's own words for it where one is in use."""
-    known: tuple[type[BaseException], ...]
-    known = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError, multiprocessing.TimeoutError)
+    known: tuple[type[BaseException], ...] = (*DEATHS, multiprocessing.TimeoutError)
     distributed = sys.modules.get("distributed")
     if distributed is not None:
         known += (distributed.scheduler.KilledWorker, distributed.comm.CommClosedError)

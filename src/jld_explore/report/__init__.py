@@ -34,7 +34,6 @@ from jld_explore.report.exploration import Exploration
 from jld_explore.report.folder import (
     check_folder,
     check_writable,
-    read_folder,
     write_pictures,
     write_tables,
     write_text,
@@ -44,6 +43,7 @@ from jld_explore.report.notebook import ExplorationView, Page, show_page
 from jld_explore.report.page import asset, asset_names, filled
 from jld_explore.report.page_data import loads_of, page_data, solution_of
 from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
+from jld_explore.report.reading import read_folder
 from jld_explore.report.tables import results_table
 from jld_explore.report.words import assembly
 

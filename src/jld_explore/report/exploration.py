@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
@@ -44,24 +45,32 @@ class Exploration(Shown):
         )
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
 
-    def layout(self, rank: int = 1) -> Layout:
-        """One layout as blocks, by its place among the ranked rows of the results, 1 the strongest.
+    def layout(self, rank: int | None = None) -> Layout:
+        """One layout as blocks: that of the N-th row of the results, default the strongest.
 
-        Raises InputError where there is none of this rank.
+        Rows that tie share a rank and keep their order, so that N tells them apart; rows without a rank, those that
+        are locked, uncertified or unstable, follow after. Raises InputError where there is no such row.
         """
-        return Layout(self.scene, self.assembly, from_string(str(self._row(rank)["labelling"])))
+        return Layout(self.scene, self.assembly, from_string(str(self.row(rank)["labelling"])))
 
-    def result(self, rank: int = 1) -> LimitAnalysisResult:
-        """The limit analysis of one layout, by the model of the search. Raises InputError as `layout`."""
+    def result(self, rank: int | None = None) -> LimitAnalysisResult:
+        """The limit analysis of one layout, by the model of the search; rank as in `layout`."""
         return solve(self.assembly, self.layout(rank).labels, **vars(self.model))
 
-    def blocks(self, rank: int = 1) -> pd.DataFrame:
-        """The blocks of one layout, columns as in blocks.csv. Raises InputError as `layout`."""
+    def blocks(self, rank: int | None = None) -> pd.DataFrame:
+        """The blocks of one layout, columns as in blocks.csv; rank as in `layout`."""
         return pd.DataFrame(self.layout(rank).table())
 
-    def _row(self, rank: int) -> Any:
-        ranked = self.results[self.results["status"] == str(Status.COLLAPSE)]
-        if not 1 <= rank <= len(ranked):
-            expected = f"1 to {len(ranked)}" if len(ranked) else "a search that found a layout that collapses"
-            raise InputError("--rank", f"{self.folder} has no layout of rank {rank}", expected)
-        return ranked.iloc[rank - 1]
+    def row(self, rank: int | None = None) -> pd.Series[Any]:
+        """The N-th row of the results, default the strongest layout. Raises InputError where there is none."""
+        ranked = int(np.count_nonzero(self.results["status"] == str(Status.COLLAPSE)))
+        if rank is None and not ranked:
+            problem = f"no layout of {self.folder} has a load factor to be ranked by"
+            raise InputError("--rank", problem, f"a row of results.csv, 1 to {len(self.results)}")
+        number = 1 if rank is None else rank
+        if not 1 <= number <= len(self.results):
+            expected = (
+                f"1 to {len(self.results)}, the rows of results.csv" if len(self.results) else "a search with rows"
+            )
+            raise InputError("--rank", f"{self.folder} has no layout of rank {number}", expected)
+        return self.results.iloc[number - 1]

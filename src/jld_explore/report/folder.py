@@ -1,32 +1,35 @@
-"""A study's folder: tables and pictures written, and read back."""
+"""A study's folder: tables and pictures written."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Final
 
-import pandas as pd
-
-from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.exchange import blocks_csv
-from jld_core.limit import SolveOptions
+from jld_core.files import whole_file
+from jld_core.limit import load_floor
 from jld_core.models import solve
-from jld_core.solvers import SOLVERS
+from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, with_evidence
 from jld_explore.report.exploration import Exploration
+from jld_explore.report.reading import history_of
 from jld_explore.space import from_string
 from jld_explore.study import StopReason, Study, versions
 
 if TYPE_CHECKING:
-    pass
+    from matplotlib.figure import Figure
+
+
+PICTURES: Final = ("pareto", "best", "distribution", "dry_frequency", "convergence")
+"""What is drawn of a search, in order."""
 
 
 def check_folder(folder: Path, resume: bool) -> None:
@@ -44,6 +47,10 @@ def check_folder(folder: Path, resume: bool) -> None:
 
 def check_writable(folder: Path) -> None:
     """Raise InputError where no folder of this name can be made or written into."""
+    missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
+    for place in missing:
+        if place.is_symlink():
+            raise InputError(str(place), f"it is a link to {os.readlink(place)}, which is not there", "a folder")
     there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not there.is_dir():
         raise InputError(str(there), "it is a file", "a folder for the results")
@@ -68,8 +75,9 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
         driver=study.driver.name,
         seed=study.settings.seed,
         versions=versions(),
-        bound=study.driver.bound,
+        bound=study.bound,
         proven=study.driver.finished,
+        floor=load_floor(study.assembly),
     )
     found["warnings"] = list(study.assembly.warnings)
     model = study.settings.model
@@ -82,6 +90,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     sure = complete and bool(found["proven"])
     found["front"] = front_rows(front, found, counts, complete=sure, aimed=aimed)
     front = with_evidence(front, found, counts)
+    found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
     with whole_file(study.folder / "results.parquet") as fresh:
@@ -96,83 +105,52 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     return done
 
 
-def write_pictures(done: Exploration, ending: str = "png", out: Path | None = None) -> list[Path]:
-    """Draw the front with its layouts and, where one was found, the best layout. Returns what was written.
+def write_pictures(
+    done: Exploration, ending: str = "png", out: Path | None = None, until: float | None = None
+) -> tuple[list[Path], list[str]]:
+    """Draw the front with its layouts and, where one was found, the best layout, and what else is known.
 
-    ending: "png", "svg" or "pdf". out: folder written into, default the study's own.
+    ending: "png", "svg" or "pdf". out: folder written into, default the study's own. until: as `time.perf_counter`
+    counts, s; what was not begun by then is left out. Returns what was written and the names of what was left out.
     Raises InputError for another ending.
     """
-    from jld_core.views.figures import save_figure
+    written, missing = [], []
+    for name in PICTURES:
+        if name == "best" and done.summary["best_labelling"] is None:
+            continue
+        if until is not None and time.perf_counter() >= until:
+            missing.append(f"{name}.{ending}")
+            continue
+        from jld_core.views.figures import save_figure
+
+        for own, figure in _drawn(name, done).items():
+            path = (out or done.folder) / f"{own}.{ending}"
+            save_figure(figure, path)
+            written.append(path)
+    return written, missing
+
+
+def _drawn(name: str, done: Exploration) -> dict[str, Figure]:
+    """One of PICTURES by its name, with what belongs to it; empty where there is nothing to be drawn."""
     from jld_explore.report import pictures as drawings
     from jld_explore.report.pictures_of_three import front_picture
 
-    pictures = {"pareto": front_picture(done)}
-    best = done.summary["best_labelling"]
-    if best is not None:
-        found = solve(done.assembly, from_string(best), **vars(done.model))
-        pictures["best"] = drawings.plot_best(found)
+    if name == "pareto":
+        return {name: front_picture(done)}
+    if name == "best":
+        found = solve(done.assembly, from_string(done.summary["best_labelling"]), **vars(done.model))
         # of several load cases the best picture shows the one that governs, and each has one of its own
-        for number, one in enumerate(found.cases.values(), 1):
-            pictures[f"best-{number}"] = drawings.plot_best(one)
-    pictures["distribution"] = drawings.plot_distribution(done.results)
-    pictures["dry_frequency"] = drawings.plot_dry_frequency(done.results, done.assembly)
-    history = done.folder / tables.CONVERGENCE
-    if history.exists():
-        pictures["convergence"] = drawings.plot_convergence({str(done.summary["driver"]): pd.read_csv(history)})
-    written = [(out or done.folder) / f"{name}.{ending}" for name in pictures]
-    for path, figure in zip(written, pictures.values(), strict=True):
-        save_figure(figure, path)
-    return written
-
-
-def read_folder(folder: Path) -> Exploration:
-    """A finished study read back from its folder. Raises InputError where a file is missing."""
-    from jld_core.scene.reading import load_scene
-
-    for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
-        if not (folder / name).exists():
-            raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
-    scene = load_scene(folder / "scene.json")
-    results = pd.read_parquet(folder / "results.parquet")
-    axes = scene.search.front.axes
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    return Exploration(
-        scene=scene,
-        assembly=build_assembly(scene),
-        results=results,
-        front=with_evidence(tables.front_table(results, axes), summary, [name for name, _ in axes]),
-        summary=summary,
-        folder=folder,
-        stop_reason=StopReason(summary["stop_reason"]),
-        model=model_of(summary),
-    )
-
-
-def model_of(summary: dict[str, Any]) -> SolveOptions:
-    """What a summary says was modelled; a solver that was handed in is taken for the default one."""
-    facts = dict(summary["model"])
-    if facts["solver"] not in SOLVERS:
-        facts["solver"] = "auto"
-    return SolveOptions(**facts)
+        each = {f"best-{number}": drawings.plot_best(one) for number, one in enumerate(found.cases.values(), 1)}
+        return {name: drawings.plot_best(found), **each}
+    if name == "distribution":
+        return {name: drawings.plot_distribution(done.results)}
+    if name == "dry_frequency":
+        return {name: drawings.plot_dry_frequency(done.results, done.assembly)}
+    history = history_of(done.folder)
+    return {} if history is None else {name: drawings.plot_convergence({str(done.summary["driver"]): history})}
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A name to write under, which becomes the file's once all is written; where that fails nothing stays.
-
-    Raises OSError with the name of the file.
-    """
-    fresh = path.with_name(path.name + ".new")
-    try:
-        yield fresh
-        os.replace(fresh, path)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
-    finally:
-        fresh.unlink(missing_ok=True)

@@ -22,7 +22,7 @@ from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
 from jld_explore.report.page_data import cases_of, page_data, solution_of
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
-from jld_explore.report.tables import CONVERGENCE
+from jld_explore.report.reading import history_of
 from jld_explore.space import from_string, search_space
 
 NAME: Final = "report.html"
@@ -65,8 +65,8 @@ def study_data(
     """The data of the page of a search, as `page_data` has it."""
     rows = chosen_rows(done.results, done.front)
     axes = done.scene.search.front.axes
-    history = done.folder / CONVERGENCE
-    curves = [curve_of(str(done.summary["driver"]), pd.read_csv(history))] if history.exists() else []
+    history = history_of(done.folder)
+    curves = [] if history is None else [curve_of(str(done.summary["driver"]), history)]
     left_out = len(done.results) - len(rows)
     return page_data(
         kind=kind,
@@ -126,8 +126,17 @@ def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
     return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))
 
 
-def write_report(done: Exploration, out: Path | None = None, patience: float = PATIENCE) -> Path:
-    """Write the page of a search into its folder, or into `out`. Returns the file."""
+def write_report(
+    done: Exploration, out: Path | None = None, patience: float = PATIENCE, until: float | None = None
+) -> Path | None:
+    """Write the page of a search into its folder, or into `out`. Returns the file.
+
+    until: as `time.perf_counter` counts, s; nothing is written, and None returned, where that is over.
+    """
+    if until is not None:
+        patience = min(patience, until - time.perf_counter())
+        if patience <= 0.0:
+            return None
     from jld_explore.report.folder import write_text
 
     target = (out or done.folder) / NAME

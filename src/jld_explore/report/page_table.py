@@ -48,7 +48,8 @@ def table_of(
     axes: counts of the front, each with its sense. left_out: rows that are not shown.
     """
     count, sense = axes[0]
-    bits = np.array([from_string(text) for text in results["labelling"]], dtype=bool).reshape(len(results), -1)
+    rows = [from_string(text) for text in results["labelling"]]
+    bits = np.array(rows, dtype=bool).reshape(len(results), len(assembly.interfaces))
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
     evidence.loc[known] = front.loc[known, "evidence"].astype(str)

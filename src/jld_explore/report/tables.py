@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Status
+from jld_core.limit import Status, relative_width
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, settled, statuses
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
@@ -67,14 +67,18 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
         }
     )
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
-    worth = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"])
+    ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"])
     packed = np.ascontiguousarray(rows["labelling"])
     # what ties is told apart by the simpler layout: fewer blocks, then fewer joints
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, worth, place))
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, ties, place))
     table = table.iloc[order].reset_index(drop=True)
-    number = np.arange(1, len(table) + 1)
-    table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number, number > np.count_nonzero(place == 0))))
+    # those that tie share the place of the first of them
+    ties, ranked = ties[order], int(np.count_nonzero(place == 0))
+    first = np.r_[True, ties[1:] != ties[:-1]][: len(ties)]
+    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else ties
+    unranked = np.arange(len(table)) >= ranked
+    table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table
 
 
@@ -84,6 +88,8 @@ def _ties(load_factor: Floats, low: Floats, high: Floats) -> Ints:
     ranked = np.flatnonzero(~np.isnan(load_factor))
     ranked = ranked[np.argsort(-load_factor[ranked], kind="stable")]
     number, least = 0, np.inf
+    # a bracket that lacks an end is of λ alone
+    low, high = (np.where(np.isnan(end), load_factor, end) for end in (low, high))
     for row, lower, upper in zip(ranked.tolist(), low[ranked].tolist(), high[ranked].tolist(), strict=True):
         if upper < least:
             number, least = number + 1, lower
@@ -140,12 +146,13 @@ def summary(
     versions: dict[str, str],
     bound: float | None = None,
     proven: bool = False,
+    floor: float = 0.0,
 ) -> dict[str, Any]:
     """summary.json: the best labelling, what is proven of it, and how it was found.
 
     complete: every class of the space has its evaluation, so that the best of them is the best there is up to the
     widths of the brackets. bound: a proven upper bound on λ over the whole space, where the driver has one. proven:
-    the driver has proven what it was to prove.
+    the driver has proven what it was to prove. floor: λ below which differences are no matter, see `load_floor`.
     """
     tally = Counter(results["status"])
     ranked = results[results["status"] == str(Status.COLLAPSE)]
@@ -161,8 +168,7 @@ def summary(
         bound = float(ranked["bracket_hi"].max())
     gap = None
     if best is not None and bound is not None:
-        low = float(ranked["bracket_lo"].max())
-        gap = (bound - low) / max(abs(bound), abs(low)) if max(abs(bound), abs(low)) > 0.0 else 0.0
+        gap = relative_width(float(ranked["bracket_lo"].max()), bound, floor)
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),

@@ -11,6 +11,7 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
+from jld_explore.evaluation import BOUND
 from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import SearchSpace, registered
@@ -55,19 +56,45 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
     proof = "proven strongest" if facts["proven"] and facts["best"] is not None else "not proven"
     if facts["unbounded"]:
-        proof = "but some labellings are locked: they carry any load"
+        proof = "but some layouts are locked: they carry any load"
+    elif not facts["proven"] and facts["bound"] is not None:
+        gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
+        proof += f": none carries more than {facts['bound']:.9g}{gap}"
     tried = facts.get("experiment")
     carried = {}
     if tried is not None:
         most = "none stands" if tried["best"] is None else f"most carried {tried['best']:.6g}"
         most += ", no layout carries more" if tried["none_better"] else ""
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
+    once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
-        "classes": f"{facts['evaluated']} layouts, symmetric ones once ({facts['labellings']} labellings): {counted}",
+        "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
         "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
         "best λ": f"{best} ({proof})",
         **carried,
+        **({"next": facts["next"]} if facts.get("next") else {}),
     }
+
+
+MEANINGS: Final = {
+    "locked": "no live load brings them down: confined between supports by faces that nothing crushes",
+    "uncertified": "nothing is proven of their λ; --gap and --solver may settle them",
+    "unstable": "they fall whatever the live load",
+    "failed": "the solve ended without an answer; --resume tries no more",
+}
+"""What a status without a rank means."""
+
+
+def apart(done: Exploration) -> dict[str, str]:
+    """The layouts without a rank, by status: how many, what that means, and how to look at one."""
+    status = done.results["status"]
+    found = {}
+    for name, meaning in MEANINGS.items():
+        rows = np.flatnonzero((status == name) & (done.results["settled"] != BOUND))
+        if len(rows):
+            how = f"; jld solve {done.folder} --rank {rows[0] + 1} shows the first"
+            found[name] = f"{len(rows)} layout{'s' if len(rows) > 1 else ''}: {meaning}{how}"
+    return found
 
 
 def exploration(done: Exploration, top: int = 10) -> str:
@@ -75,19 +102,22 @@ def exploration(done: Exploration, top: int = 10) -> str:
     return "\n".join(
         [
             _lines(facts_of_exploration(done)),
+            *([_lines(others)] if (others := apart(done)) else []),
             "",
             _table(best_rows(done, top)),
             "",
             f"front        {front_name(done)}",
             _table(done.front[[*columns(), COLUMN]]),
             "",
-            f"written to   {done.folder}",
+            f"written to   {done.folder}; a labelling has a letter for each face of faces.csv: d dry, i inner",
         ]
     )
 
 
 def _table(rows: pd.DataFrame) -> str:
     """Rows for a terminal; labellings that a line has no room for are shortened, the whole ones are on disk."""
+    if rows.empty:
+        return "none: no layout has a load factor to be ranked by"
     short = rows.assign(labelling=[_shortened(str(text)) for text in rows["labelling"]])
     return short.to_string(index=False)
 

@@ -7,7 +7,6 @@ import math
 import signal
 import sys
 import time
-import warnings
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -46,7 +45,6 @@ def main(scene: str, folder: str, orders: str) -> int:
     def stop(number: int, frame: object) -> NoReturn:
         raise Interrupted
 
-    warnings.filterwarnings("ignore", message=r"\d+ tasks which were still", module="joblib")
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
     try:

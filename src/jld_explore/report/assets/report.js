@@ -35,6 +35,12 @@ function start(data) {
   const ranks = column("rank");
   let [selected, compared] = [-1, -1];
 
+  /** Row of results.csv, from 1, which commands take as --rank: the strongest rows are here without a gap, and where one
+   * lies beyond them its rank says so. @param {number} row */
+  const number = (row) => Math.max(Number(ranks[row] ?? 0), row + 1);
+  /** Do others share its rank? @param {number} row */
+  const tied = (row) => ranks[row] !== null && (ranks[row - 1] === ranks[row] || ranks[row + 1] === ranks[row]);
+
   /** @param {number} row @returns {import("./viewer.js").Layout} */
   const layout = (row) => {
     const rank = ranks[row];
@@ -42,11 +48,11 @@ function start(data) {
     const status = String(column("status")[row] ?? "");
     const bracket = /** @type {[number | null, number | null]} */ ([column("bracket_lo")[row] ?? null, column("bracket_hi")[row] ?? null]);
     return {
-      name: typeof rank === "number" ? `Rank ${rank}, ${table.evidence[row]}` : `Row ${row + 1}, ${status}`,
+      name: typeof rank === "number" ? `Rank ${rank}${tied(row) ? `, row ${number(row)}` : ""}, ${table.evidence[row]}` : `Row ${row + 1}, ${status}`,
       labelling: solution?.labelling ?? lettersOf(bits, row, data.structure.faces.length),
       solution,
       line: verdict({ load_factor: /** @type {number | null} */ (column("load_factor")[row] ?? null), bracket, status }),
-      lacking: typeof rank === "number" ? `This page holds no forces of this layout. ${data.how.replaceAll("{rank}", String(rank))}` : "This page holds no forces of this layout.",
+      lacking: `This page holds no forces of this layout. ${data.how.replaceAll("{rank}", String(number(row)))}`,
     };
   };
   remember = () => {
@@ -96,7 +102,9 @@ function start(data) {
     byId("layouts").querySelector("h2").after(el("p", { class: "hint" }, `${table.left_out} weaker layouts are in results.csv only, so that this page stays small.`));
   }
   const find = (/** @type {string} */ text) => {
-    const row = text.startsWith("r") ? Number(text.slice(1)) : ranks.indexOf(Number(text));
+    const first = ranks.indexOf(Number(text));
+    // a rank that others share is that of the first of them; the second of two is found by its number
+    const row = text.startsWith("r") ? Number(text.slice(1)) : first >= 0 ? first : Number(text) - 1;
     return row >= 0 && row < table.rows ? row : -1;
   };
   const goTo = () => {

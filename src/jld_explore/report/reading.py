@@ -1,0 +1,158 @@
+"""A study's folder read back: every file is judged before anything is made of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import SolveOptions, Status
+from jld_core.scene import load_scene
+from jld_core.solvers import SOLVERS
+from jld_explore.evaluation import RECORDS_FILE
+from jld_explore.report import tables
+from jld_explore.report.evidence import with_evidence
+from jld_explore.report.exploration import Exploration
+from jld_explore.study import StopReason
+
+LEFT: Final = "a file as jld explore left it, or jld explore --resume to write it again"
+_NUMBERS: Final = ("multiplicity", "load_factor", "bracket_lo", "bracket_hi", "seconds")
+
+
+class _Point(BaseModel):
+    """A point of the front, as far as others rely on it."""
+
+    model_config = ConfigDict(extra="allow")
+    count: Any
+    load_factor: float | None
+    bound: float | None
+    proven: bool
+
+
+class _Summary(BaseModel):
+    """summary.json, as far as others rely on it."""
+
+    model_config = ConfigDict(extra="allow")
+    best: float | None
+    best_labelling: str | None
+    unbounded: bool
+    proven: bool
+    bound: float | None
+    gap: float | None
+    stop_reason: StopReason
+    evaluated: int
+    labellings: int
+    counts_by_status: dict[Status, int]
+    seconds: float
+    rate: float | None
+    driver: str
+    model: dict[str, Any]
+    versions: dict[str, str] = {}
+    warnings: list[str] = []
+    front: list[_Point] = []
+
+
+def read_folder(folder: Path) -> Exploration:
+    """A finished study read back from its folder. Raises InputError where a file is missing, damaged or of another."""
+    for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
+        if not (folder / name).exists():
+            raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
+    scene = load_scene(folder / "scene.json")
+    try:
+        assembly = build_assembly(scene)
+    except InputError as error:
+        raise error.within(str(folder / "scene.json")) from None
+    summary = _summary(folder / "summary.json", len(assembly.interfaces))
+    axes = scene.search.front.axes
+    counts = [name for name, _ in axes]
+    results = _results(folder / "results.parquet", assembly, counts)
+    return Exploration(
+        scene=scene,
+        assembly=assembly,
+        results=results,
+        front=with_evidence(tables.front_table(results, axes), summary, counts),
+        summary=summary,
+        folder=folder,
+        stop_reason=StopReason(summary["stop_reason"]),
+        model=_model(folder / "summary.json", summary["model"]),
+    )
+
+
+def history_of(folder: Path) -> pd.DataFrame | None:
+    """The table of convergence.csv; None where there is none. Raises InputError where it is damaged."""
+    path = folder / tables.CONVERGENCE
+    if not path.exists():
+        return None
+    try:
+        return pd.read_csv(path)[["solves", "seconds", "best"]].astype(float)
+    except (KeyError, ValueError) as error:  # what pandas raises for text that is no table is a ValueError
+        raise _damaged(path, str(error)) from None
+
+
+def _summary(path: Path, faces: int) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(found, dict):
+            raise _damaged(path, "it holds no object")
+        _Summary.model_validate(found)
+    except InputError:
+        raise
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{path}: {key}" if key else str(path), str(first["msg"]).lower(), LEFT) from None
+    except ValueError as error:
+        raise _damaged(path, str(error)) from None
+    if found["best_labelling"] is not None and not _is_labelling(found["best_labelling"], faces):
+        raise InputError(f"{path}: best_labelling", "it is of another scene", f"{faces} letters d or i")
+    known: dict[str, Any] = found
+    return known
+
+
+def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
+    try:
+        table = pd.read_parquet(path)
+    except (OSError, ValueError) as error:
+        raise _damaged(path, str(error)) from None
+    for name in ("rank", "labelling", "status", "settled", *_NUMBERS, *counts):
+        if name not in table:
+            raise InputError(str(path), f"it has no column {name}", LEFT)
+    for name in (*_NUMBERS, *counts):
+        if not pd.api.types.is_numeric_dtype(table[name]):
+            raise InputError(str(path), f"column {name} holds no numbers", LEFT)
+    if not table["status"].isin([str(status) for status in Status]).all():
+        raise InputError(str(path), "column status holds what is none", LEFT)
+    faces = len(assembly.interfaces)
+    wrong = np.flatnonzero([not _is_labelling(text, faces) for text in table["labelling"]])
+    if len(wrong):
+        problem = f"the labelling of row {wrong[0] + 1} is of another scene"
+        raise InputError(str(path), problem, f"{faces} letters d or i, one for each face of scene.json")
+    return table.reset_index(drop=True)
+
+
+def _is_labelling(text: object, faces: int) -> bool:
+    return isinstance(text, str) and len(text) == faces and not text.strip("di")
+
+
+def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
+    """What a summary says was modelled; a solver that was handed in is taken for the default one."""
+    known = dict(facts)
+    if known.get("solver") not in SOLVERS:
+        known["solver"] = "auto"
+    try:
+        return SolveOptions(**known)
+    except TypeError as error:
+        raise InputError(f"{path}: model", str(error).partition("() ")[2] or str(error), LEFT) from None
+    except InputError as error:
+        raise InputError(f"{path}: model", f"{error.where}: {error.problem}", error.expected) from None
+
+
+def _damaged(path: Path, how: str) -> InputError:
+    return InputError(str(path), f"it is damaged ({how.splitlines()[0]})", LEFT)
