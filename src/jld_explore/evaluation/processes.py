@@ -25,8 +25,8 @@ DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
 GRACE: Final = 2.0
 """Seconds after a deadline in which evaluations that were begun may end, and busy machines start their workers."""
 
-_AHEAD: Final = 4
-"""Tasks for each process that are sent ahead."""
+_AHEAD: Final = 2
+"""Tasks for each process that are sent ahead; where a worker dies all of them are suspected."""
 
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 
