@@ -17,9 +17,9 @@
 - `Segmentations`: how a segmentation is changed
 - `Surrogate`: learns λ and guesses at the rest
 - `Tally`: labellings and classes of a space
+- `bound_of_all`: λ that no labelling of a space exceeds
 - `certify`: write the proof of a bound as a file that others can check
 - `check_certifiable`: refuse a proof that has no certificate
-- `bound_of_all`: λ that no labelling of a space exceeds
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
 - `driver_for`: the driver where none is named
 - `make_driver`: a driver by its name
