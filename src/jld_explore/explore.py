@@ -29,7 +29,7 @@ from jld_explore.report import Exploration, check_folder, write_pictures, write_
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import ExploreSettings, Progress, StopReason, Study
 
-DRAWING: Final = 2.5
+DRAWING: Final = 3.0
 """Seconds after a time limit in which pictures are begun: what is drawn later would end later than was promised."""
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-PICTURES: Final = ("pareto", "best", "distribution", "dry_frequency", "convergence")
+PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """What is drawn of a search, in order."""
 
 
