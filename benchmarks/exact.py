@@ -4,7 +4,8 @@ Walls of nx × ny cells, the bottom row supports, under a horizontal body load, 
 two bearings, a flat arch between abutments, a larger wall. Times are of the whole command, pictures apart. Then whole
 fronts, the best for every number of dry faces.
 Then how far drivers that prove nothing stay below the proven optimum, with as many labellings and with more.
-`python -m benchmarks.exact SECONDS` gives every wall that long at the most.
+`python -m benchmarks.exact SECONDS LONG proofs` gives every wall and every other scene that long at the most, and
+measures that section alone.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.common import table, write
+from benchmarks.common import RESULTS, table, write
 from jld_core import Scene, build_assembly, load_scene, parse_scene
 from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
 from jld_explore import ExploreSettings, explore
@@ -249,32 +250,54 @@ def distances(proven: dict[str, float]) -> list[list[str]]:
     return rows
 
 
-def main(seconds: float = SECONDS, long: float = LONG) -> None:
-    """Prove every scene, or report the gap it got to; then hold the other drivers against what is proven."""
-    rows, proven = proofs(seconds, long)
-    best = {row[0]: float(row[2]) for row in rows if row[2] != "none"}
+HEADS: Final = {
+    "starts": "Where proofs start",
+    "fronts": "Whole fronts",
+    "rivals": "How far below the optimum the others end",
+}
+"""Sections behind the first, `proofs`, by the word that asks for them."""
+
+
+def sections(text: str) -> dict[str, str]:
+    """The sections of a file of results, by head, the first under its own."""
+    first, *others = text.split("\n\n## ")
+    kept = {"": first}
+    for part in others:
+        head, _, body = part.partition("\n\n")
+        kept[head] = body
+    return kept
+
+
+def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
+    """Prove every scene, or report the gap it got to; then hold the other drivers against what is proven.
+
+    wanted: sections to be measured anew, all without any; the others stay as they are in the file.
+    """
+    wanted = wanted or ("proofs", *HEADS)
+    path = RESULTS / "exact.md"
+    parts = sections(path.read_text(encoding="utf-8").rpartition("\n\n")[0]) if path.exists() else {}
     head = ["scene", "space", "λ", "bound", "gap", "stopped", "conflicts", "relaxations", "solves", "s", "asked"]
     head.append("s to enumerate")
-    front_head = ["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"]
-    front_table = table(front_head, fronts())
-    rivals = [f"{driver} {'-'.join(options.values())} {budget}" for driver, options, budget in RIVALS]
-    parts = (
-        "# Proven optima",
-        table(head, rows),
-        NOTE.format(seconds, long),
-        OPEN,
-        "## Where proofs start",
-        "Bounds on all labellings at once, and how far above the best λ known.",
-        table(["scene", "possible blocks", "best λ", "relaxed face by face", "block by block"], roots(best)),
-        "## Whole fronts",
-        "The best labelling for every number of dry faces at which anything stands, each with its bound.",
-        front_table,
-        "## How far below the optimum the others end",
-        f"Percent of λ, median / worst of {SEEDS} seeds, after the labellings named.",
-        table(["scene", *rivals], distances(proven)),
-    )
-    write("exact", "\n\n".join(parts))
+    if "proofs" in wanted:
+        rows, _ = proofs(seconds, long)
+        parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), OPEN))
+    cells = [line.strip("| ").split(" | ") for line in parts[""].splitlines() if line.startswith("| ")][2:]
+    best = {row[0]: float(row[2]) for row in cells if row[2] != "none"}
+    if "starts" in wanted:
+        found = table(["scene", "possible blocks", "best λ", "relaxed face by face", "block by block"], roots(best))
+        words = "Bounds on all labellings at once, and how far above the best λ known."
+        parts[HEADS["starts"]] = f"{words}\n\n{found}"
+    if "fronts" in wanted:
+        found = table(["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"], fronts())
+        words = "The best labelling for every number of dry faces at which anything stands, each with its bound."
+        parts[HEADS["fronts"]] = f"{words}\n\n{found}"
+    if "rivals" in wanted:
+        proven = {row[0]: float(row[2]) for row in cells if row[5] == "proven"}
+        names = [f"{driver} {'-'.join(options.values())} {budget}" for driver, options, budget in RIVALS]
+        words = f"Percent of λ, median / worst of {SEEDS} seeds, after the labellings named."
+        parts[HEADS["rivals"]] = f"{words}\n\n{table(['scene', *names], distances(proven))}"
+    write("exact", "\n\n## ".join([parts.pop(""), *(f"{head}\n\n{body}" for head, body in parts.items())]))
 
 
 if __name__ == "__main__":
-    main(*map(float, sys.argv[1:3]))
+    main(*map(float, sys.argv[1:3]), *sys.argv[3:])
