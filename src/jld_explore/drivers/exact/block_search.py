@@ -29,7 +29,7 @@ _CLOSER: Final = 0.25
 
 _NEAR: Final = 0.2
 """Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree where the kernel
-solves them: walls of 6 × 8 cells in blocks of two take 3 s instead of 8, those of 8 × 10, with a gap of 26 %, far more."""
+solves them: walls of 6 × 8 cells in blocks of two take 3 s instead of 8; those of 8 × 10, with 26 %, far more."""
 
 _LISTED: Final = 4
 """Possible blocks for each element above which it is not tried: blocks of one and two cells come to three. With those
