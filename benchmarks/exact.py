@@ -300,4 +300,5 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(float, sys.argv[1:3]), *sys.argv[3:])
+    limits = [float(text) for text in sys.argv[1:3]] + [SECONDS, LONG][len(sys.argv[1:3]) :]
+    main(limits[0], limits[1], *sys.argv[3:])
