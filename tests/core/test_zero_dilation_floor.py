@@ -101,7 +101,7 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
     analysis = LimitAnalysis(assembly)
     side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
     for forces in np.random.default_rng(seed).normal(size=(6, side.pairs.count)):
-        side.walk(0.1 * forces)
+        side.search_from(0.1 * forces)
     assert min(side.found.loads) >= floor.proven * (1.0 - 1e-9)
     assert floor.proven >= lowest * (1.0 - 1e-6)
 

@@ -94,59 +94,43 @@ class Prover:
         point: (≥ q·m + 1,), λ last. labels: (m,). held: λ is kept whatever happens; otherwise it moves with the
         forces where resultants are dropped.
         """
-        load = float(point[-1])
         if not usable(point):
-            return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
-        return self._settle(
-            point[: self._columns], -(self.template.dead + load * self.template.live), load, labels, passes, held=held
-        )
+            return self._nothing()
+        return self._state(point[: self._columns], float(point[-1]), labels, passes, held)
 
     def ray(self, point: Floats, labels: Bits) -> State:
         """The same for a ray: A R + b_λ = 0 with R in the recession cones; `slack` refers to those."""
         if not usable(point) or not point[-1] > 0.0:
-            return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
-        return self._settle(point[: self._columns] / point[-1], -self.template.live, 1.0, labels, 3, recession=True)
-
-    def _settle(
-        self,
-        forces: Floats,
-        target: Floats,
-        load: float,
-        labels: Bits,
-        passes: int,
-        recession: bool = False,
-        held: bool = False,
-    ) -> State:
+            return self._nothing()
         sets = self.template.yield_set
+        mask = sets.recession_active(labels).ravel().astype(float)
+        start = point[: self._columns] / point[-1] * mask
+        forces, left, error = _balanced(self._of_forces(mask), start, -self.template.live, 3)
+        table = forces.reshape(self._everything.shape)
+        return State(table, 1.0, float(sets.recession_slack(table, labels).min()), _trusted(error, left, forces))
+
+    def _nothing(self) -> State:
+        return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
+
+    def _of_forces(self, mask: Floats) -> Projector:
+        """The projector that leaves λ alone; mask: (q·m,) 1 for the resultants that are kept."""
+        return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)
+
+    def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
+        template = self.template
         projector, mask = self.projector(labels)
-        if recession or (held and mask is not None):
-            active = sets.recession_active(labels) if recession else sets.active(labels)
-            mask = active.ravel().astype(float)
-            projector = Projector(
-                sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places
-            )
-        if mask is None or recession or held:
-            forces = forces if mask is None else forces * mask
-            for _ in range(passes):
-                forces = forces - projector.correction(projector.rows @ forces - target)
-            left = projector.rows @ forces - target
-            error = float(abs(projector.correction(left)).max())
+        if mask is None or held:
+            if mask is not None:
+                projector, forces = self._of_forces(mask), forces * mask
+            forces, left, error = _balanced(projector, forces, -(template.dead + load * template.live), passes)
         else:
             # with resultants dropped, equilibrium may hold at one λ alone: λ is projected with the forces
-            joint = np.append(forces * mask, load)
-            for _ in range(passes + 1):
-                joint = joint - projector.correction(projector.rows @ joint + self.template.dead)
-            left = projector.rows @ joint + self.template.dead
-            error = float(abs(projector.correction(left)).max())
+            joint, left, error = _balanced(projector, np.append(forces * mask, load), -template.dead, passes + 1)
             forces, load = joint[:-1], float(joint[-1])
-        if mask is not None and float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max())):
-            error = np.inf  # without the dropped resultants there is no equilibrium here at all
+        if mask is not None:
+            error = _trusted(error, left, forces)
         table = forces.reshape(self._everything.shape)
-        if recession:
-            slack = sets.recession_slack(table, labels)
-        else:
-            slack = sets.slack(table, labels)
-        return State(table, load, float(slack.min()), error)
+        return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
     def blend(self, state: State, inside: State, labels: Bits) -> State:
         """Move a state towards one well inside, just far enough to become admissible.
@@ -160,7 +144,7 @@ class Prover:
         for _ in range(4):
             forces = (1.0 - share) * state.forces + share * inside.forces
             load = (1.0 - share) * state.load + share * inside.load
-            mixed = self._settle(forces.ravel(), -(self.template.dead + load * self.template.live), load, labels, 1)
+            mixed = self._state(forces.ravel(), load, labels, 1)
             if mixed.admissible:
                 return mixed
             share = min(1.0, 2.0 * share)
@@ -213,6 +197,20 @@ class Prover:
                 return mixed
             share *= 2.0
         return mixed
+
+
+def _balanced(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
+    """The nearest solution of rows·y = target, what is left of the equations, and how far off it may still be."""
+    for _ in range(passes):
+        vector = vector - projector.correction(projector.rows @ vector - target)
+    left = projector.rows @ vector - target
+    return vector, left, float(abs(projector.correction(left)).max())
+
+
+def _trusted(error: float, left: Floats, forces: Floats) -> float:
+    """An error, inf where too much is left: without the resultants that were dropped there is no equilibrium at all."""
+    much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
+    return np.inf if much else error
 
 
 def usable(vector: Floats) -> bool:

@@ -19,8 +19,8 @@ from jld_core.program import ConicProgram, Structure, Template, pack
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
-_BLUR = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
-_LITTLE = 1e-5  # slack, scaled, that every row can have at once if it can have any
+_ROUNDED = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
+_LEAST_SLACK = 1e-5  # slack, scaled, that every row can have at once if it can have any
 
 
 class Repair:
@@ -85,8 +85,8 @@ class Repair:
         if s.shape[1] > _DENSE:
             return None
         columns = s.shape[1] - int(load_fixed)
-        answer, slack = self._spread(program, program.rhs, columns, cap=_LITTLE)
-        tight = self._whole_rows(s, slack < 1e-3 * _LITTLE)
+        answer, slack = self._with_most_slack(program, program.rhs, columns, cap=_LEAST_SLACK)
+        tight = self._whole_rows(s, slack < 1e-3 * _LEAST_SLACK)
         rows = np.concatenate([np.arange(s.equalities), tight])
         equations = program.matrix.tocsr()[rows][:, :columns].toarray()
         inverse = np.linalg.pinv(equations, rcond=1e-12)
@@ -140,7 +140,7 @@ class Repair:
         """A way to carry ever more live load: A R + b_λ = 0 with R inside the recession cones; None without proof."""
         program = self.template.program(labels)
         target = np.concatenate([-self.template.live, np.zeros(len(program.rhs) - len(self.template.live))])
-        answer, slack = self._spread(program, target, program.structure.shape[1] - 1)
+        answer, slack = self._with_most_slack(program, target, program.structure.shape[1] - 1)
         s, columns = program.structure, self.template.matrix.shape[1]
         point = answer.point[:columns]
         if columns <= _DENSE and not s.cones:
@@ -153,7 +153,9 @@ class Repair:
         ray = self.prover.ray(np.append(point, 1.0), labels)
         return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
 
-    def _spread(self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
+    def _with_most_slack(
+        self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0
+    ) -> tuple[RawSolution, Floats]:
         """A point with as many yield rows slack as can be, and that slack in [0, cap] per row.
 
         program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
@@ -225,7 +227,7 @@ class Repair:
         if template.matrix.shape[0] > _DENSE:
             return None
         program = template.program(labels)
-        _, slack = self._spread(program, np.zeros(len(program.rhs)), program.structure.shape[1] - 1)
+        _, slack = self._with_most_slack(program, np.zeros(len(program.rhs)), program.structure.shape[1] - 1)
         moving = slack < 0.5
         inside = self._relative_interior(program, moving, labels)
         if inside is None:
@@ -249,7 +251,7 @@ class Repair:
             work = float(template.live @ velocity)
             if normalise:
                 # where the live load hardly works, what decides the proof would be jumps as small as their rounding
-                if not work * _BLUR > tolerances.ROUNDING * float(abs(template.live).max() * abs(velocity).max()):
+                if not work * _ROUNDED > tolerances.ROUNDING * float(abs(template.live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
             found = self._measure_reduced(velocity, work, labels, bases)

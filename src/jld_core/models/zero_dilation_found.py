@@ -66,12 +66,12 @@ class FromEverySide:
     def search(self, thorough: bool = True, enough: float = -math.inf) -> Found:
         """Search from all starts; not further once a λ at or below `enough`, scaled, is certified."""
         for forces in starts(self.pairs, self.associative, thorough):
-            self.walk(forces)
+            self.search_from(forces)
             if self.found.low <= enough:
                 break
         return self.found
 
-    def walk(self, forces: Floats, thorough: bool = True) -> None:
+    def search_from(self, forces: Floats, thorough: bool = True) -> None:
         """Proximal steps from scaled forces (q·m,) to a solution, and from there down, and up where thorough."""
         pair = self.pairs.pair_from(forces)
         self.found.offer(pair)

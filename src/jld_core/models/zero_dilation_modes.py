@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.program import Template
 
 
@@ -69,10 +69,6 @@ class Modes:
     def of(self, forces: Floats) -> Floats:
         """y (4m,) of scaled forces (3m,)."""
         return np.asarray(self.rows @ forces + self.constants)
-
-    def faces_of(self, modes: Ints) -> Ints:
-        """Which face each mode belongs to."""
-        return modes // 4
 
 
 def modes_of(template: Template, labels: Bits) -> Modes | None:

@@ -75,7 +75,7 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
 
     def offer(states: Floats) -> float:
         for state in states[:_TRIED]:
-            side.walk(state[:-1], thorough=False)
+            side.search_from(state[:-1], thorough=False)
         assert found.lowest is not None
         return found.lowest.state.load
 

@@ -17,7 +17,7 @@ from matplotlib.transforms import ScaledTranslation
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.limit import LimitAnalysisResult
-from jld_core.views import quantities as marks
+from jld_core.views import quantities
 from jld_core.views.look import (
     HATCH,
     LOAD,
@@ -64,7 +64,7 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
         vectors *= length / max(float(np.linalg.norm(vectors, axis=1).max()), 1e-300)
         drawn["live"] = [arrows(ax, at, vectors, "live", LOAD, "tip", 1.5)]
         covered += [at, at - vectors]
-    total = marks.body_load(assembly)
+    total = quantities.body_load(assembly)
     if total is not None:
         along = projection(total) / max(float(np.linalg.norm(projection(total))), 1e-300)
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
@@ -72,10 +72,10 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
             leave = float(np.min(half / abs(along)))
         tip = middle - along * (leave + 0.04 * assembly.size)
         # on small axes the head must leave some of the shaft
-        width = min(3.2, 0.125 * element_points(ax, assembly) * length / marks.typical(assembly))
+        width = min(3.2, 0.125 * element_points(ax, assembly) * length / quantities.typical(assembly))
         drawn["body"] = [arrows(ax, tip[None], length * along[None], "body", LOAD, "tip", width)]
         covered += [tip, tip - length * along]
-    couples = marks.live_couples(assembly)
+    couples = quantities.live_couples(assembly)
     if len(couples):
         at = projection(assembly.elements.centroid[couples])
         clockwise = assembly.live[couples, -1] < 0.0 if assembly.dimension == 2 else np.zeros(len(at), dtype=bool)
@@ -221,7 +221,7 @@ def load_handles(drawn: Drawn) -> list[Artist]:
 def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> list[Artist]:
     """Legend of a picture of forces; thick: width of the widest face at rest, points."""
     assert result.forces is not None
-    size = np.linalg.norm(marks.face_vectors(result.assembly, result.forces), axis=1)
+    size = np.linalg.norm(quantities.face_vectors(result.assembly, result.forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
     handles: list[Artist] = []
     for used in (0.0, 0.5, 1.0):

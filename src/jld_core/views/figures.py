@@ -25,8 +25,7 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
-from jld_core.views import annotations as furniture
-from jld_core.views import quantities as marks
+from jld_core.views import annotations, quantities
 from jld_core.views.look import HATCH, PLAIN, PRESS, REST, SUPPORT, TINTS
 from jld_core.views.structure import (
     Drawn,
@@ -60,12 +59,12 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
     labels = _labels(assembly, labels)
     drawn = paint(ax, assembly, labels, _tints(assembly, labels))
     if plain:
-        furniture.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
+        annotations.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         return drawn
-    covered = furniture.draw_loads(ax, assembly, drawn)
-    furniture.frame(ax, assembly, covered)
-    handles = furniture.label_handles(assembly, labels, default_ink(ax, assembly, labels))
-    furniture.legend(ax, [*handles, furniture.block_handle(assembly, labels), *furniture.load_handles(drawn)])
+    covered = annotations.draw_loads(ax, assembly, drawn)
+    annotations.frame(ax, assembly, covered)
+    handles = annotations.label_handles(assembly, labels, default_ink(ax, assembly, labels))
+    annotations.legend(ax, [*handles, annotations.block_handle(assembly, labels), *annotations.load_handles(drawn)])
     ax.set_title("Labels", fontsize=10)
     return drawn
 
@@ -85,21 +84,21 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     if result.forces is None:
         faded = LineStyle([FADED] * len(labels), base.widths)
         drawn = paint(ax, assembly, labels, fills, faded)
-        furniture.frame(ax, assembly, furniture.draw_loads(ax, assembly, drawn))
-        handles = furniture.label_handles(assembly, labels, faded)
-        furniture.legend(ax, [*handles, *furniture.load_handles(drawn)])
+        annotations.frame(ax, assembly, annotations.draw_loads(ax, assembly, drawn))
+        handles = annotations.label_handles(assembly, labels, faded)
+        annotations.legend(ax, [*handles, *annotations.load_handles(drawn)])
         ax.set_title("Forces\nnone: no admissible forces are known", fontsize=10)
         return drawn
-    used = marks.utilisation(result)
+    used = quantities.utilisation(result)
     thick = float(base.widths.max(initial=0.5))
-    ink = LineStyle([tuple(furniture.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
+    ink = LineStyle([tuple(annotations.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
     drawn = paint(ax, assembly, labels, fills, ink)
-    covered = furniture.draw_loads(ax, assembly, drawn)
+    covered = annotations.draw_loads(ax, assembly, drawn)
     covered += _draw_face_forces(ax, result, drawn)
     _draw_thrust(ax, result, drawn)
     _draw_yielding(ax, result, used, drawn)
-    furniture.frame(ax, assembly, covered)
-    furniture.legend(ax, furniture.force_handles(result, drawn, thick))
+    annotations.frame(ax, assembly, covered)
+    annotations.legend(ax, annotations.force_handles(result, drawn, thick))
     where = "at the best λ found" if result.status is Status.UNCERTIFIED else "at the proven λ"
     ax.set_title(f"Forces on the faces, {where}", fontsize=10)
     return drawn
@@ -109,30 +108,30 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
     """Arrows and couples, added to `drawn`; returns the points (k, 2) on paper that they cover."""
     assembly, forces, projection = result.assembly, result.forces, projection_of(result.assembly)
     assert forces is not None
-    vectors = marks.down_the_load_path(assembly, marks.face_vectors(assembly, forces))
+    vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0))
-    shown = size > marks.SMALL * largest
+    shown = size > quantities.SMALL * largest
     if not shown.any():
         return []
     # a few large forces must not leave the ordinary ones without length
-    longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * marks.typical(assembly)
+    longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * quantities.typical(assembly)
     shaft = float(np.clip(0.045 * element_points(ax, assembly), 0.3, 1.3))
-    at, on_face = marks.pressure_points(assembly, forces)
+    at, on_face = quantities.pressure_points(assembly, forces)
     feet, arrows = projection(at), projection(vectors) * longest / largest
     for name, mask in (("press", shown & (forces[:, 0] >= 0.0)), ("tension", shown & (forces[:, 0] < 0.0))):
         if mask.any():
             hollow = name == "tension"
             colour = PRESS
-            drawn[name] = [furniture.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
+            drawn[name] = [annotations.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
     couple = np.linalg.norm(forces[:, assembly.dimension :], axis=1)
-    turning = ~on_face & (couple > marks.SMALL * largest * marks.typical(assembly))
+    turning = ~on_face & (couple > quantities.SMALL * largest * quantities.typical(assembly))
     if turning.any():
         size_pt = float(np.clip(0.16 * element_points(ax, assembly), 4.0, 9.0))
         drawn["couples on faces"] = [
             *ax.plot(
                 *feet[turning].T,
-                **furniture.TURN,
+                **annotations.TURN,
                 color=PRESS,
                 markersize=size_pt,
                 zorder=4.2,
@@ -145,10 +144,10 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
 def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
     assert result.forces is not None
     projection = projection_of(result.assembly)
-    pieces = [projection(piece) for piece in marks.thrust_segments(result.assembly, result.forces)]
+    pieces = [projection(piece) for piece in quantities.thrust_segments(result.assembly, result.forces)]
     if pieces:
         drawn["thrust"] = [
-            line for piece in pieces for line in ax.plot(*piece.T, **furniture.THRUST, zorder=3.0, label="thrust")
+            line for piece in pieces for line in ax.plot(*piece.T, **annotations.THRUST, zorder=3.0, label="thrust")
         ]
 
 
@@ -157,13 +156,13 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: D
     assert result.forces is not None
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
-    at = marks.pressure_points(result.assembly, result.forces)[0]
+    at = quantities.pressure_points(result.assembly, result.forces)[0]
     side = np.where(np.einsum("ij,ij->i", at - faces.origin, faces.e1) > 0.0, -0.3, 0.3)
     places = projection_of(result.assembly)(faces.origin + (side * faces.l1)[:, None] * faces.e1)
     for name, mask in (("yield dry", labels), ("yield inner", ~labels)):
-        chosen = mask & (used >= marks.YIELDING)
+        chosen = mask & (used >= quantities.YIELDING)
         if chosen.any():
-            look = {**furniture.YIELD[name], "markersize": size, "linestyle": "none", "zorder": 4.5}
+            look = {**annotations.YIELD[name], "markersize": size, "linestyle": "none", "zorder": 4.5}
             drawn[name] = [*ax.plot(*places[chosen].T, label=name, **look)]
 
 
@@ -182,11 +181,11 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     if result.mechanism is None:
         faded = LineStyle([FADED] * len(labels), ink.widths)
         drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)
-        furniture.frame(ax, assembly, list(extent(assembly, projection)))
-        furniture.legend(ax, furniture.label_handles(assembly, labels, faded))
+        annotations.frame(ax, assembly, list(extent(assembly, projection)))
+        annotations.legend(ax, annotations.label_handles(assembly, labels, faded))
         ax.set_title(f"Mechanism\n{NO_MECHANISM[result.status]}", fontsize=10)
         return drawn
-    velocity, scale = result.mechanism, marks.mechanism_scale(assembly, result.mechanism)
+    velocity, scale = result.mechanism, quantities.mechanism_scale(assembly, result.mechanism)
 
     def move(element: int, points: Floats) -> Floats:
         return np.asarray(points + share * scale * displacement(assembly, velocity, element, points))
@@ -196,17 +195,17 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
 
     drawn = paint(ax, assembly, labels, _tints(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
     drawn["rest"] = _draw_rest(ax, assembly)
-    kinds, places = marks.movements(result)
+    kinds, places = quantities.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
-    for kind, style in furniture.MOVES.items():
+    for kind, style in annotations.MOVES.items():
         chosen = [k for k, what in enumerate(kinds) if what is kind]
         if chosen:
             faces = assembly.interfaces
             sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
             look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
-    furniture.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
-    furniture.legend(ax, furniture.mechanism_handles(assembly, labels, ink, drawn))
+    annotations.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
+    annotations.legend(ax, annotations.mechanism_handles(assembly, labels, ink, drawn))
     ax.set_title(f"Mechanism for live power 1, drawn × {scale:.3g}", fontsize=10)
     return drawn
 
@@ -313,7 +312,7 @@ def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None =
     height = width * float(span[1] / span[0])
     if height > 6.0:
         width, height = width * 6.0 / height, 6.0
-    depth = max(furniture.legend_inches(ax) for ax in axes)
+    depth = max(annotations.legend_inches(ax) for ax in axes)
     slot = max(width + 0.75, 3.7)
     row = 0.45 + height + depth
     columns = columns or (1 if stacked else len(axes))
@@ -376,5 +375,5 @@ def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 def _tints(assembly: Assembly, labels: Bits) -> list[str]:
     """Fill of each element, by block."""
-    colours = marks.block_colours(assembly, labels, len(TINTS))
+    colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from jld_core.assembly import Assembly
 from jld_core.files import printable
 from jld_core.limit import LimitAnalysisResult
-from jld_core.views import quantities as marks
+from jld_core.views import quantities
 from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
 from jld_core.views.structure import element_points, extent, projection_of
 
@@ -57,7 +57,7 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
     for (at, _), vector in zip(assembly.live_points, vectors, strict=True):
         tail = projection(np.asarray(at)) - projection(vector) * length / max(most, 1e-300)
         written.append(_text(ax, tail, f" {np.linalg.norm(vector):.3g} {unit} × λ", va="bottom", color=LOAD))
-    total = marks.body_load(assembly)
+    total = quantities.body_load(assembly)
     if total is not None:
         lower, upper = extent(assembly, projection)
         along = projection(total) / max(float(np.linalg.norm(projection(total))), 1e-300)
@@ -67,7 +67,7 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
         above = np.array([0.0, 0.03 * assembly.size])
         value = f"{np.linalg.norm(total):.3g} {unit} × λ"
         written.append(_text(ax, middle + above, value, va="bottom", ha="center", color=LOAD))
-    for k in marks.live_couples(assembly):
+    for k in quantities.live_couples(assembly):
         moment = float(np.linalg.norm(assembly.live[k, assembly.dimension :]))
         place = projection(assembly.elements.centroid[k])
         written.append(_text(ax, place, f"  {moment:.3g} {unit}·{assembly.units[0]} × λ", va="bottom", color=LOAD))
@@ -79,9 +79,9 @@ def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
     if result.forces is None:
         return []
     assembly = result.assembly
-    size = np.linalg.norm(marks.face_vectors(assembly, result.forces), axis=1)
-    places = projection_of(assembly)(marks.pressure_points(assembly, result.forces)[0])
-    shown = size > marks.SMALL * size.max(initial=0.0)
+    size = np.linalg.norm(quantities.face_vectors(assembly, result.forces), axis=1)
+    places = projection_of(assembly)(quantities.pressure_points(assembly, result.forces)[0])
+    shown = size > quantities.SMALL * size.max(initial=0.0)
     points = float(np.clip(0.13 * element_points(ax, assembly), 3.0, 7.0))
     return [
         _text(ax, place, f" {value:.3g}", va="bottom", color=PRESS, fontsize=points)

@@ -98,11 +98,11 @@ class ForceMethod:
         rest = np.setdiff1d(np.arange(matrix.shape[1]), self._base)
         self._dead, self._live = np.zeros(matrix.shape[1]), np.zeros(matrix.shape[1])
         self._dead[self._base], self._live[self._base] = -self._inverse @ template.dead, -self._inverse @ template.live
-        self._spread = np.zeros((matrix.shape[1], len(rest)))
-        self._spread[self._base] = -self._inverse @ matrix[:, rest]
-        self._spread[rest, np.arange(len(rest))] = 1.0
+        self._by_redundants = np.zeros((matrix.shape[1], len(rest)))
+        self._by_redundants[self._base] = -self._inverse @ matrix[:, rest]
+        self._by_redundants[rest, np.arange(len(rest))] = 1.0
         below = np.append(np.zeros(len(rest)), 1.0)
-        self._table = np.vstack([np.column_stack([self._spread, self._live]), below])
+        self._table = np.vstack([np.column_stack([self._by_redundants, self._live]), below])
         self._dead_point = np.append(self._dead, 0.0)
         shape = (len(pattern.h_dry), matrix.shape[1])
         tables = [sp.csr_array((data, (pattern.row, pattern.column)), shape=shape) for data in _both(pattern)]
@@ -113,7 +113,7 @@ class ForceMethod:
         self._limit = np.concatenate([pattern.h_dry, pattern.h_inner])[used]
         self._face = np.tile(pattern.row_face, 2)[used]
         self._dry = np.repeat([True, False], len(pattern.h_dry))[used]
-        program = np.vstack([self._spread.T @ self._rows.T, self._rows @ self._live])
+        program = np.vstack([self._by_redundants.T @ self._rows.T, self._rows @ self._live])
         program[abs(program) < tolerances.VERTEX_ROUNDING] = 0.0
         self._program = program
         self._cost = self._limit - self._rows @ self._dead

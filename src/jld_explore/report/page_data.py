@@ -15,8 +15,7 @@ from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
-from jld_core.views import look
-from jld_core.views import quantities as marks
+from jld_core.views import look, quantities
 
 FORMAT: Final = "jld-page"
 VERSION: Final = 1
@@ -77,7 +76,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
         "dimension": assembly.dimension,
         "units": {"length": assembly.units[0], "force": assembly.units[1]},
         "size": rounded(assembly.size),
-        "typical": rounded(marks.typical(assembly)),
+        "typical": rounded(quantities.typical(assembly)),
         "elements": [
             {
                 "id": name,
@@ -156,10 +155,10 @@ def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
         for at, vector in case.live_points:
             nearest = int(np.argmin(np.linalg.norm(assembly.elements.centroid - np.asarray(at), axis=1)))
             found.append(_load(name, "live", ids[nearest], at, vector))
-        total = marks.body_load(case)
+        total = quantities.body_load(case)
         if total is not None:
             found.append(_load(name, "body", "", np.zeros(d), total))
-        for k in marks.live_couples(case):
+        for k in quantities.live_couples(case):
             moment = case.live[k, d:] if not planar else case.live[k, 2:]
             found.append(_load(name, "couple", ids[k], assembly.elements.centroid[k], moment))
     return found
@@ -210,20 +209,22 @@ def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
         "places": None,
     }
     if forces is not None:
-        pressure, on_face = marks.pressure_points(assembly, forces)
+        pressure, on_face = quantities.pressure_points(assembly, forces)
         found |= {
             "forces": rounded(forces, DIGITS),
-            "utilisation": rounded(marks.utilisation(result), 4),
+            "utilisation": rounded(quantities.utilisation(result), 4),
             "pressure": rounded(pressure, DIGITS),
             "on_face": [bool(on) for on in on_face],
-            "vectors": rounded(marks.down_the_load_path(assembly, marks.face_vectors(assembly, forces)), DIGITS),
-            "thrust": [rounded(piece, DIGITS) for piece in marks.thrust_segments(assembly, forces)],
+            "vectors": rounded(
+                quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces)), DIGITS
+            ),
+            "thrust": [rounded(piece, DIGITS) for piece in quantities.thrust_segments(assembly, forces)],
         }
     if mechanism is not None:
-        kinds, places = marks.movements(result)
+        kinds, places = quantities.movements(result)
         found |= {
             "mechanism": rounded(mechanism, DIGITS),
-            "scale": rounded(marks.mechanism_scale(assembly, mechanism), DIGITS),
+            "scale": rounded(quantities.mechanism_scale(assembly, mechanism), DIGITS),
             "movements": [str(kind) for kind in kinds],
             "places": rounded(places, DIGITS),
         }
