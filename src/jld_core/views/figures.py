@@ -25,7 +25,8 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import LimitAnalysisResult, Status, displacement
-from jld_core.views import annotations, quantities
+from jld_core.views import annotations as notes
+from jld_core.views import quantities
 from jld_core.views.look import HATCH, PLAIN, PRESS, REST, SUPPORT, TINTS
 from jld_core.views.structure import (
     Drawn,
@@ -59,12 +60,12 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
     labels = _labels(assembly, labels)
     drawn = paint(ax, assembly, labels, _tints(assembly, labels))
     if plain:
-        annotations.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
+        notes.frame(ax, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         return drawn
-    covered = annotations.draw_loads(ax, assembly, drawn)
-    annotations.frame(ax, assembly, covered)
-    handles = annotations.label_handles(assembly, labels, default_ink(ax, assembly, labels))
-    annotations.legend(ax, [*handles, annotations.block_handle(assembly, labels), *annotations.load_handles(drawn)])
+    covered = notes.draw_loads(ax, assembly, drawn)
+    notes.frame(ax, assembly, covered)
+    handles = notes.label_handles(assembly, labels, default_ink(ax, assembly, labels))
+    notes.legend(ax, [*handles, notes.block_handle(assembly, labels), *notes.load_handles(drawn)])
     ax.set_title("Labels", fontsize=10)
     return drawn
 
@@ -84,21 +85,21 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
     if result.forces is None:
         faded = LineStyle([FADED] * len(labels), base.widths)
         drawn = paint(ax, assembly, labels, fills, faded)
-        annotations.frame(ax, assembly, annotations.draw_loads(ax, assembly, drawn))
-        handles = annotations.label_handles(assembly, labels, faded)
-        annotations.legend(ax, [*handles, *annotations.load_handles(drawn)])
+        notes.frame(ax, assembly, notes.draw_loads(ax, assembly, drawn))
+        handles = notes.label_handles(assembly, labels, faded)
+        notes.legend(ax, [*handles, *notes.load_handles(drawn)])
         ax.set_title("Forces\nnone: no admissible forces are known", fontsize=10)
         return drawn
     used = quantities.utilisation(result)
     thick = float(base.widths.max(initial=0.5))
-    ink = LineStyle([tuple(annotations.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
+    ink = LineStyle([tuple(notes.USED(float(u))) for u in used], thick * (0.45 + 1.15 * used))
     drawn = paint(ax, assembly, labels, fills, ink)
-    covered = annotations.draw_loads(ax, assembly, drawn)
+    covered = notes.draw_loads(ax, assembly, drawn)
     covered += _draw_face_forces(ax, result, drawn)
     _draw_thrust(ax, result, drawn)
     _draw_yielding(ax, result, used, drawn)
-    annotations.frame(ax, assembly, covered)
-    annotations.legend(ax, annotations.force_handles(result, drawn, thick))
+    notes.frame(ax, assembly, covered)
+    notes.legend(ax, notes.force_handles(result, drawn, thick))
     where = "at the best λ found" if result.status is Status.UNCERTIFIED else "at the proven λ"
     ax.set_title(f"Forces on the faces, {where}", fontsize=10)
     return drawn
@@ -123,7 +124,7 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
         if mask.any():
             hollow = name == "tension"
             colour = PRESS
-            drawn[name] = [annotations.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
+            drawn[name] = [notes.arrows(ax, feet[mask], arrows[mask], name, colour, "mid", shaft, hollow)]
     couple = np.linalg.norm(forces[:, assembly.dimension :], axis=1)
     turning = ~on_face & (couple > quantities.SMALL * largest * quantities.typical(assembly))
     if turning.any():
@@ -131,7 +132,7 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
         drawn["couples on faces"] = [
             *ax.plot(
                 *feet[turning].T,
-                **annotations.TURN,
+                **notes.TURN,
                 color=PRESS,
                 markersize=size_pt,
                 zorder=4.2,
@@ -147,7 +148,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
     pieces = [projection(piece) for piece in quantities.thrust_segments(result.assembly, result.forces)]
     if pieces:
         drawn["thrust"] = [
-            line for piece in pieces for line in ax.plot(*piece.T, **annotations.THRUST, zorder=3.0, label="thrust")
+            line for piece in pieces for line in ax.plot(*piece.T, **notes.THRUST, zorder=3.0, label="thrust")
         ]
 
 
@@ -162,7 +163,7 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: D
     for name, mask in (("yield dry", labels), ("yield inner", ~labels)):
         chosen = mask & (used >= quantities.YIELDING)
         if chosen.any():
-            look = {**annotations.YIELD[name], "markersize": size, "linestyle": "none", "zorder": 4.5}
+            look = {**notes.YIELD[name], "markersize": size, "linestyle": "none", "zorder": 4.5}
             drawn[name] = [*ax.plot(*places[chosen].T, label=name, **look)]
 
 
@@ -181,8 +182,8 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     if result.mechanism is None:
         faded = LineStyle([FADED] * len(labels), ink.widths)
         drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)
-        annotations.frame(ax, assembly, list(extent(assembly, projection)))
-        annotations.legend(ax, annotations.label_handles(assembly, labels, faded))
+        notes.frame(ax, assembly, list(extent(assembly, projection)))
+        notes.legend(ax, notes.label_handles(assembly, labels, faded))
         ax.set_title(f"Mechanism\n{NO_MECHANISM[result.status]}", fontsize=10)
         return drawn
     velocity, scale = result.mechanism, quantities.mechanism_scale(assembly, result.mechanism)
@@ -197,15 +198,15 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     drawn["rest"] = _draw_rest(ax, assembly)
     kinds, places = quantities.movements(result)
     size = float(np.clip(0.13 * element_points(ax, assembly), 2.0, 6.0))
-    for kind, style in annotations.MOVES.items():
+    for kind, style in notes.MOVES.items():
         chosen = [k for k, what in enumerate(kinds) if what is kind]
         if chosen:
             faces = assembly.interfaces
             sides = [[move(int(side[k]), places[[k]])[0] for k in chosen] for side in (faces.a, faces.b)]
             look = {**style, "linestyle": "none", "markersize": size, "markeredgewidth": 0.13 * size}
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
-    annotations.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
-    annotations.legend(ax, annotations.mechanism_handles(assembly, labels, ink, drawn))
+    notes.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
+    notes.legend(ax, notes.mechanism_handles(assembly, labels, ink, drawn))
     ax.set_title(f"Mechanism for live power 1, drawn × {scale:.3g}", fontsize=10)
     return drawn
 
@@ -312,7 +313,7 @@ def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None =
     height = width * float(span[1] / span[0])
     if height > 6.0:
         width, height = width * 6.0 / height, 6.0
-    depth = max(annotations.legend_inches(ax) for ax in axes)
+    depth = max(notes.legend_inches(ax) for ax in axes)
     slot = max(width + 0.75, 3.7)
     row = 0.45 + height + depth
     columns = columns or (1 if stacked else len(axes))
