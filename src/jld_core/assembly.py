@@ -153,7 +153,8 @@ class Assembly(Shown):
     live_points: places and vectors of the live point forces, for drawing. moved: farthest that a corner was moved to
     close gaps and overlaps, length. warnings: what is possible and hardly meant, a sentence each. cases: the load
     cases of a scene that has several; dead and live are then those of the first, and what solves asks for
-    `by_case`. In a notebook it shows what is modelled.
+    `by_case`. nominal: where strengths are the low values of materials, the nominal ones. In a notebook it shows
+    what is modelled.
     """
 
     name: str
@@ -169,6 +170,7 @@ class Assembly(Shown):
     moved: float = 0.0
     warnings: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
+    nominal: Strengths | None = None
 
     def __repr__(self) -> str:
         kind = "planar" if self.dimension == 2 else "spatial"
@@ -195,6 +197,11 @@ class Assembly(Shown):
             )
             for case in self.cases
         )
+
+    @cached_property
+    def at_nominal(self) -> Assembly:
+        """This structure at the nominal values of its materials; itself where it has no others."""
+        return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
 
     @property
     def required(self) -> Floats:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
@@ -23,7 +23,6 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
-from jld_explore.evaluation import Records
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, from_string, search_space
@@ -53,7 +52,7 @@ def explore(
     started = time.perf_counter()
     settings = settings or ExploreSettings()
     check_folder(folder, settings.resume)
-    assembly = build_assembly(scene)
+    assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
     if announce is not None:
@@ -61,6 +60,8 @@ def explore(
             announce(f"warning: {warning}")
     if assembly.cases and settings.certificates:
         raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
+    if settings.robust and settings.certificates:
+        raise InputError("--certificates", "they speak of one strength, not of a low and a nominal one", "one of both")
     if driver is not None:
         settings = replace(settings, driver=driver)
     if isinstance(settings.driver, Driver):
@@ -88,7 +89,7 @@ def explore(
     except BaseException:
         # a signal may come between the disk and the memory: what is on disk is what was finished
         study.records.close()
-        study.records = Records(folder, study.header, len(assembly.interfaces), len(assembly.cases))
+        study.records = study.open_records()
         _bound_all(study)
         study.records.close()
         write_tables(study, StopReason.INTERRUPTED)
@@ -101,7 +102,7 @@ def explore(
             folder.rmdir()
         raise _nothing_to_search()
     if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        study.records = Records(folder, study.header, len(assembly.interfaces), len(assembly.cases))
+        study.records = study.open_records()
         _bound_all(study)
         study.records.close()
     done = write_tables(study, reason)

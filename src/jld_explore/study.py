@@ -88,8 +88,9 @@ class ExploreSettings:
     past solves settle labellings, where the model is one that bounds speak of. pictures: draw what was found at the
     end. strict: take what is possible but hardly meant as an error. experiment: how many of the best by λ are put to
     the virtual experiment at the end. by_experiment: search by it then, with as many experiments in all (default 500),
-    seeded by the best by λ. small: classes up to which a space is counted beforehand, and enumerated where no driver is
-    named; 0: not counted. certificate: file for the proof of the exact driver. options: of a driver that is named.
+    seeded by the best by λ. robust: rank by λ at the low values of materials. small: classes up to which a space is
+    counted beforehand, and enumerated where no driver is named; 0: not counted. certificate: file for the proof of the
+    exact driver. options: of a driver that is named.
     """
 
     driver: str | Driver | None = None
@@ -104,6 +105,7 @@ class ExploreSettings:
     by_experiment: bool = False
     pictures: bool = True
     strict: bool = False
+    robust: bool = False
     small: int = SMALL
     certificate: Path | None = None
     options: dict[str, Any] = field(default_factory=dict)
@@ -139,7 +141,7 @@ class Study:
         self.started = time.perf_counter() if started is None else started
         self.evaluated = self.asked = self.solved = 0
         self._best = np.nan
-        self.records = Records(folder, self.header, len(assembly.interfaces), len(assembly.cases))
+        self.records = self.open_records()
 
     @property
     def header(self) -> dict[str, Any]:
@@ -154,8 +156,14 @@ class Study:
             "bracket width": model.pop("gap"),
             **model,
             "certificates": self.certificates,
+            **({"robust": True} if self.assembly.nominal is not None else {}),
             "versions": versions(),
         }
+
+    def open_records(self) -> Records:
+        """The record in the folder, gone on with where there is one."""
+        values = len(self.assembly.cases) + (self.assembly.nominal is not None)
+        return Records(self.folder, self.header, len(self.assembly.interfaces), values)
 
     @property
     def elapsed(self) -> float:

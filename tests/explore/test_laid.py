@@ -111,6 +111,12 @@ def test_load_cases_do_not_matter_to_laying() -> None:
     assert [s.stage.stands for s in with_cases.steps] == [s.stage.stands for s in without.steps]
 
 
+def test_a_certificate_knows_nothing_of_laying(tmp_path: Path) -> None:
+    settings = ExploreSettings(driver="exact", certificate=tmp_path / "proof.json")
+    with pytest.raises(InputError, match=r"search\.assemble is no rule of it"):
+        explore(scene_of(ARCH, assemble="translation"), tmp_path / "out", settings)
+
+
 def test_a_wrong_wish() -> None:
     with pytest.raises(InputError) as caught:
         scene_of(ARCH, assemble="sideways")

@@ -5,6 +5,7 @@
 - `Settlement`: a movement of supports, known up to its size
 - `build_assembly`: Scene → Assembly
 - `build_geometry`: Scene → Geometry
+- `build_robust`: the same at the low values of materials
 - `faces_of_pairs`: the interfaces between the elements of each pair
 - `resultant`: its force, line of action and moment
 - `settlements_of`: the settlements of a scene, in their order
@@ -12,7 +13,7 @@
 
 from __future__ import annotations
 
-from jld_core.build.assemble import build_assembly, build_geometry
+from jld_core.build.assemble import build_assembly, build_geometry, build_robust
 from jld_core.build.elements import Geometry, faces_of_pairs
 from jld_core.build.plausibility import Resultant, resultant
 from jld_core.build.settlements import Settlement, settlements_of
@@ -23,6 +24,7 @@ __all__ = [
     "Settlement",
     "build_assembly",
     "build_geometry",
+    "build_robust",
     "faces_of_pairs",
     "resultant",
     "settlements_of",

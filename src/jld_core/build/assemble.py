@@ -16,7 +16,7 @@ from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
-from jld_core.scene import BodyLoad, Contact, PointLoad, Scene
+from jld_core.scene import BodyLoad, Contact, PointLoad, Scene, at_low
 
 LABELS = {"dry": DRY, "inner": INNER}
 
@@ -29,6 +29,16 @@ def build_geometry(scene: Scene) -> Geometry:
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     _check_paths(geometry.elements, geometry.interfaces)
     return geometry
+
+
+def build_robust(scene: Scene) -> Assembly:
+    """The assembly of a scene at the low values of its materials, with the nominal ones beside them.
+
+    Raises InputError as `build_assembly`, and where no material value has a low one.
+    """
+    low = at_low(scene)
+    nominal = build_assembly(scene)
+    return replace(nominal, strengths=build_assembly(low).strengths, nominal=nominal.strengths)
 
 
 def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:

@@ -10,6 +10,7 @@ those. What is joined to a support and in the way is held there by inner faces.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -20,6 +21,10 @@ from jld_core.assembly import Assembly
 from jld_core.laying.blocks import blocks_of_labelling
 from jld_core.laying.freedom import Bodies, Freedom
 from jld_core.laying.order import GROUP, Wish, emptied, laying_order, locked_blocks
+from jld_core.laying.standing import Standing
+
+COUNTED: Final = {"translation": 2000, "standing": 60}
+"""Labellings of which it is said within seconds whether they can be laid."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,11 @@ class Layability:
             np.any((assembly.elements.support[faces.a] | assembly.elements.support[faces.b]) & may_join)
         )
 
+    @property
+    def counted(self) -> int:
+        """Labellings of which it is said within seconds whether they can be laid."""
+        return COUNTED[self.wish]
+
     def lock(self, labels: Bits) -> Lock | None:
         """Why a labelling (m,) cannot be laid; None where it can."""
         key = np.packbits(labels).tobytes()
@@ -71,12 +81,16 @@ class Layability:
             return lock
         if self.wish == "translation":
             return None
+        every = np.arange(len(labels))
+        # a stage stands or falls by all that is laid by then: no part of the labelling is known to be enough
+        whole = Lock(every, labels, self.assembly.elements.free)
+        blocks = blocks_of_labelling(self.assembly, labels)
+        if not Standing(blocks, labels).stage(np.ones(len(blocks), dtype=bool)).stands:
+            return whole
         laying = laying_order(self.assembly, labels, wish="standing", group=self.group, bodies=self._bodies)
         if laying.possible and laying.stands:
             return None
-        # a stage stands or falls by all that is laid by then: no part of the labelling is known to be enough
-        every = np.arange(len(labels))
-        return Lock(every, labels, self.assembly.elements.free)
+        return whole
 
     def _blamed(self, labels: Bits, members: Ints) -> Lock:
         """The labels that blocks lock one another by."""

@@ -2,6 +2,7 @@
 
 - `LADDERS`: what is tried, in order, by `SolveOptions.condense`
 - `Scheme`: how a solution without dilation is sought
+- `Sensitivity`: the rate of λ by one number
 - `SolutionPath`: a path through solutions without dilation
 - `SolveOptions`: what is modelled, as on the command line
 - `areas_under`: effective areas under given forces
@@ -14,6 +15,7 @@
 - `prove_effective_area`: proof at a fixed point of effective areas
 - `prove_zero_dilation`: collapse without dilation, by an analysis that exists
 - `rigid_blocks`: elements joined through inner faces
+- `sensitivities`: how λ changes with strengths and weight
 - `solve`: λ of one labelling, with a two-sided bracket
 - `solve_labelling`: proof of one labelling under the options asked for
 - `solve_zero_dilation`: collapse without dilation in one call
@@ -27,6 +29,7 @@ from jld_core.limit import SolveOptions
 from jld_core.models.effective_area import areas_under, change, frozen_areas, prove_effective_area
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
+from jld_core.models.sensitivity import Sensitivity, sensitivities
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
 from jld_core.models.zero_dilation import prove_zero_dilation, solve_zero_dilation, zero_dilation
 from jld_core.models.zero_dilation_path import SolutionPath, path_of_solutions
@@ -35,6 +38,7 @@ from jld_core.models.zero_dilation_search import Scheme
 __all__ = [
     "LADDERS",
     "Scheme",
+    "Sensitivity",
     "SolutionPath",
     "SolveOptions",
     "areas_under",
@@ -47,6 +51,7 @@ __all__ = [
     "prove_effective_area",
     "prove_zero_dilation",
     "rigid_blocks",
+    "sensitivities",
     "solve",
     "solve_labelling",
     "solve_zero_dilation",

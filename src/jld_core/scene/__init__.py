@@ -10,6 +10,7 @@
 - `PointLoad`: a force on one element
 - `Scene`: a scene file, validated
 - `Search`: what may be relabelled
+- `at_low`: the scene with the low values of its materials
 - `json_schema`: the format for editors
 - `key_tables`: the format for readers
 - `lies_within_apex`: refuse a tensile strength that friction cuts off
@@ -20,7 +21,7 @@
 from __future__ import annotations
 
 from jld_core.scene.form import json_schema, key_tables
-from jld_core.scene.reading import load_scene, parse_scene
+from jld_core.scene.reading import at_low, load_scene, parse_scene
 from jld_core.scene.schema import (
     BodyLoad,
     Contact,
@@ -46,6 +47,7 @@ __all__ = [
     "PointLoad",
     "Scene",
     "Search",
+    "at_low",
     "json_schema",
     "key_tables",
     "lies_within_apex",

@@ -169,6 +169,9 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "dry_faces": Meaning("", "Least and most dry faces between free elements."),
         "shapes": Meaning("", "Least and most different shapes of blocks."),
         "moulds": Meaning("", "What counts as one shape beside being moved."),
+        "require": Meaning(
+            "", "A load factor to be met; the best by the front's count is looked for among what meets it."
+        ),
         "assemble": Meaning(
             "",
             "Only layouts that can be laid: `translation`, in some order by translations, at most three blocks moved "
@@ -185,6 +188,9 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     schema.Keep: {
         "dry": Meaning("", "Pairs of ids whose faces stay dry."),
         "inner": Meaning("", "Pairs of ids whose faces stay inner."),
+    },
+    schema.Require: {
+        "load_factor": Meaning("", "λ that layouts must reach, with load cases the governing factor."),
     },
     schema.Moulds: {
         "rotate": Meaning("", "Blocks that a turn lays onto one another are one shape."),

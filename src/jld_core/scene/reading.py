@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint, plain, shown
 from jld_core.scene.schema import Scene
+from jld_core.scene.spread import lowered
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -61,6 +62,19 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
         raise error.within(file) from None
     except ValidationError as error:
         raise first_complaint(error, Scene).within(file) from None
+
+
+def at_low(scene: Scene) -> Scene:
+    """The scene with the low value of every material value that has one.
+
+    Raises InputError where none has, and where the low values do not go together.
+    """
+    document = scene.model_dump(mode="json", exclude_defaults=True)
+    low = document | {key: lowered(document[key]) for key in ("materials", "interfaces") if key in document}
+    if low == document:
+        given = '{"nominal": …, "low": …} for friction or a strength'
+        raise InputError("--robust", "no material value of the scene has a low one", given)
+    return parse_scene(low, "the scene at its low values")
 
 
 def _refuse_constant(name: str) -> float:

@@ -9,8 +9,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from jld_core import tolerances
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
+from jld_core.scene.spread import MaySpread
 
 LabelName = Literal["dry", "inner"]
 
@@ -25,6 +27,12 @@ Positive = Annotated[float, Field(gt=0)]
 
 
 NonNegative = Annotated[float, Field(ge=0)]
+
+
+Value = Annotated[float, Field(ge=0), MaySpread()]
+PositiveValue = Annotated[float, Field(gt=0), MaySpread()]
+Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]
+"""Material values: a number, or a nominal one with a low one."""
 
 
 class _Part(BaseModel):
@@ -107,14 +115,14 @@ class Contact(_Part):
     elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
     polygon: Annotated[list[Vector], Field(min_length=2, description="two points [x, y], or a spatial polygon")]
     label: LabelName | None = None
-    friction_coefficient: NonNegative | None = None
-    friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
-    tensile_strength: NonNegative | None = None
-    shear_strength: NonNegative | None = None
-    compressive_strength: Positive | None = None
-    cohesion: NonNegative | None = None
-    inner_friction_coefficient: NonNegative | None = None
-    inner_friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
+    friction_coefficient: Value | None = None
+    friction_angle: Angle | None = None
+    tensile_strength: Value | None = None
+    shear_strength: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    cohesion: Value | None = None
+    inner_friction_coefficient: Value | None = None
+    inner_friction_angle: Angle | None = None
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
@@ -127,10 +135,10 @@ class Contact(_Part):
 class Dry(_Part):
     """A joint between blocks: no tension, Mohr–Coulomb friction, cohesion if any."""
 
-    friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
-    friction_coefficient: NonNegative | None = None
-    compressive_strength: Positive | None = None
-    cohesion: NonNegative = 0.0
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    cohesion: Value = 0.0
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
@@ -153,11 +161,11 @@ def lies_within_apex(tension: float | None, shear: float | None, friction: float
 class Inner(_Part):
     """A crack plane inside a block: finite tensile and shear strength, friction if any."""
 
-    tensile_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
-    shear_strength: Annotated[NonNegative, Field(description="a stress of at least 0")]
-    compressive_strength: Positive | None = None
-    friction_angle: Annotated[float, Field(ge=0, lt=90)] | None = None
-    friction_coefficient: NonNegative | None = None
+    tensile_strength: Annotated[Value, Field(description="a stress of at least 0")]
+    shear_strength: Annotated[Value, Field(description="a stress of at least 0")]
+    compressive_strength: PositiveValue | None = None
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
@@ -341,6 +349,17 @@ class Front(_Part):
         return tuple(zip(names, senses, strict=True))
 
 
+class Require(_Part):
+    """What layouts must carry; the best by the front's count is then looked for among those that do."""
+
+    load_factor: Positive
+
+    @property
+    def threshold(self) -> float:
+        """λ from which the requirement is met, rounding of what is proven allowed for."""
+        return self.load_factor * (1.0 - tolerances.PROVEN)
+
+
 class Moulds(_Part):
     """What counts as one shape of block, beside being moved: being turned, being turned over."""
 
@@ -370,6 +389,7 @@ class Search(_Part):
     dry_faces: Counts = [None, None]
     shapes: Counts = [None, None]
     moulds: Moulds = Moulds()
+    require: Require | None = None
     assemble: Literal["translation", "standing"] | None = None
     assemble_out_of_plane: bool = False
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"

@@ -9,7 +9,7 @@ import base64
 import math
 from collections.abc import Mapping
 from html import escape
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -95,11 +95,24 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     for (name, one), required in zip(result.cases.items(), result.assembly.required, strict=False):
         ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in one.bracket)
         facts[f"λ {name}"] = f"{_shown(number(one.load_factor))} of {required:g} required ({one.status}, {ends})"
+    if "load_factor_nominal" in result.extra:
+        facts["λ at nominal"] = f"{_shown(result.extra['load_factor_nominal'])} (λ above is at the low values)"
+    for name, rate in result.extra.get("sensitivities", {}).items():
+        facts[f"∂λ/∂{name}"] = _rate(rate)
     stands = result.stands_at_zero
     facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
     facts["route"] = ", ".join(result.route)
     facts["seconds"] = f"{result.seconds['total']:.3g} ({result.seconds['solve']:.3g} solving)"
     return facts
+
+
+def _rate(rate: dict[str, Any]) -> str:
+    """A rate of λ in words; both sides where they differ."""
+    unit = f" {'' if rate['unit'].startswith('of') else 'per '}{rate['unit']}" if rate["unit"] else ""
+    if rate["derivative"] is not None:
+        return f"{rate['derivative']:.6g}{unit}"
+    left, right = ("unknown" if rate[side] is None else f"{rate[side]:.6g}" for side in ("left", "right"))
+    return f"{left} for less, {right} for more{unit}"
 
 
 class AssemblyView:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
@@ -15,11 +17,12 @@ from typer.core import TyperGroup
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError, SolverError
 from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import InnerBending, require_materials
+from jld_core.models import sensitivities
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
@@ -102,6 +105,11 @@ Gap = Annotated[float, typer.Option(help="Relative width of the bracket above wh
 Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
 
 
+Robust = Annotated[
+    bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
+]
+
+
 def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene, Assembly]:
     """A scene and its assembly, with a line on stderr for each warning unless quiet."""
     scene = load_scene(path)
@@ -161,6 +169,7 @@ def solve(
     gap: Gap = GAP,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     strict: Strict = False,
+    robust: Robust = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
@@ -173,6 +182,8 @@ def solve(
         parsed, assembly = _load(scene, strict, quiet=as_json)
     if "search" in parsed.model_fields_set:
         _check_search(scene, parsed, assembly)
+    if robust:
+        assembly = build_robust(parsed)
     try:
         result = solve_assembly(
             assembly,
@@ -191,6 +202,13 @@ def solve(
         raise (error if error.where.startswith("--") else error.within(str(scene))) from None
     except SolverError as error:
         raise InputError("--solver", str(error), "a solver that takes this scene") from None
+    if robust:
+        nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
+        result = replace(
+            result, extra={**result.extra, "load_factor_nominal": None if math.isnan(nominal) else nominal}
+        )
+    rates = {name: rate.to_json() for name, rate in sensitivities(result).items()}
+    result = replace(result, extra={**result.extra, "sensitivities": rates})
     if out is not None:
         _write_result(result, out)
     _say(json.dumps(result.to_json(), indent=1) if as_json else words.result(result))
@@ -256,6 +274,7 @@ def explore_command(
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes; default: one per core.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the driver.")] = 0,
     strict: Strict = False,
+    robust: Robust = False,
     effective_area: EffectiveArea = False,
     contact: Contact = "convex",
     inner_bending: Bending = "paper",
@@ -308,6 +327,7 @@ def explore_command(
         by_experiment=objective == "experiment",
         strict=strict,
         certificate=certificate,
+        robust=robust,
         options=own,
     )
     announce = None if as_json else _say

@@ -9,8 +9,9 @@ proportional to what is found.
 
 from __future__ import annotations
 
+import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_explore.drivers.base import Driver
-from jld_explore.evaluation import Evaluation
+from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace, representatives
 
 Names = NDArray[np.unsignedinteger[Any]]
@@ -106,6 +107,10 @@ class Enumeration(Driver):
         self._start = first[least]
         share = _BYTES // max(1, (2 * len(elements) + len(candidates)) * (len(candidates) + 1))
         self._rows = rows or int(np.clip(share, 64, _ROWS))
+        # rows looked at together where it takes long to say whether they can be laid, 0 where it is not asked
+        self._slowly = 0 if space.laying is None else max(1, space.laying.counted // 4)
+        self._deadline: float | None = None
+        self._ended = False
         self._portions = self.batches()
         self._held = np.empty((0, len(space.fixed)), dtype=bool)
 
@@ -117,10 +122,29 @@ class Enumeration(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         """The next classes, (k, m), in portions that do not keep evaluation waiting for the whole limit."""
         wanted = PORTION if limit is None else min(limit, PORTION)
-        while len(self._held) < wanted and (portion := next(self._portions, None)) is not None:
+        while len(self._held) < wanted:
+            portion = next(self._portions, None)
+            self._ended = portion is None
+            if portion is None:
+                break
             self._held = np.concatenate([self._held, portion[0]])
+            if self._slowly and (len(self._held) or self._late):
+                break
         given, self._held = self._held[:wanted], self._held[wanted:]
         return given
+
+    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        """See `Driver.start`."""
+        self._deadline = deadline
+
+    @property
+    def working(self) -> bool:
+        """See `Driver.working`."""
+        return not self._ended
+
+    @property
+    def _late(self) -> bool:
+        return self._deadline is not None and time.perf_counter() >= self._deadline
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Nothing to learn: what comes next is settled."""
@@ -130,9 +154,10 @@ class Enumeration(Driver):
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
-                laid = self.space.can_be_laid(rows[kept])
-                if laid.any():
-                    yield rows[kept[laid]], multiplicity[laid]
+                for low in range(0, len(kept), self._slowly or max(1, len(kept))):
+                    part = kept[low : low + (self._slowly or len(kept))]
+                    laid = self.space.can_be_laid(rows[part])
+                    yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
     def count(self) -> Tally:
         """How many labellings and classes the space has, by going through all of them."""
@@ -150,15 +175,16 @@ class Enumeration(Driver):
         """
         if len(self._faces) >= work:  # the first labelling is a frontier for each face away
             return None
-        classes = 0
+        classes, found = 0, []
+        if self.space.laying is not None:
+            limit = min(limit, self.space.laying.counted)
         for looked, rows in enumerate(self._walk()):
             if rows is not None:
-                kept = representatives(rows, self.space.group)[0]
-                # what can be laid takes long to say of more classes than there may be
-                classes += len(kept) if len(kept) > limit else int(self.space.can_be_laid(rows[kept]).sum())
+                found.append(rows[representatives(rows, self.space.group)[0]])
+                classes += len(found[-1])
             if classes > limit or looked >= work:
                 return None
-        return classes
+        return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
 
     def _walk(self) -> Iterator[Bits | None]:
         """Labellings (k, m) of each frontier that is complete, None for each that is not, depth first."""

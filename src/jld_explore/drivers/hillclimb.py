@@ -13,7 +13,7 @@ from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
-from jld_explore.evaluation import Evaluation, standing
+from jld_explore.evaluation import Evaluation, aims, standing
 from jld_explore.space import SearchSpace, feasible, keys
 
 _ALL = -1  # owner of a labelling that all climbers begin at
@@ -109,11 +109,12 @@ class HillClimb(Searcher):
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Climbers step to what is better than where they stand."""
-        for key, labels, found in zip(keys(labellings), labellings, evaluations, strict=True):
+        values = aims(self.space, labellings, evaluations).tolist()
+        for key, labels, found, aim in zip(keys(labellings), labellings, evaluations, values, strict=True):
             number = self._owner.pop(key, None)
             if number is None:
                 continue
-            worth = standing(found)
+            worth = standing(found, aim)
             for climber in self._climbers if number == _ALL else [self._climbers[number]]:
                 if worth < climber.worth:
                     climber.place, climber.worth, climber.stalled = labels, worth, 0

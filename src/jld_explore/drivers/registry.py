@@ -9,7 +9,7 @@ from jld_core.errors import InputError
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact import Exact
+from jld_explore.drivers.exact import Exact, Lightest
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.optuna import Optuna
@@ -37,4 +37,8 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
         if key not in DRIVERS[name].Options.model_fields:
             others = " or ".join(f"--driver {kind.name}" for kind in owners(key)) or "an option that it has"
             raise InputError(f"--{key}", f"the driver {name} has no such option", others)
-    return DRIVERS[name].made(space, seed, given)
+    kind = DRIVERS[name]
+    if kind is Exact and space.search.require is not None:
+        # a count is what is proven then
+        return Lightest.made(space, seed, given)
+    return kind.made(space, seed, given)

@@ -26,11 +26,14 @@
 - `Vertex`: what was found at a vertex
 - `WorkerSpec`: what a worker needs
 - `Workers`: a pool of processes
+- `aims`: the number to be made large
 - `batch_size`: labellings per task
 - `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
 - `is_small`: whether a solve takes less than to send it
 - `kernel_settles`: whether nearly all labellings are the kernel's to settle
+- `may_meet`: whether a labelling is not proven to carry less than is required
+- `meets`: whether it carries what is required
 - `objectives`: what is minimised
 - `places`: place of each status
 - `proofs_of`: what a finished solve proves of others
@@ -49,7 +52,18 @@ from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evalua
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 from jld_explore.evaluation.pruning import IncumbentFront
-from jld_explore.evaluation.ranking import ORDER, Envelope, front_counts, objectives, places, standing, worth
+from jld_explore.evaluation.ranking import (
+    ORDER,
+    Envelope,
+    aims,
+    front_counts,
+    may_meet,
+    meets,
+    objectives,
+    places,
+    standing,
+    worth,
+)
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records, record_type, settled, statuses
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
@@ -82,11 +96,14 @@ __all__ = [
     "Vertex",
     "WorkerSpec",
     "Workers",
+    "aims",
     "batch_size",
     "evaluator_of",
     "front_counts",
     "is_small",
     "kernel_settles",
+    "may_meet",
+    "meets",
     "objectives",
     "places",
     "proofs_of",

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
+
+import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
@@ -115,6 +118,44 @@ class CasesEvaluator:
         )
 
 
-def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator | CasesEvaluator:
-    """What evaluates labellings of an assembly, under one load or several."""
+class RobustEvaluator:
+    """Evaluates labellings at the low values of materials, and says λ at the nominal ones besides.
+
+    An evaluation is that at low values; the last of its `cases` is λ at the nominal ones, NaN where there is none.
+    """
+
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+        self.assembly, self.settings = assembly, settings
+        self._low = evaluator_of(replace(assembly, nominal=None), settings)
+        self._nominal = evaluator_of(assembly.at_nominal, settings)
+
+    def evaluate_all(
+        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
+    ) -> list[Evaluation]:
+        """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of λ at low values.
+
+        A labelling counts as evaluated when both are; only those with a λ at low values have another.
+        """
+        low = self._low.evaluate_all(labellings, floors, waiting, deadline)
+        good = [k for k, one in enumerate(low) if one.status is Status.COLLAPSE]
+        nominal = self._nominal.evaluate_all(labellings[good], None, waiting, deadline)
+        known = dict(zip(good, nominal, strict=False))
+        done = good[len(nominal)] if len(nominal) < len(good) else len(low)
+        return [self._together(one, known.get(k)) for k, one in enumerate(low[:done])]
+
+    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
+        """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of λ at low values."""
+        return self.evaluate_all(labels[None], np.array([floor]), waiting)[0]
+
+    def _together(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
+        value = math.nan if nominal is None else nominal.load_factor
+        seconds = low.seconds + (0.0 if nominal is None else nominal.seconds)
+        cases = low.cases or (math.nan,) * len(self.assembly.cases)
+        return replace(low, cases=(*cases, value), seconds=seconds)
+
+
+def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator | CasesEvaluator | RobustEvaluator:
+    """What evaluates labellings of an assembly, under one load or several, at low values of materials or not."""
+    if assembly.nominal is not None:
+        return RobustEvaluator(assembly, settings)
     return CasesEvaluator(assembly, settings) if assembly.cases else Evaluator(assembly, settings)

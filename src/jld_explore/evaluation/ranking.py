@@ -7,11 +7,13 @@ whether the load can be unbounded, and more of them would draw a search away fro
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, Evaluation
@@ -28,10 +30,45 @@ def worth(evaluation: Evaluation) -> float:
     return evaluation.load_factor if evaluation.status is Status.COLLAPSE else 0.0
 
 
-def standing(evaluation: Evaluation) -> tuple[int, float]:
-    """What sorts evaluations, the best first: place of the status, then −λ where λ is a number."""
+def meets(space: SearchSpace, evaluation: Evaluation) -> bool:
+    """Whether a labelling is proven to carry what is required; True where nothing is. Locked ones carry any load."""
+    required = space.search.require
+    if required is None or evaluation.status is Status.LOCKED:
+        return True
+    return evaluation.status is Status.COLLAPSE and evaluation.low >= required.threshold
+
+
+def may_meet(space: SearchSpace, evaluation: Evaluation) -> bool:
+    """Whether a labelling is not proven to carry less than is required."""
+    required = space.search.require
+    if required is None or meets(space, evaluation):
+        return True
+    if evaluation.status is Status.UNSTABLE:
+        return False
+    # there may be other solutions without dilation than the one found; the associative λ bounds them all
+    high = evaluation.high if math.isnan(evaluation.zero_dilation) else evaluation.associative
+    return not high < required.threshold
+
+
+def aims(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
+    """(k,) the number to be made large: λ; where a load factor is required, what λ has of it, and from there on the
+    better the first count of the scene's front the more. Without a number 0.
+    """
+    value = np.array([worth(found) for found in evaluations], dtype=np.float64)
+    required = space.search.require
+    if required is None:
+        return value
+    met = np.array([meets(space, found) for found in evaluations], dtype=bool)
+    share = 1.0 / (1.0 + abs(front_counts(space, labellings)[:, 0]))
+    gain = share if space.search.front.axes[0][1] == "min" else 1.0 - share
+    short = np.minimum(value, required.threshold * (1.0 - tolerances.PROVEN))
+    return np.asarray(np.where(met, required.load_factor * (1.0 + gain), short))
+
+
+def standing(evaluation: Evaluation, aim: float | None = None) -> tuple[int, float]:
+    """What sorts evaluations, the best first: place of the status, then −λ, or −aim where given, if there is one."""
     place = _place(evaluation)
-    return place, -worth(evaluation) if place == 0 else 0.0
+    return place, -(worth(evaluation) if aim is None else aim) if place == 0 else 0.0
 
 
 def _place(evaluation: Evaluation) -> int:
@@ -80,9 +117,8 @@ class Envelope:
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """(k, 1 + c) what is minimised: −λ, and the counts of the scene's front with the signs of their senses.
+    """(k, 1 + c) what is minimised: −λ (see `aims`), and the counts of the scene's front with the signs of senses.
 
     labellings: (k, m). Rows without collapse have no λ: theirs is 0 and must be kept apart by `places`.
     """
-    value = [worth(found) for found in evaluations]
-    return np.column_stack([-np.array(value), front_counts(space, labellings)])
+    return np.column_stack([-aims(space, labellings, evaluations), front_counts(space, labellings)])

@@ -29,6 +29,8 @@ _RESULTS: Final = {
     "status": ("", "collapse, locked, uncertified, unstable or failed"),
     "load_factor_associative": ("", "load factor where sliding joints dilate"),
     "load_factor_zero_dilation": ("", "load factor found without dilation"),
+    "meets": ("", "whether it is proven to carry the load factor that the scene requires"),
+    "load_factor_nominal": ("", "load factor at the nominal values of materials; all others are at the low ones"),
     "settled": ("", "solve, certificate (by what other solves prove) or bound (too weak to be solved)"),
     "seconds": ("s", "time of the evaluation"),
     "driver": ("", "what proposed it"),
@@ -69,7 +71,9 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
         sides = ("least", "greatest")
         ends = {name: (length, f"{sides[int(name[1])]} {name[0]} of the face") for name in ends}
     counts = {count.name: (count.unit(assembly), count.label(assembly).partition(" [")[0]) for count in registered()}
-    results = _RESULTS | counts
+    cases = {f"load_factor[{case.name}]": ("", f"load factor of the case {case.name}") for case in assembly.cases}
+    governing = {"governing": ("", "the load case with the least load factor over what is required of it")}
+    results = _RESULTS | counts | cases | (governing if cases else {})
     files = {
         "faces.csv": _FACES | ends,
         "results.csv": {name: value for name, value in results.items() if name != "evidence"},

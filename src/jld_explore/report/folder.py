@@ -16,7 +16,7 @@ from jld_core.limit import load_floor
 from jld_core.models import solve
 from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
-from jld_explore.report import tables
+from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, with_evidence
 from jld_explore.report.exploration import Exploration
@@ -79,6 +79,8 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
         proven=study.driver.finished,
         floor=load_floor(study.assembly),
     )
+    if study.assembly.nominal is not None:
+        found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
     found["warnings"] = list(study.assembly.warnings)
     model = study.settings.model
     found["model"] = model.facts()
@@ -88,7 +90,11 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found |= study.driver.facts(results, complete)
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
-    found["front"] = front_rows(front, found, counts, complete=sure, aimed=aimed)
+    asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
+    # what is proven of a count says nothing of the front of λ
+    known = {**found, "proven": found["proven"] and not asked}
+    found["front"] = front_rows(front, known, counts, complete=sure, aimed=aimed)
+    found |= asked
     front = with_evidence(front, found, counts)
     found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
     write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))

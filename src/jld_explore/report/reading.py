@@ -11,7 +11,7 @@ import pandas as pd
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly
+from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.limit import SolveOptions, Status
 from jld_core.scene import load_scene
@@ -70,6 +70,8 @@ def read_folder(folder: Path) -> Exploration:
     except InputError as error:
         raise error.within(str(folder / "scene.json")) from None
     summary = _summary(folder / "summary.json", len(assembly.interfaces))
+    if summary.get("robust"):
+        assembly = build_robust(scene)
     axes = scene.search.front.axes
     counts = [name for name, _ in axes]
     results = _results(folder / "results.parquet", assembly, counts)

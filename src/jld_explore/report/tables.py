@@ -14,6 +14,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Status, relative_width
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, settled, statuses
+from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
 
@@ -43,7 +44,10 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
 
 
 def results_table(records: Records, assembly: Assembly, space: SearchSpace, driver: str) -> pd.DataFrame:
-    """results.csv: one row per class, collapse by λ, then locked, uncertified, unstable, failed; λ in scene units."""
+    """results.csv: one row per class, collapse by λ, then locked, uncertified, unstable, failed; λ in scene units.
+
+    Where a load factor is required what meets it comes first, by the count of the front.
+    """
     rows = records.rows
     labellings = unpack(rows["labelling"], records.faces)
     associative, zero = rows["associative"], rows["zero_dilation"]
@@ -60,7 +64,9 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
             **counts(assembly, labellings, space.graph, space.limits.block_shapes),
             "load_factor_associative": associative,
             "load_factor_zero_dilation": zero,
+            **({} if assembly.nominal is None else {"load_factor_nominal": rows["cases"][:, -1]}),
             **_of_cases(rows, assembly),
+            **required.column(rows["low"], statuses(rows), space.search),
             "settled": how,
             "seconds": rows["seconds"],
             "driver": driver,
@@ -71,15 +77,23 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
     packed = np.ascontiguousarray(rows["labelling"])
     # what ties is told apart by the simpler layout: fewer blocks, then fewer joints
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
-    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, ties, place))
+    wanted = required.order(table, space.search)
+    order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, ties, *wanted, place))
     table = table.iloc[order].reset_index(drop=True)
     # those that tie share the place of the first of them
-    ties, ranked = ties[order], int(np.count_nonzero(place == 0))
-    first = np.r_[True, ties[1:] != ties[:-1]][: len(ties)]
-    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else ties
+    ranked = int(np.count_nonzero(place == 0))
+    alike = np.array([key[order] for key in (ties, *wanted)])
+    first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(order)]
+    number = np.maximum.accumulate(np.where(first, np.arange(1, len(table) + 1), 0)) if len(table) else order
     unranked = np.arange(len(table)) >= ranked
     table.insert(0, "rank", pd.Series(pd.arrays.IntegerArray(number.astype(np.int64), unranked)))
     return table
+
+
+def nominal_of_best(results: pd.DataFrame) -> float | None:
+    """λ at nominal values of the layout that is best at low ones."""
+    ranked = results[results["status"] == str(Status.COLLAPSE)]
+    return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
 def _ties(load_factor: Floats, low: Floats, high: Floats) -> Ints:

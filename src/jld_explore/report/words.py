@@ -12,6 +12,7 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.evaluation import BOUND
+from jld_explore.report import required
 from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import SearchSpace, registered
@@ -60,6 +61,9 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     elif not facts["proven"] and facts["bound"] is not None:
         gap = "" if facts["gap"] is None else f", gap {facts['gap']:.2%}"
         proof += f": none carries more than {facts['bound']:.9g}{gap}"
+    nominal = {}
+    if facts.get("robust"):
+        nominal = {"at nominal": f"{_number(facts['best_nominal'])} (λ above is at the low values)"}
     tried = facts.get("experiment")
     carried = {}
     if tried is not None:
@@ -70,7 +74,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
         "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
-        "best λ": f"{best} ({proof})",
+        **({"required": required.words(facts["require"])} if facts.get("require") else {"best λ": f"{best} ({proof})"}),
+        **nominal,
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
     }
@@ -112,6 +117,10 @@ def exploration(done: Exploration, top: int = 10) -> str:
             f"written to   {done.folder}; a labelling has a letter for each face of faces.csv: d dry, i inner",
         ]
     )
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.9g}"
 
 
 def _table(rows: pd.DataFrame) -> str:

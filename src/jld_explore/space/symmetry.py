@@ -157,7 +157,8 @@ def _image(
     sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
     if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY:
         return "its interfaces are not mapped onto interfaces"
-    table = np.column_stack(list(vars(assembly.strengths).values())).reshape(len(faces), -1)
+    strengths = [assembly.strengths, *([] if assembly.nominal is None else [assembly.nominal])]
+    table = np.column_stack([column for one in strengths for column in vars(one).values()]).reshape(len(faces), -1)
     if not np.array_equal(table[face_to], table, equal_nan=True):
         return "its strengths are not mapped onto themselves"
     if np.any(candidates[face_to] != candidates) or np.any((fixed[face_to] != fixed) & ~candidates):

@@ -46,6 +46,12 @@ _OPEN: Final = "a search whose proof has a certificate"
 
 def check_certifiable(driver: Driver, model: SolveOptions) -> None:
     """Raise InputError, one line, where the proof of a driver has no certificate."""
+    search = driver.space.search
+    for key, given in (("assemble", search.assemble), ("require", search.require)):
+        if given is not None:
+            raise InputError("--certificate", f"search.{key} is no rule of it", "a search without that")
+    if driver.space.assembly.nominal is not None:
+        raise InputError("--certificate", "it holds the values of the scene, not the low ones", "no --robust")
     if not isinstance(driver, Exact):
         raise InputError("--certificate", f"the driver {driver.name} has no proof to write", "--driver exact")
     assembly, limits = driver.space.assembly, driver.space.limits

@@ -54,6 +54,10 @@ class Formula:
         """Free the solver."""
         self._solver.delete()
 
+    def limit(self, count: Count, bounds: Range) -> None:
+        """Rule out all labellings of which a count is not within bounds. Raises ValueError for one without terms."""
+        self._between(count, bounds)
+
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
         return bool(self._solver.solve(assumptions=self._literals(faces, labels)))

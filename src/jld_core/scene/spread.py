@@ -1,0 +1,73 @@
+"""A material value with a lower one to be reckoned with: `{"nominal": 0.7, "low": 0.5}` in the place of a number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidatorFunctionWrapHandler
+from pydantic_core import CoreSchema, core_schema
+
+from jld_core.errors import InputError
+
+_KEYS = ("nominal", "low")
+
+
+class Spread(float):
+    """The nominal value, which is what it is as a number, and the low one."""
+
+    __slots__ = ("low",)
+    low: float
+
+    def __new__(cls, nominal: float, low: float) -> Spread:
+        self = super().__new__(cls, nominal)
+        self.low = low
+        return self
+
+    def __getnewargs__(self) -> tuple[float, float]:  # type: ignore[override]
+        return float(self), self.low
+
+
+@dataclass(frozen=True)
+class MaySpread:
+    """Marks a number that may be given as a `Spread`."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        written = core_schema.plain_serializer_function_ser_schema(_written)
+        return core_schema.no_info_wrap_validator_function(_read, handler(source), serialization=written)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        number = handler(schema["schema"])
+        both = {
+            "type": "object",
+            "properties": dict.fromkeys(_KEYS, number),
+            "required": list(_KEYS),
+            "additionalProperties": False,
+        }
+        return {"anyOf": [number, both]}
+
+
+def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
+    if isinstance(value, Spread) or not isinstance(value, dict):
+        return value if isinstance(value, Spread) else number(value)
+    if set(value) != set(_KEYS):
+        odd = next((key for key in value if key not in _KEYS), None)
+        problem = f'"{odd}" stands there' if odd is not None else "one of two values is missing"
+        raise InputError("", problem, 'a number, or "nominal" and "low"')
+    nominal, low = number(value["nominal"]), number(value["low"])
+    if low > nominal:
+        raise InputError("", f"low, {low:g}, is above nominal, {nominal:g}", "a low value of at most the nominal one")
+    return Spread(nominal, low)
+
+
+def _written(value: Any) -> Any:
+    return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else value
+
+
+def lowered(document: Any) -> Any:
+    """A document with the low value in the place of every spread one."""
+    if isinstance(document, dict):
+        if set(document) == set(_KEYS):
+            return document["low"]
+        return {key: lowered(value) for key, value in document.items()}
+    return [lowered(value) for value in document] if isinstance(document, list) else document

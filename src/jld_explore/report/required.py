@@ -1,0 +1,90 @@
+"""What tables and the summary say where a load factor is required: what meets it, and the best count among that."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from jld_core.arrays import Floats
+from jld_core.limit import Status
+from jld_core.scene import Search
+from jld_explore.evaluation import BOUND
+from jld_explore.space import count_named
+
+COLUMN: Final = "meets"
+
+
+def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
+    """The column of the table, (k,), by its name; nothing where no load factor is required.
+
+    low: (k,) proven lower bounds; what is locked carries any load.
+    """
+    if search.require is None:
+        return {}
+    with np.errstate(invalid="ignore"):
+        carries = (status == str(Status.COLLAPSE)) & (low >= search.require.threshold)
+    return {COLUMN: carries | (status == str(Status.LOCKED))}
+
+
+def order(table: pd.DataFrame, search: Search) -> list[Floats]:
+    """Keys (k,) that sort rows of one status, the last the first: what meets the requirement, by the front's count."""
+    if search.require is None:
+        return []
+    met = table[COLUMN].to_numpy(bool)
+    return [np.where(met, _signed(table, search), 0.0), np.where(met, 0.0, 1.0)]
+
+
+def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
+    """What summary.json says besides: `require`, and with it what `proven` speaks of.
+
+    complete: every class of the space has its evaluation. finished: the driver has proven what it was to prove.
+    """
+    if search.require is None:
+        return {}
+    met, (count, sense) = table[table[COLUMN]], search.front.axes[0]
+    sign = _signed(met, search)
+    best = None if met.empty else met.iloc[int(np.argmin(sign))]
+    open_rows = table[~table[COLUMN] & table["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)])]
+    high = open_rows["bracket_hi"].to_numpy(float)
+    # what may meet it or not matters where it counts better
+    may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
+    better = _signed(open_rows, search) < (np.inf if best is None else float(np.min(sign)))
+    proven = finished or (complete and not np.any(may & better))
+    found: dict[str, Any] = {
+        "load_factor": search.require.load_factor,
+        "count": count,
+        "sense": sense,
+        "met": len(met),
+        "best": None if best is None else _plain(best[count]),
+        "best_load_factor": None if best is None or np.isnan(best["load_factor"]) else float(best["load_factor"]),
+        "best_labelling": None if best is None else str(best["labelling"]),
+        "proven": proven,
+    }
+    return {"require": found, "proven": proven}
+
+
+def words(require: dict[str, Any]) -> str:
+    """The same in one line."""
+    least = f"λ ≥ {require['load_factor']:g}"
+    if require["best"] is None:
+        return f"no layout with {least}" + (": proven that there is none" if require["proven"] else " found")
+    count = count_named(require["count"])
+    value = f"{require['best']:g} {count.noun}s" if count.integer else f"{count.title} {require['best']:.4g}"
+    carried = "any load" if require["best_load_factor"] is None else f"{require['best_load_factor']:.6g}"
+    side = "fewest" if require["sense"] == "min" else "most"
+    if not count.integer:
+        side = "least" if require["sense"] == "min" else "most"
+    proof = f"proven the {side}" if require["proven"] else "not proven"
+    return f"{value} ({proof} with {least}), which carry {carried}; {require['met']} layouts meet it"
+
+
+def _signed(table: pd.DataFrame, search: Search) -> Floats:
+    count, sense = search.front.axes[0]
+    return np.asarray((1.0 if sense == "min" else -1.0) * table[count].to_numpy(float))
+
+
+def _plain(value: Any) -> float | int:
+    return float(value) if isinstance(value, float | np.floating) else int(value)

@@ -1,0 +1,104 @@
+"""∂λ by strengths and weight, against closed forms and against λ solved a step away."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cases import grid_assembly, grid_document
+from cases_spatial import assembly as spatial_assembly
+from cases_spatial import box
+from command import call
+from jld_core import Assembly, build_assembly, parse_scene, solve
+from jld_core.arrays import Bits
+from jld_core.limit import LimitAnalysis
+from jld_core.models import Sensitivity, sensitivities
+from jld_core.models.sensitivity import _parameters
+
+ARCH = ["#aabbc#", "#.....#"]
+
+
+def test_a_block_that_slides() -> None:
+    """λ = μ, whatever it weighs beside its own live load: (2.4) of docs/method.md. The live load is left as it is."""
+    assembly = grid_assembly(["a", "#"], friction=0.6)
+    found = sensitivities(solve(assembly))
+    assert found["friction_coefficient"].derivative == pytest.approx(1.0, rel=1e-6)
+    assert found["weight"].derivative == pytest.approx(0.6, rel=1e-6)
+
+
+def test_a_block_that_slides_as_soon_as_it_tilts() -> None:
+    """λ = min(μ, b/h) at μ = b/h = 1: one side each, and no derivative."""
+    found = sensitivities(solve(grid_assembly(["a", "#"], friction=1.0)))["friction_coefficient"]
+    assert found.left == pytest.approx(1.0, rel=1e-6)
+    assert found.right == pytest.approx(0.0, abs=1e-6)
+    assert found.to_json()["derivative"] is None
+
+
+def load_factor(assembly: Assembly, labels: Bits) -> float:
+    return LimitAnalysis(assembly, gap=1e-9).solve(labels, stands=False).load_factor
+
+
+def hold_against_differences(assembly: Assembly, labels: Bits | None = None, rel: float = 1e-4) -> None:
+    result = solve(assembly, labels)
+    found = sensitivities(result)
+    changes = _parameters(assembly, result.labels)
+    assert {name for name, _, _ in changes} == set(found)
+    for name, change, _ in changes:
+        step = 1e-4 * change.size
+        here = load_factor(assembly, result.labels)
+        left = (here - load_factor(change.of(assembly, -step), result.labels)) / step
+        right = (load_factor(change.of(assembly, step), result.labels) - here) / step
+        least = 1e-5 * abs(here) / change.size
+        assert found[name].left == pytest.approx(left, rel=rel, abs=least)
+        assert found[name].right == pytest.approx(right, rel=rel, abs=least)
+        if found[name].derivative == found[name].derivative:
+            assert found[name].derivative == pytest.approx(0.5 * (left + right), rel=rel, abs=least)
+
+
+@pytest.mark.parametrize(
+    ("rows", "live"),
+    [
+        (["aab", "cbb", "###"], [{"body": [1, 0]}]),
+        (["aaaaa", "#...#"], [{"element": "c2r0", "force": [0, -1]}]),
+        (["abcd", "#..#"], [{"element": "c1r0", "force": [0.2, 1]}]),
+    ],
+)
+def test_differences_agree(rows: list[str], live: list[dict[str, object]]) -> None:
+    hold_against_differences(grid_assembly(rows, live=live, friction=0.7))
+
+
+def test_differences_agree_in_space() -> None:
+    blocks = [box("ground", (0, 0, -1), (2, 1, 0), support=True), box("low", (0, 0, 0), (1, 1, 1), block="b")]
+    assembly = spatial_assembly([*blocks, box("high", (0, 0, 1), (1, 1, 2.4), block="b")])
+    hold_against_differences(assembly, rel=2e-2)
+
+
+def test_of_the_case_that_governs() -> None:
+    cases = [
+        {"name": "a", "live": [{"body": [1, 0]}], "required": 2.0},
+        {"name": "b", "live": [{"body": [0, 1]}]},
+    ]
+    assembly = build_assembly(parse_scene({**grid_document(["a", "#"], friction=0.6), "loads": {"cases": cases}}))
+    result = solve(assembly)
+    assert result.governing == "a"
+    assert sensitivities(result)["friction_coefficient"].derivative == pytest.approx(0.5, rel=1e-6)
+
+
+def test_nothing_is_said_where_there_is_no_program() -> None:
+    assembly = grid_assembly(["a", "#"], friction=0.6)
+    assert sensitivities(solve(assembly, friction="zero-dilation")) == {}
+    assert sensitivities(solve(grid_assembly(["aaa", "#.#"], tension=0.0, shear=0.0))) == {}
+
+
+def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(grid_document(["a", "#"], friction=1.0)))
+    found = json.loads(call(monkeypatch, capsys, "solve", file, "--json").out)["sensitivities"]
+    assert found["friction_coefficient"]["derivative"] is None
+    assert found["friction_coefficient"]["left"] == pytest.approx(1.0, rel=1e-6)
+    out = call(monkeypatch, capsys, "solve", file).out
+    assert "∂λ/∂friction_coefficient" in out
+    assert "1 for less" in out
+    assert isinstance(sensitivities(solve(grid_assembly(["a", "#"])))["weight"], Sensitivity)
