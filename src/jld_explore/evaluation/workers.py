@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import joblib
@@ -138,18 +139,21 @@ class Workers:
         """
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
         run = Run(self, labellings, deadline, floors, waiting)
-        if not self.here and not self.outside:
+        if self._threads is not None:
+            run.submit()
+        elif not self.here and not self.outside:
             try:
                 run.begin()
             except _deaths():
                 run.stop()  # it begins again when its turn comes
         return run
 
-    def map(self, tasks: Iterable[tuple[Any, ...]]) -> list[tuple[int, list[Evaluation]]]:
-        """Results of tasks, arguments of `evaluate_batch`, in their order, from this process."""
+    def submit(self, tasks: Iterable[tuple[Any, ...]]) -> list[Callable[[], tuple[int, list[Evaluation]]]]:
+        """What waits for the result of each task, arguments of `evaluate_batch`: by threads at once, where there are
+        several, so that they go on while this one looks at results and asks for more; else when it is called."""
         if self._threads is None:
-            return [evaluate_batch(*task) for task in tasks]
-        return list(self._threads.map(lambda task: evaluate_batch(*task), tasks))
+            return [partial(evaluate_batch, *task) for task in tasks]
+        return [self._threads.submit(evaluate_batch, *task).result for task in tasks]
 
     def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
         """Results of tasks from a cluster as they finish; tasks are taken at once, and more when some are done."""
@@ -193,6 +197,11 @@ class Run:
         self._done: set[int] = set()
         self._sent: list[int] = []
         self._results: Iterable[tuple[int, list[Evaluation]]] | None = None
+        self._here: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
+
+    def submit(self) -> None:
+        """Hand all tasks to the threads of this process."""
+        self._here = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
         """Send tasks to the workers; numbers: of those to send, None for all that are not done."""
@@ -235,10 +244,12 @@ class Run:
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
         workers = self._workers
         if workers.here:
+            if self._here is None:
+                self.submit()
+            tasks = self._here or []
             # all threads are waited for together, and what they found is recorded at once
-            for first in range(0, len(self._slices), workers.threads):
-                numbers = range(first, min(first + workers.threads, len(self._slices)))
-                yield from self._joined(workers.map(self._arguments(number) for number in numbers))
+            for first in range(0, len(tasks), workers.threads):
+                yield from self._joined([result() for result in tasks[first : first + workers.threads]])
             return
         strikes = dict.fromkeys(range(len(self._slices)), 0)
         while len(self._done) < len(self._slices):
