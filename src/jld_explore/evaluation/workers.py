@@ -45,6 +45,9 @@ _MOST: Final = 64
 _IN_LANES: Final = 200_000
 """Faces of the labellings of a task at the most, where the kernel solves them, many at once: within a second."""
 
+_FEWEST: Final = 32
+"""Labellings of such a task at the least: with fewer lanes stand idle, and another portion is under way anyhow."""
+
 _THREADS: Final = 2
 """Threads of one process that are of use: what is not within a solver waits for its turn."""
 
@@ -191,7 +194,8 @@ class Run:
         if workers.quick:
             # as few tasks as there are threads, so that these seldom wait
             most = max(_MOST, _IN_LANES // workers.faces) if workers.lanes else _MOST
-            size = max(1, min(most, -(-len(labellings) // workers.threads)))
+            least = _FEWEST if workers.lanes else 1
+            size = max(least, min(most, -(-len(labellings) // workers.threads)))
         starts = range(0, len(labellings), size)
         self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
         self._done: set[int] = set()
