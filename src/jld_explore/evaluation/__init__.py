@@ -65,7 +65,8 @@ from jld_explore.evaluation.ranking import (
     worth,
 )
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
-from jld_explore.evaluation.records import RECORDS_FILE, Records, record_type, settled, statuses
+from jld_explore.evaluation.records import RECORDS_FILE, Records
+from jld_explore.evaluation.rows import record_type, settled, statuses
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
 from jld_explore.evaluation.workers import MakeEvaluator, Run, Workers, WorkerSpec, batch_size
 

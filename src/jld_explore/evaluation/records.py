@@ -28,10 +28,19 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.limit import Status
 from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
-from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
+from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.lock import FolderLock, busy
+from jld_explore.evaluation.rows import (
+    COLUMNS,
+    Rows,
+    columns_of,
+    evaluation_of,
+    from_columns,
+    keys_of,
+    record_type,
+    rows_of,
+)
 
 RECORDS_FILE: Final = "records.sqlite3"
 SYNC: Final = 0.2
@@ -40,9 +49,9 @@ SYNC: Final = 0.2
 _PATIENCE: Final = 5.0
 """Seconds to wait for those who read: to begin a file anew they must be done."""
 
-_STATUSES: Final = tuple(Status)
-_SETTLED: Final = (SOLVE, CERTIFICATE, BOUND)
-_NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
+_TOGETHER: Final = 1 << 15
+"""Rows read at a time."""
+
 _FORMAT: Final = 2
 _BOUND: Final = "bound"
 
@@ -64,14 +73,6 @@ CREATE TABLE proofs (
 CREATE TABLE conflicts (
   id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL, checksum INTEGER NOT NULL);
 """
-
-
-def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
-    """Layout of one evaluation for scenes of m faces and c load cases: labelling packed to bits, codes, numbers in
-    scene units."""
-    fields = [(name, "<f8") for name in _NUMBERS]
-    head = [("labelling", "u1", ((faces + 7) // 8,)), ("multiplicity", "<u4"), ("status", "u1"), ("settled", "u1")]
-    return np.dtype([*head, *fields, ("governing", "<i4"), ("cases", "<f8", (cases,))])
 
 
 class Records:
@@ -127,32 +128,24 @@ class Records:
 
     def _read(self) -> None:
         """Take in all evaluations. Raises InputError for one that is not as it was written."""
-        names = ("labelling", "multiplicity", "status", "settled", *_NUMBERS, "governing", "cases", "checksum")
-        content = self._file.execute(f"SELECT {', '.join(names)} FROM evaluations ORDER BY id").fetchall()
-        rows = np.zeros(len(content), dtype=self.type)
-        if content:
-            columns = dict(zip(names, zip(*content, strict=True), strict=True))
-            del content
+        columns = ", ".join(COLUMNS)
+        found = self._file.execute(f"SELECT {columns} FROM evaluations ORDER BY id")
+        parts: list[Rows] = []
+        # some at a time, so that what is not yet numbers stays small
+        while content := found.fetchmany(_TOGETHER):
             try:
-                self._index = dict(zip(columns["labelling"], range(len(rows)), strict=True))
-                width = self.type["labelling"].itemsize
-                packed = np.frombuffer(b"".join(columns["labelling"]), np.uint8)
-                rows["labelling"] = packed.reshape(len(rows), width)
-                rows["multiplicity"] = columns["multiplicity"]
-                rows["status"] = [_CODES[name] for name in columns["status"]]
-                rows["settled"] = [_SETTLED_CODES[name] for name in columns["settled"]]
-                for name in _NUMBERS:
-                    rows[name] = np.array(columns[name], dtype=np.float64)
-                rows["governing"] = columns["governing"]
-                values = np.frombuffer(b"".join(columns["cases"]), "<f8")
-                rows["cases"] = values.reshape(rows["cases"].shape)
-                good = [a == b for a, b in zip(_checksums(rows), columns["checksum"], strict=True)]
+                rows, wrong = from_columns(self.type, content)
             except (KeyError, TypeError, ValueError, OverflowError):
                 raise self._damaged("a record holds what none can") from None
-            if not all(good) or len(self._index) < len(rows):
-                wrong = good.index(False) + 1 if not all(good) else "twice"
-                raise self._damaged(f"record {wrong} is not as it was written")
-        self._table, self._count = rows, len(rows)
+            if wrong is not None:
+                raise self._damaged(f"record {self._count + wrong + 1} is not as it was written")
+            self._index.update(zip(keys_of(rows), range(self._count, self._count + len(rows)), strict=True))
+            self._count += len(rows)
+            parts.append(rows)
+        if len(self._index) < self._count:
+            raise self._damaged("record twice is not as it was written")
+        if parts:
+            self._table = np.concatenate(parts)
 
     @property
     def rows(self) -> NDArray[np.void]:
@@ -165,7 +158,7 @@ class Records:
     def find(self, labelling: Bits) -> Evaluation | None:
         """What is known of a labelling (m,), its proofs apart; None where nothing is."""
         position = self._index.get(np.packbits(labelling).tobytes())
-        return None if position is None else _evaluation(self._table[position])
+        return None if position is None else evaluation_of(self._table[position])
 
     def proofs(self, labelling: Bits) -> Proofs:
         """What the solve of a labelling (m,) on record proved about others."""
@@ -196,35 +189,17 @@ class Records:
 
         labellings: (k, m); multiplicities: k orbit sizes.
         """
-        rows = np.zeros(len(evaluations), dtype=self.type)
-        rows["labelling"] = np.packbits(labellings, axis=1)
-        rows["multiplicity"] = multiplicities
-        rows["status"] = [_STATUSES.index(found.status) for found in evaluations]
-        rows["settled"] = [_SETTLED.index(found.settled) for found in evaluations]
-        for name in _NUMBERS:
-            values = np.array([getattr(found, name) for found in evaluations], dtype=np.float64)
-            # one zero and one NaN, as the file has them
-            rows[name] = np.where(np.isnan(values), np.nan, values + 0.0)
-        rows["governing"] = [found.governing for found in evaluations]
-        if width := rows["cases"].shape[1]:
-            rows["cases"] = [found.cases or (math.nan,) * width for found in evaluations]
-        named = self._keys(rows)
-        first = {key: n for n, key in reversed(list(enumerate(named))) if key not in self._index}
-        new = sorted(first.values())
-        rows, start = rows[new], self._count
+        rows = rows_of(self.type, labellings, multiplicities, evaluations)
+        named = keys_of(rows)
+        if len(set(named)) == len(named) and self._index.keys().isdisjoint(named):
+            new: Sequence[int] = range(len(named))
+        else:
+            first = {key: n for n, key in reversed(list(enumerate(named))) if key not in self._index}
+            new = sorted(first.values())
+            rows, named = rows[new], [named[n] for n in new]
+        start = self._count
         end = start + len(rows)
-        content = zip(
-            range(start + 1, end + 1),
-            [named[n] for n in new],
-            rows["multiplicity"].tolist(),
-            [str(evaluations[n].status) for n in new],
-            [evaluations[n].settled for n in new],
-            *(rows[name].tolist() for name in _NUMBERS),
-            rows["governing"].tolist(),
-            (one.tobytes() for one in rows["cases"]),
-            _checksums(rows),
-            strict=True,
-        )
+        content = ((start + n, *columns) for n, columns in enumerate(columns_of(rows), 1))
         proofs = [
             (start + place + 1, number, *proof)
             for place, n in enumerate(new)
@@ -238,14 +213,8 @@ class Records:
             # room for as much again, so that a million appends copy the table twenty times, not a million
             self._table = np.concatenate([self._table[:start], np.empty(max(1024, end), dtype=self.type)])
         self._table[start:end] = rows
-        self._index.update(zip((named[n] for n in new), range(start, end), strict=True))
+        self._index.update(zip(named, range(start, end), strict=True))
         self._count = end  # last: an interruption before this leaves no half-written row in the tables
-
-    def _keys(self, rows: NDArray[np.void]) -> list[bytes]:
-        """The packed labelling of each row."""
-        width = self.type["labelling"].itemsize
-        content = rows["labelling"].tobytes()
-        return [content[n : n + width] for n in range(0, len(content), width)]
 
     # --- conflicts --------------------------------------------------------------------------------------
 
@@ -351,8 +320,6 @@ class Records:
         return InputError(str(self.path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
 
-_CODES: Final = {str(status): code for code, status in enumerate(_STATUSES)}
-_SETTLED_CODES: Final = {name: code for code, name in enumerate(_SETTLED)}
 _DISK: Final = {
     sqlite3.SQLITE_FULL: errno.ENOSPC,
     sqlite3.SQLITE_IOERR: errno.EIO,
@@ -360,21 +327,6 @@ _DISK: Final = {
     sqlite3.SQLITE_CANTOPEN: errno.EACCES,
     sqlite3.SQLITE_PERM: errno.EACCES,
 }
-
-
-def statuses(rows: NDArray[np.void]) -> NDArray[np.object_]:
-    """Status of each row by name, (k,)."""
-    return np.asarray(np.array([str(status) for status in _STATUSES], dtype=object)[rows["status"]])
-
-
-def settled(rows: NDArray[np.void]) -> NDArray[np.object_]:
-    """How each row was settled, (k,): by a solve, a certificate or a bound."""
-    return np.asarray(np.array(_SETTLED, dtype=object)[rows["settled"]])
-
-
-def _checksums(rows: NDArray[np.void]) -> list[int]:
-    raw, size = memoryview(rows.tobytes()), rows.dtype.itemsize
-    return [zlib.crc32(raw[n : n + size]) for n in range(0, len(raw), size)]
 
 
 def _checksum(kind: str, value: float, *parts: bytes) -> int:
@@ -392,15 +344,6 @@ def _proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, byte
         kind = "falls" if one.falls else "mechanism"
         parts = one.dry.astype("<f8").tobytes(), one.inner.astype("<f8").tobytes()
         yield kind, one.constant, *parts, _checksum(kind, one.constant, *parts)
-
-
-def _evaluation(row: np.void) -> Evaluation:
-    status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
-    low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
-    cases, governing = tuple(row["cases"].tolist()), int(row["governing"])
-    return Evaluation(
-        status, low, high, associative, zero_dilation, settled_by, seconds, cases=cases, governing=governing
-    )
 
 
 def _parsed(value: object) -> Any:

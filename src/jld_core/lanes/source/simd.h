@@ -1,6 +1,9 @@
 // A register of doubles, one labelling to a lane, and the few operations on it that the language has no sign for.
 #pragma once
 #include <cstdint>
+#if defined(JLD_COUNTED)
+#include JLD_COUNTED
+#else
 #if defined(__AVX512F__) || defined(__AVX2__) || defined(__SSE2__)
 #include <immintrin.h>
 #elif defined(__aarch64__)
@@ -58,3 +61,4 @@ inline double* lanes_of(Lane& x) { return reinterpret_cast<double*>(&x); }
 inline const double* lanes_of(const Lane& x) { return reinterpret_cast<const double*>(&x); }
 
 }  // namespace jld
+#endif
