@@ -68,12 +68,12 @@ def peak(folder: Path) -> float:
     loaded = ctypes.CDLL(str(made))
     loaded.jld_peak.restype, loaded.jld_peak.argtypes = ctypes.c_double, (ctypes.c_int64,)
     loaded.jld_peak(ROUNDS // 10)
-    best = np.inf
+    best = float("inf")
     for _ in range(5):
         start = time.process_time()
         loaded.jld_peak(ROUNDS // 5)
         best = min(best, time.process_time() - start)
-    width = library(chosen() or "").jld_lanes_width()
+    width = int(library(chosen() or "").jld_lanes_width())
     return 2.0 * CHAINS * width * (ROUNDS // 5) / best
 
 

@@ -39,6 +39,7 @@ def bare(program: ConicProgram) -> Any:
     settings.verbose = False
     s = program.structure
     cones = [clarabel.ZeroConeT(s.equalities), clarabel.NonnegativeConeT(s.linear)]
+    cones += [clarabel.SecondOrderConeT(size) for size in s.cones]
     nothing = sp.csc_matrix((s.shape[1], s.shape[1]))
     matrix = sp.csc_matrix((program.data, s.indices, s.indptr), shape=s.shape)
     return clarabel.DefaultSolver(nothing, program.objective, matrix, program.rhs, cones, settings).solve()

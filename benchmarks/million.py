@@ -74,7 +74,7 @@ def search(folder: Path, count: int) -> dict[str, Any]:
 def again(folder: Path, header: dict[str, Any]) -> dict[str, Any]:
     """Open the record and make the table and the front."""
     from jld_explore.evaluation import Records
-    from jld_explore.report import front_table, results_table
+    from jld_explore.report import on_front, results_table
 
     assembly, space = built(LARGE[SCENE]())
     start = time.perf_counter()
@@ -82,10 +82,12 @@ def again(folder: Path, header: dict[str, Any]) -> dict[str, Any]:
     opened = time.perf_counter() - start
     results = results_table(records, assembly, space, "random")
     made = time.perf_counter() - start - opened
-    front = front_table(results, space.search.front.count, space.search.front.sense)
+    wanted = space.search.front
+    ranked = results["load_factor"].where(results["status"] == "collapse").to_numpy(dtype=float)
+    front = on_front(ranked, results[wanted.count].to_numpy(dtype=float), wanted.sense)
     records.close()
     every = time.perf_counter() - start
-    return {"open": opened, "table": made, "front": every - opened - made, "memory": memory(), "rows": len(front)}
+    return {"open": opened, "table": made, "front": every - opened - made, "memory": memory(), "rows": int(front.sum())}
 
 
 def header_of(folder: Path) -> dict[str, Any]:
