@@ -82,9 +82,9 @@ def again(folder: Path, header: dict[str, Any]) -> dict[str, Any]:
     opened = time.perf_counter() - start
     results = results_table(records, assembly, space, "random")
     made = time.perf_counter() - start - opened
-    wanted = space.search.front
+    names, senses = zip(*space.search.front.axes, strict=True)
     ranked = results["load_factor"].where(results["status"] == "collapse").to_numpy(dtype=float)
-    front = on_front(ranked, results[wanted.count].to_numpy(dtype=float), wanted.sense)
+    front = on_front(ranked, results[list(names)].to_numpy(dtype=float), *senses)
     records.close()
     every = time.perf_counter() - start
     return {"open": opened, "table": made, "front": every - opened - made, "memory": memory(), "rows": int(front.sum())}
