@@ -26,6 +26,9 @@ STUDIES: Final = (
     "brittle_front",
     "cracking_units",
     "non_planar_faces",
+    "two_loads",
+    "strong_enough",
+    "laid",
     "drivers",
 )
 
