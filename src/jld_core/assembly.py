@@ -45,6 +45,18 @@ class Elements:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def take(self, rows: Ints) -> Elements:
+        """Some of them (k,), in that order."""
+        numbers = {name: getattr(self, name)[rows] for name in ("support", "centroid", "volume", "weight")}
+        return Elements(
+            ids=tuple(self.ids[k] for k in rows),
+            blocks=tuple(self.blocks[k] for k in rows),
+            shape=tuple(self.shape[k] for k in rows),
+            faces=tuple(self.faces[k] for k in rows) if self.faces else (),
+            gravity=self.gravity,
+            **numbers,
+        )
+
     @cached_property
     def index(self) -> dict[str, int]:
         """Position of each element by its id."""
@@ -151,7 +163,8 @@ class Assembly(Shown):
     dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
     units; dead holds self-weight and is never scaled by λ. labels: (m,) the labels the scene itself gives.
     live_points: places and vectors of the live point forces, for drawing. moved: farthest that a corner was moved to
-    close gaps and overlaps, length. warnings: what is possible and hardly meant, a sentence each. cases: the load
+    close gaps and overlaps, length. sink: element that stands for what a search leaves out (docs of `space.void`), −1
+    in all that is solved. warnings: what is possible and hardly meant, a sentence each. cases: the load
     cases of a scene that has several; dead and live are then those of the first, and what solves asks for
     `by_case`. nominal: where strengths are the low values of materials, the nominal ones. In a notebook it shows
     what is modelled.
@@ -168,6 +181,7 @@ class Assembly(Shown):
     labels: Bits
     live_points: Points = ()
     moved: float = 0.0
+    sink: int = -1
     warnings: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
     nominal: Strengths | None = None
@@ -234,6 +248,28 @@ class Assembly(Shown):
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
         return max(forces, float(np.linalg.norm(live[:, self.dimension :], axis=1).sum()) / self.size)
+
+
+def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
+    """What is left of an assembly without some elements (n,), and the faces (k,) that are left."""
+    rows = np.flatnonzero(~gone)
+    place = np.cumsum(~gone) - 1
+    faces = assembly.interfaces
+    kept = np.flatnonzero(~(gone[faces.a] | gone[faces.b]))
+    rest = faces.take(kept)
+    cases = tuple(replace(case, dead=case.dead[rows], live=case.live[rows]) for case in assembly.cases)
+    left = replace(
+        assembly,
+        elements=assembly.elements.take(rows),
+        interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
+        strengths=assembly.strengths.take(kept),
+        dead=assembly.dead[rows],
+        live=assembly.live[rows],
+        labels=assembly.labels[kept],
+        cases=cases,
+        sink=-1,
+    )
+    return left, kept
 
 
 def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:

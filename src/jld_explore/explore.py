@@ -23,6 +23,7 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
+from jld_explore.evaluation import LeavingOutEvaluator, MakeEvaluator, evaluator_of
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, from_string, search_space
@@ -82,7 +83,13 @@ def explore(
         check_certifiable(chosen, settings.model)
         if settings.by_experiment:
             raise InputError("--certificate", "an experiment is no proof", "--objective associative")
-    study = Study(scene, assembly, space, chosen, folder, settings, total=total, report=report, started=started)
+    make: MakeEvaluator = evaluator_of
+    if space.void is not None:
+        _refuse_beside_void(settings, chosen)
+        assembly, make = space.assembly, LeavingOutEvaluator
+    study = Study(
+        scene, assembly, space, chosen, folder, settings, total=total, report=report, started=started, make=make
+    )
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     try:
         reason = study.run()
@@ -128,6 +135,17 @@ def _bound_all(study: Study) -> None:
     """Put a bound on all labellings on record, where none is known yet."""
     if study.bound is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
+
+
+def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
+    """Raise InputError for what speaks of one structure, where cells may be left out."""
+    for option, asked in (
+        ("--certificates", settings.certificates),
+        ("--experiment", settings.experiment is not None or settings.by_experiment),
+        ("--driver", driver.modular),
+    ):
+        if asked:
+            raise InputError(option, "it speaks of one structure, and search.void leaves cells out", "a search without")
 
 
 def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[Driver, int | None]:

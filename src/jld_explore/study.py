@@ -196,7 +196,7 @@ class Study:
             self.settings.jobs,
             faces,
             quick=template is not None and is_small(template),
-            lanes=kernel_settles(self.assembly, settings),
+            lanes=self._make is evaluator_of and kernel_settles(self.assembly, settings),
         )
         front = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
         recorded = RecordedEvaluator(

@@ -172,6 +172,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "require": Meaning(
             "", "A load factor to be met; the best by the front's count is looked for among what meets it."
         ),
+        "void": Meaning("", "Cells that may be left out; without it all stay."),
         "assemble": Meaning(
             "",
             "Only layouts that can be laid: `translation`, in some order by translations, at most three blocks moved "
@@ -195,6 +196,10 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
     schema.Moulds: {
         "rotate": Meaning("", "Blocks that a turn lays onto one another are one shape."),
         "flip": Meaning("", "Blocks that turning over lays onto one another are one shape."),
+    },
+    schema.VoidCells: {
+        "cells": Meaning("", "Ids of free elements that no load names, or all of these."),
+        "most": Meaning("", "Share of the volume of all free elements that may be left out."),
     },
     schema.Front: {
         "count": Meaning("", "A count: `dry_faces`, `dry_length` (in space an area), `blocks`, or a registered one."),

@@ -367,6 +367,13 @@ class Moulds(_Part):
     flip: bool = False
 
 
+class VoidCells(_Part):
+    """Cells that may be left out."""
+
+    cells: Annotated[Literal["all"] | list[str], Field(description='"all" or a list of ids of free elements')] = "all"
+    most: Annotated[float, Field(gt=0, lt=1)] = 0.5
+
+
 class Search(_Part):
     """What may be relabelled, and which labellings count."""
 
@@ -390,6 +397,7 @@ class Search(_Part):
     shapes: Counts = [None, None]
     moulds: Moulds = Moulds()
     require: Require | None = None
+    void: VoidCells | None = None
     assemble: Literal["translation", "standing"] | None = None
     assemble_out_of_plane: bool = False
     symmetry: Literal["auto", "none", "mirror-x"] = "auto"

@@ -33,7 +33,8 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
             raise error.within(str(source)) from None
         return scene, assembly, assembly.labels
     done = read_folder(source)
-    return done.scene, done.assembly, done.layout(rank).labels
+    layout = done.layout(rank)
+    return done.scene, layout.assembly, layout.labels
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:

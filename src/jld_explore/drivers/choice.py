@@ -36,7 +36,7 @@ def driver_for(
         return make_driver("enumeration", space, seed, **options)
     given = {key for key, value in options.items() if value is not None}
     own = all(DRIVERS["exact"] in owners(key) for key in given)
-    if own and not many and model.modular and int(space.candidates.sum()) <= REACH:
+    if space.void is None and own and not many and model.modular and int(space.candidates.sum()) <= REACH:
         exact = make_driver("exact", space, seed, **options)
         if not exact.exhaustive:  # else it has no bounds for this scene and would enumerate
             return exact
@@ -50,7 +50,7 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
     """
     assembly = space.assembly
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
-    if not dilating.modular or len(assembly.interfaces) > BOUNDED:
+    if space.void is not None or not dilating.modular or len(assembly.interfaces) > BOUNDED:
         return None
     analyses = [LimitAnalysis(case) for case in assembly.by_case]
     if any(analysis.template.yield_set.hull() is None for analysis in analyses):
@@ -83,6 +83,8 @@ def what_would_prove(
     if finite and reason != "exhausted":
         left = "" if summary["classes"] is None else f", {summary['evaluated']} of {summary['classes']} classes so far"
         return f"--resume goes on to a proof{left}"
+    if space.void is not None:
+        return "where cells may be left out, --driver enumeration proves, where it comes to its end"
     if not model.modular:
         return "the exact driver has no bounds for this model: --driver enumeration proves, where it comes to its end"
     faces = int(space.candidates.sum())

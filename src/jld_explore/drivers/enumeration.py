@@ -83,6 +83,7 @@ class Enumeration(Driver):
         self._order = np.concatenate([_order(space), np.flatnonzero(elements.support)])
         place = np.argsort(self._order)
         self._free = len(elements.free)
+        self._sink = int(place[space.assembly.sink]) if space.assembly.sink >= 0 else -1
         ends = np.sort(np.column_stack([place[graph.a], place[graph.b]]), axis=1)
         rank = np.where(ends < self._free, ends, -1)
         rank = np.sort(rank, axis=1)
@@ -263,6 +264,9 @@ class Enumeration(Driver):
             members |= free == name
         size = self._sized.together(members)
         bad = limits.too_large(size, _SLACK) if most else limits.too_small(size, _SLACK)
+        if self._sink >= 0:
+            # what is left out is no block, and what stays is apart from it before it grows
+            bad = bad & ~np.logical_or.reduce([rows.block[self._sink] == name for name in names])
         return np.asarray(bad & members.any(axis=0))
 
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:

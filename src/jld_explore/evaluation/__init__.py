@@ -15,6 +15,7 @@
 - `ForceMethod`: both sides of λ at a vertex
 - `Forces`: a certificate from below
 - `IncumbentFront`: the largest λ known for each count
+- `LeavingOutEvaluator`: evaluates labellings of an assembly with a sink (`space.void`), each on the structure that …
 - `MakeEvaluator`: makes what evaluates in a worker
 - `Mechanism`: a certificate from above
 - `Pool`: certificates that are worth their place
@@ -51,6 +52,7 @@ from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool,
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
+from jld_explore.evaluation.leaving_out import LeavingOutEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import (
     ORDER,
@@ -86,6 +88,7 @@ __all__ = [
     "ForceMethod",
     "Forces",
     "IncumbentFront",
+    "LeavingOutEvaluator",
     "MakeEvaluator",
     "Mechanism",
     "Pool",

@@ -16,7 +16,7 @@ from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
 from jld_core.scene import Scene
 from jld_core.shown import Shown
-from jld_explore.space import from_string
+from jld_explore.space import cut
 from jld_explore.study import StopReason
 
 
@@ -51,11 +51,12 @@ class Exploration(Shown):
         Rows that tie share a rank and keep their order, so that N tells them apart; rows without a rank, those that
         are locked, uncertified or unstable, follow after. Raises InputError where there is no such row.
         """
-        return Layout(self.scene, self.assembly, from_string(str(self.row(rank)["labelling"])))
+        return Layout(self.scene, *cut(self.assembly, str(self.row(rank)["labelling"])))
 
     def result(self, rank: int | None = None) -> LimitAnalysisResult:
         """The limit analysis of one layout, by the model of the search; rank as in `layout`."""
-        return solve(self.assembly, self.layout(rank).labels, **vars(self.model))
+        layout = self.layout(rank)
+        return solve(layout.assembly, layout.labels, **vars(self.model))
 
     def blocks(self, rank: int | None = None) -> pd.DataFrame:
         """The blocks of one layout, columns as in blocks.csv; rank as in `layout`."""

@@ -21,7 +21,7 @@ from jld_explore.report.columns import columns, csv_of
 from jld_explore.report.evidence import front_rows, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
-from jld_explore.space import from_string
+from jld_explore.space import cut
 from jld_explore.study import StopReason, Study, versions
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def check_writable(folder: Path) -> None:
 def write_tables(study: Study, reason: StopReason) -> Exploration:
     """Write every table of a study that ended for a reason."""
     results = tables.results_table(study.records, study.assembly, study.space, study.driver.name)
+    real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
     counts = [name for name, _ in axes]
     front = tables.front_table(results, axes)
@@ -97,15 +98,15 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found |= asked
     front = with_evidence(front, found, counts)
     found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
-    write_text(study.folder / "faces.csv", csv_of(tables.faces_table(study.assembly, study.space)))
+    write_text(study.folder / "faces.csv", csv_of(tables.faces_table(real, study.space)))
     write_text(study.folder / "results.csv", csv_of(results))
     with whole_file(study.folder / "results.parquet") as fresh:
         results.to_parquet(fresh, index=False)
     write_text(study.folder / "pareto.csv", csv_of(front))
     write_text(study.folder / tables.CONVERGENCE, csv_of(tables.convergence_table(study.records)))
-    write_text(study.folder / "columns.json", json.dumps(columns(study.assembly), indent=1, ensure_ascii=False))
+    write_text(study.folder / "columns.json", json.dumps(columns(real), indent=1, ensure_ascii=False))
     write_text(study.folder / "summary.json", json.dumps(found, indent=1))
-    done = Exploration(study.scene, study.assembly, results, front, found, study.folder, reason, model)
+    done = Exploration(study.scene, real, results, front, found, study.folder, reason, model)
     if found["best_labelling"] is not None:
         write_text(study.folder / "blocks.csv", blocks_csv(done.layout()))
     return done
@@ -144,7 +145,7 @@ def _drawn(name: str, done: Exploration) -> dict[str, Figure]:
     if name == "pareto":
         return {name: front_picture(done)}
     if name == "best":
-        found = solve(done.assembly, from_string(done.summary["best_labelling"]), **vars(done.model))
+        found = solve(*cut(done.assembly, done.summary["best_labelling"]), **vars(done.model))
         # of several load cases the best picture shows the one that governs, and each has one of its own
         each = {f"best-{number}": drawings.plot_best(one) for number, one in enumerate(found.cases.values(), 1)}
         return {name: drawings.plot_best(found), **each}

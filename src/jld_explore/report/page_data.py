@@ -16,6 +16,7 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
 from jld_core.views import look, quantities
+from jld_explore.space import omitted
 
 FORMAT: Final = "jld-page"
 VERSION: Final = 1
@@ -186,6 +187,33 @@ def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
             for (name, one), required in zip(cases.items(), result.assembly.required, strict=True)
         ],
     }
+
+
+def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str, Any]:
+    """A solution of what a labelling leaves, by the faces and elements of the whole structure; None beside nothing."""
+    gone = omitted(assembly, text)
+    faces = np.flatnonzero(np.array(list(text)) != "v").tolist()
+    elements = np.flatnonzero(~gone).tolist()
+
+    def spread(values: Any, rows: list[int], count: int, none: Any) -> Any:
+        if values is None:
+            return None
+        found = [none] * count
+        for row, value in zip(rows, values, strict=True):
+            found[row] = value
+        return found
+
+    freedoms = assembly.freedoms
+    empty = {
+        "forces": [0.0] * freedoms, "utilisation": 0.0, "vectors": [0.0] * assembly.dimension, "on_face": False,
+        "movements": "still", "pressure": [0.0] * assembly.dimension, "places": [0.0] * assembly.dimension,
+    }  # fmt: skip
+    cases = []
+    for case in solution["cases"]:
+        wide = {name: spread(case[name], faces, len(text), none) for name, none in empty.items()}
+        wide["mechanism"] = spread(case["mechanism"], elements, len(gone), [0.0] * freedoms)
+        cases.append({**case, **wide})
+    return {**solution, "labelling": text, "cases": cases}
 
 
 def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:

@@ -20,10 +20,10 @@ from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
-from jld_explore.report.page_data import cases_of, page_data, solution_of
+from jld_explore.report.page_data import cases_of, page_data, solution_of, within
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
-from jld_explore.space import from_string, search_space
+from jld_explore.space import cut, search_space
 
 NAME: Final = "report.html"
 """The page in a study's folder."""
@@ -72,7 +72,7 @@ def study_data(
         kind=kind,
         scene=done.scene,
         assembly=done.assembly,
-        candidates=search_space(done.scene, done.assembly).candidates,
+        candidates=search_space(done.scene, done.assembly).candidates[: len(done.assembly.interfaces)],
         facts={**words.facts_of_exploration(done), **facts_of_summary(done.summary, done.results)},
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
@@ -114,8 +114,11 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[i
     for place in _worth(rows, done.front):
         if found and time.perf_counter() - start > patience:
             break
-        labels = from_string(str(rows["labelling"].iloc[place]))
-        found[place] = solution_of(solver.solve(labels))
+        text = str(rows["labelling"].iloc[place])
+        rest, labels = cut(done.assembly, text)
+        whole = rest is done.assembly
+        result = (solver if whole else CaseSolver(rest, done.model)).solve(labels)
+        found[place] = solution_of(result) if whole else within(solution_of(result), done.assembly, text)
     return dict(sorted(found.items()))
 
 

@@ -48,8 +48,10 @@ def table_of(
     axes: counts of the front, each with its sense. left_out: rows that are not shown.
     """
     count, sense = axes[0]
-    rows = [from_string(text) for text in results["labelling"]]
+    texts = results["labelling"].astype(str)
+    rows = [from_string(text.replace("v", "i")) for text in texts]
     bits = np.array(rows, dtype=bool).reshape(len(results), len(assembly.interfaces))
+    beside = np.array([[letter == "v" for letter in text] for text in texts] if texts.str.contains("v").any() else [])
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
     evidence.loc[known] = front.loc[known, "evidence"].astype(str)
@@ -64,6 +66,7 @@ def table_of(
         "columns": columns,
         "labellings": base64.b64encode(pack(bits).tobytes()).decode("ascii"),
         "evidence": evidence.tolist(),
+        "beside": base64.b64encode(pack(beside.astype(bool)).tobytes()).decode("ascii"),
         "count": count,
         "sense": sense,
         "line": len(axes) == 1,

@@ -27,7 +27,7 @@ from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.evidence import COLUMN, PROVEN, VISITED
-from jld_explore.space import Count, count_named, from_string, registered
+from jld_explore.space import Count, count_named, cut, from_string, registered
 
 FIRST: Final = registered()[0].name
 """The count that pictures weigh λ against where none is named."""
@@ -230,11 +230,14 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
 
 
 def labels_of(text: object, assembly: Assembly) -> Bits:
-    """(m,) labels from letters d and i, in the order of the interfaces. Raises ValueError where it does not fit."""
+    """(m,) labels from letters d, i and v (beside nothing, not dry), in the order of the interfaces.
+
+    Raises ValueError where it does not fit.
+    """
     count = len(assembly.interfaces)
     if not isinstance(text, str) or len(text) != count:
-        raise ValueError(f"labelling {text!r}: expected {count} letters d or i")
-    return from_string(text)
+        raise ValueError(f"labelling {text!r}: expected {count} letters d, i or v")
+    return from_string(text.replace("v", "i"))
 
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:
@@ -293,7 +296,12 @@ class Gallery:
         left = (width - min(self.columns, self.count) * self.cell[0]) / 2.0 + column * self.cell[0]
         bottom = 0.35 + (self.rows - 1 - row) * self.cell[1]
         thumb = axes_of(figure, (left + 0.08, bottom + 0.06, self.cell[0] - 0.16, self.cell[1] - 0.42))
-        core.draw_assembly(thumb, assembly, labels_of(labelling, assembly), plain=True)
+        labels_of(labelling, assembly)
+        rest, labels = cut(assembly, str(labelling))
+        core.draw_assembly(thumb, rest, labels, plain=True)
+        if rest is not assembly:
+            # at the scale of the whole
+            frame(thumb, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         y = (bottom + self.cell[1] - 0.2) / total
         figure.text((left + 0.2) / width, y, str(number + 1), **circle())
         figure.text((left + 0.36) / width, y, words, fontsize=8, va="center", color=INK)

@@ -113,7 +113,7 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
     except ValueError as error:
         raise _damaged(path, str(error)) from None
     if found["best_labelling"] is not None and not _is_labelling(found["best_labelling"], faces):
-        raise InputError(f"{path}: best_labelling", "it is of another scene", f"{faces} letters d or i")
+        raise InputError(f"{path}: best_labelling", "it is of another scene", f"{faces} letters d, i or v")
     known: dict[str, Any] = found
     return known
 
@@ -135,12 +135,12 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
     wrong = np.flatnonzero([not _is_labelling(text, faces) for text in table["labelling"]])
     if len(wrong):
         problem = f"the labelling of row {wrong[0] + 1} is of another scene"
-        raise InputError(str(path), problem, f"{faces} letters d or i, one for each face of scene.json")
+        raise InputError(str(path), problem, f"{faces} letters d, i or v, one for each face of scene.json")
     return table.reset_index(drop=True)
 
 
 def _is_labelling(text: object, faces: int) -> bool:
-    return isinstance(text, str) and len(text) == faces and not text.strip("di")
+    return isinstance(text, str) and len(text) == faces and not text.strip("div")
 
 
 def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:

@@ -39,7 +39,7 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
             else:
                 pick = np.min if end == 0 else np.max
                 table[f"{name}{end}"] = [pick(polygon[:, axis]) for polygon in faces.polygon]
-    table["candidate"] = space.candidates
+    table["candidate"] = space.candidates[: len(faces)]
     return table
 
 
@@ -55,7 +55,7 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
     load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
     table = pd.DataFrame(
         {
-            "labelling": to_strings(labellings),
+            "labelling": to_strings(labellings) if space.void is None else space.void.texts(labellings),
             "multiplicity": rows["multiplicity"].astype(np.int64),
             "load_factor": load_factor,
             "bracket_lo": rows["low"],

@@ -13,6 +13,7 @@
 - `SearchSpace`: what may be labelled
 - `Sized`: things with a size by every measure
 - `Terms`: a count as a sum of ones, for proofs
+- `Void`: what may be left out
 - `Words`: rows of labels as words of 64 bits
 - `as_words`: rows of labels as words that compare as they do
 - `block_sizes`: sizes of all blocks
@@ -21,9 +22,11 @@
 - `connectivity`: the element graph
 - `count_named`: a count by its name
 - `counts`: values of all counts
+- `cut`: the structure that a labelling (m letters) leaves, and its labels
 - `feasible`: which labellings are in the space
 - `from_string`: text → labelling
 - `keys`: hashable keys of labellings
+- `omitted`: (n,) elements that the letters (m,) of a labelling leave out: free ones whose every face is beside nothing
 - `orbit_sizes`: how many images a labelling has
 - `pack`: labellings → bits
 - `reasons_against`: why a labelling is not in the space
@@ -72,6 +75,7 @@ from jld_explore.space.limits import CELLS, EXEMPT, MEASURES, SHAPED, Limits, Me
 from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
 from jld_explore.space.shapes import BlockShapes
+from jld_explore.space.void import Void, cut, omitted
 
 __all__ = [
     "CELLS",
@@ -87,6 +91,7 @@ __all__ = [
     "SearchSpace",
     "Sized",
     "Terms",
+    "Void",
     "Words",
     "as_words",
     "block_sizes",
@@ -95,9 +100,11 @@ __all__ = [
     "connectivity",
     "count_named",
     "counts",
+    "cut",
     "feasible",
     "from_string",
     "keys",
+    "omitted",
     "orbit_sizes",
     "pack",
     "reasons_against",

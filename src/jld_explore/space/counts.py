@@ -43,7 +43,28 @@ class Layouts:
     @cached_property
     def cells(self) -> Ints:
         """(n, k) free elements in each block, at the row of its smallest element, 0 elsewhere."""
-        return _cells(self.assembly, self.graph, self.labellings)
+        found = _cells(self.assembly, self.graph, self.labellings)
+        if self.assembly.sink >= 0:
+            # what is left out is no block
+            found[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
+        return found
+
+    @cached_property
+    def stays(self) -> Bools:
+        """(k, n) elements that are not left out."""
+        if self.assembly.sink < 0:
+            return np.ones((len(self.labellings), len(self.assembly.elements)), dtype=bool)
+        return np.asarray(self.blocks != self.blocks[:, [self.assembly.sink]])
+
+    @cached_property
+    def dry(self) -> Bits:
+        """(k, f) dry labels of the faces between free elements, without those beside what is left out."""
+        free = self.assembly.free_faces
+        dry = self.labellings[:, free]
+        if self.assembly.sink < 0:
+            return dry
+        a, b = self.assembly.interfaces.a[free], self.assembly.interfaces.b[free]
+        return np.asarray(dry & self.stays[:, a] & self.stays[:, b])
 
 
 @dataclass(frozen=True)
@@ -111,15 +132,24 @@ def _dry_length(layouts: Layouts) -> Floats:
     faces, free = layouts.assembly.interfaces, layouts.assembly.free_faces
     measure = faces.l1 if _planar(layouts.assembly) else faces.area
     # summed row by row in one order, so that a labelling has one length whatever batch it came in
-    return np.asarray(np.where(layouts.labellings[:, free], measure[free], 0.0).sum(axis=1))
+    return np.asarray(np.where(layouts.dry, measure[free], 0.0).sum(axis=1))
 
 
 def _largest_mass(layouts: Layouts) -> Floats:
     elements, blocks = layouts.assembly.elements, layouts.blocks
     rows, count = blocks.shape
     place = (blocks[:, elements.free] + count * np.arange(rows)[:, None]).ravel()
-    mass = np.bincount(place, np.tile(elements.mass[elements.free], rows), minlength=rows * count)
+    stays = layouts.stays[:, elements.free] * elements.mass[elements.free]
+    mass = np.bincount(place, stays.ravel(), minlength=rows * count)
     return np.asarray(mass.reshape(rows, count).max(axis=1, initial=0.0))
+
+
+def _mass(layouts: Layouts) -> Floats:
+    elements = layouts.assembly.elements
+    mass = elements.mass[elements.free]
+    total = float(mass.sum()) or 1.0
+    # what weighs the same has one mass, whatever the order of its elements
+    return np.asarray(np.round((layouts.stays[:, elements.free] * mass).sum(axis=1) / total, 12) * total)
 
 
 _COUNTS: Final[dict[str, Count]] = {
@@ -127,7 +157,7 @@ _COUNTS: Final[dict[str, Count]] = {
     for count in (
         Count(
             "dry_faces",
-            of=lambda layouts: layouts.labellings[:, layouts.assembly.free_faces].sum(axis=1, dtype=np.int64),
+            of=lambda layouts: layouts.dry.sum(axis=1, dtype=np.int64),
             axis="dry faces between free elements",
             noun="dry face",
             terms=lambda assembly: Terms(faces=assembly.free_faces),
@@ -156,7 +186,7 @@ _COUNTS: Final[dict[str, Count]] = {
         ),
         Count(
             "shapes",
-            of=lambda layouts: layouts.block_shapes.different(layouts.blocks),
+            of=lambda layouts: layouts.block_shapes.different(layouts.blocks, layouts.assembly.sink),
             axis="different shapes of blocks",
             noun="shape",
         ),
@@ -165,6 +195,14 @@ _COUNTS: Final[dict[str, Count]] = {
             of=_largest_mass,
             axis="mass of the heaviest block",
             noun="heaviest",
+            integer=False,
+            unit=lambda assembly: "kg" if assembly.units == ("m", "N") else "",
+        ),
+        Count(
+            "mass",
+            of=_mass,
+            axis="mass of all blocks",
+            noun="mass",
             integer=False,
             unit=lambda assembly: "kg" if assembly.units == ("m", "N") else "",
         ),

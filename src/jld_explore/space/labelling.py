@@ -110,7 +110,7 @@ def touching_supports(assembly: Assembly) -> Ints:
     Found with the same tolerances as the assembly's own interfaces, which leave out pairs of supports.
     """
     elements = assembly.elements
-    supports = np.flatnonzero(elements.support)
+    supports = np.flatnonzero(elements.support & (np.arange(len(elements)) != assembly.sink))
     shapes = [elements.shape[i] for i in supports]
     if assembly.dimension == 2:
         found = {(c.a, c.b) for c in find_planar_contacts(shapes)}

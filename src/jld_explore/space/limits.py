@@ -203,7 +203,9 @@ class Limits:
 
     @cached_property
     def on_terms(self) -> tuple[tuple[Terms, Range], ...]:
-        """Those limits on counts that are sums of ones."""
+        """Those limits on counts that are sums of ones; none where cells may be left out."""
+        if self.assembly.sink >= 0:
+            return ()
         return tuple((count.terms(self.assembly), bounds) for count, bounds in self.on_counts if count.terms)
 
     @cached_property
@@ -218,12 +220,15 @@ class Limits:
                 what = "is a support" if name in elements.index else "names no element"
                 raise InputError(f"search.except[{place}]", f"{name!r} {what}", "the id of a free element")
             found[elements.index[name]] = True
+        if self.assembly.sink >= 0:
+            # what is left out is no block
+            found[self.assembly.sink] = True
         return found
 
     @property
     def mendable(self) -> bool:
         """Whether a block that is too large may be mended by what is added: an element that limits except."""
-        return bool(self.excepted.any())
+        return bool(self.search.except_)
 
     @cached_property
     def sized(self) -> Sized:
@@ -261,7 +266,7 @@ class Limits:
     @property
     def given(self) -> bool:
         """Whether there is any limit."""
-        return bool(self.on_blocks or self.on_counts or self.on_shapes)
+        return bool(self.on_blocks or self.on_counts or self.on_shapes) or self.assembly.sink >= 0
 
     def bounds(self, measure: Measure) -> Range:
         """The limit on blocks by one measure."""
@@ -292,11 +297,14 @@ class Limits:
         if not broken:
             return np.asarray(False)
         found = np.logical_or.reduce(broken)
-        return np.asarray(found & (size(EXEMPT) == 0.0) if self.mendable else found)
+        return np.asarray(found & (size(EXEMPT) == 0.0) if self.excepted.any() else found)
 
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
         """(k,) True where all limits are kept. labellings: (k, m); blocks: (k, n), theirs, where they are known."""
         good = np.ones(len(labellings), dtype=bool)
+        if self.assembly.sink >= 0 and len(labellings):
+            blocks = blocks_of(graph, labellings) if blocks is None else blocks
+            good &= self._leaves_a_structure(graph, blocks)
         if self.on_blocks:
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
             sizes = block_sizes(self.assembly, blocks, [CELLS, *(m for m, _ in self.on_blocks if m is not CELLS)])
@@ -307,7 +315,7 @@ class Limits:
         if self.on_shapes and good.any():
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
             holds, places = self.block_shapes.look(blocks)
-            if self.mendable:
+            if self.excepted.any():
                 holds &= self._exempt(blocks) == 0.0
             for name, bounds in self.on_shapes:
                 each = self.block_shapes.values(name)
@@ -317,6 +325,23 @@ class Limits:
             values = values_of(count, self.assembly, labellings, graph, self.block_shapes)
             good &= ~(bounds.above(values) | bounds.below(values))
         return good
+
+    def _leaves_a_structure(self, graph: Connectivity, blocks: Ints) -> Bools:
+        """(k,) True where no more is left out than may be, and all that stays is joined to a support."""
+        sink, elements, faces = self.assembly.sink, self.assembly.elements, self.assembly.interfaces
+        gone = blocks == blocks[:, [sink]]
+        free, support = elements.free, np.flatnonzero(elements.support & (np.arange(len(elements)) != sink))
+        volume = elements.volume[free]
+        assert self.search.void is not None
+        most = self.search.void.most * float(volume.sum()) * (1.0 + tolerances.DECIMALS)
+        good = ~gone[:, support].any(axis=1) & (gone[:, free] @ volume <= most) & ~gone[:, free].all(axis=1)
+        may = np.isin(np.arange(len(elements)), faces.a[faces.b == sink])
+        good &= ~(gone[:, free] & ~may[free]).any(axis=1)
+        parts = blocks_of(graph, gone[:, faces.a] | gone[:, faces.b])
+        rows = np.arange(len(blocks))[:, None]
+        grounded = np.zeros(blocks.shape, dtype=bool)
+        grounded[rows, parts[:, support]] = True
+        return np.asarray(good & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
 
     def _exempt(self, blocks: Ints) -> Floats:
         """(k, n) elements that are excepted in each block (k, n), at the column of its name."""

@@ -19,6 +19,7 @@ from jld_explore.space.counts import Terms, count_named
 from jld_explore.space.labelling import Connectivity, blocks_of, canonical, connectivity
 from jld_explore.space.limits import CELLS, MEASURES, Limits, block_sizes
 from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
+from jld_explore.space.void import Void, void_of, with_sink
 
 _TOTAL = 1e-8
 """Relative rounding allowed where blocks are counted by what all elements weigh together."""
@@ -31,7 +32,8 @@ class SearchSpace:
     candidates: (m,) faces that may take either label. fixed: (m,) labels, of force where a face is no
     candidate. graph: for `blocks_of`. least: (n,) blocks through fixed inner faces alone (every labelling's
     blocks contain them). most: (n,) blocks if all candidates were inner. symmetry: maps labellings of the
-    space onto labellings of the space with the same load factor and the same counts.
+    space onto labellings of the space with the same load factor and the same counts. void: what may be left out; the
+    assembly is then that with the sink, and labellings have a label more for each such cell.
     """
 
     assembly: Assembly
@@ -42,6 +44,7 @@ class SearchSpace:
     least: Ints
     most: Ints
     symmetry: SymmetryGroup
+    void: Void | None = None
 
     def __repr__(self) -> str:
         spots = int(np.count_nonzero(self.candidates))
@@ -100,7 +103,13 @@ def search_space(
     search = scene.search
     for place, (name, _) in enumerate(search.front.axes):
         count_named(name, f"search.front.counts[{place}]" if search.front.counts else "search.front.count")
+    void = void_of(scene, assembly)
+    if void is not None:
+        assembly = with_sink(void)
     candidates = _candidate_faces(scene, assembly)
+    if void is not None:
+        candidates[len(void.real.interfaces) :] = True
+        _refuse_walls(void, assembly, candidates, search)
     keep_dry = faces_of_pairs(search.keep.dry, assembly.elements, assembly.interfaces, "search.keep.dry")
     keep_inner = faces_of_pairs(search.keep.inner, assembly.elements, assembly.interfaces, "search.keep.inner")
     if np.any(keep_dry & keep_inner):
@@ -124,7 +133,18 @@ def search_space(
     if need_materials:
         _require_materials(limits, chosen, fixed, least, graph)
     symmetry = symmetry_group(assembly, search, chosen, fixed)
-    return SearchSpace(assembly, search, chosen, fixed, graph, least, most, symmetry)
+    return SearchSpace(assembly, search, chosen, fixed, graph, least, most, symmetry, void)
+
+
+def _refuse_walls(void: Void, assembly: Assembly, candidates: Bools, search: Search) -> None:
+    """Raise InputError for faces fixed dry between two cells that may be left out: together they are one block."""
+    faces = assembly.interfaces
+    may = np.isin(np.arange(len(assembly.elements)), void.cells)
+    keep = faces_of_pairs(search.keep.dry, assembly.elements, faces, "search.keep.dry")
+    wall = may[faces.a] & may[faces.b] & (keep | (~candidates & assembly.labels))
+    if wall.any():
+        problem = f"the face {_pair(assembly, wall)} between two of them is fixed dry"
+        raise InputError("search.void.cells", problem, "cells whose faces to one another are candidates")
 
 
 def _candidate_faces(scene: Scene, assembly: Assembly) -> Bools:
@@ -151,14 +171,15 @@ def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: In
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = _may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)
-    require_materials(limits.assembly, dry, inner)
+    real = limits.assembly.interfaces.b != limits.assembly.sink
+    require_materials(limits.assembly, dry & real, inner & real)
 
 
 def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
     """(m,) False where the blocks beside a face are too large to be one."""
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
-    if limits.mendable:
+    if limits.excepted.any():
         return joined
     for measure, bounds in limits.on_blocks:
         if measure.of:
@@ -177,7 +198,7 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
     for measure in MEASURES:
         bounds, where = limits.bounds(measure), f"search.{measure.key}"
         smallest, largest = small[measure.key][0, holds], large[measure.key][0, whole]
-        if limits.mendable:
+        if limits.excepted.any():
             # blocks that limits except may take in whatever is too large or too small
             continue
         if (heavy := bounds.above(smallest)).any():
@@ -201,7 +222,7 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
         problem = f"no number of blocks fits (at least {fewest}, at most {greatest})"
         raise InputError(f"search.{culprit}", problem, "limits that agree")
     for count, bounds in limits.on_counts:
-        if count.terms:
+        if count.terms and assembly.sink < 0:
             terms = count.terms(assembly)
             low, high = _reach(terms, candidates, fixed)
             if terms.blocks:

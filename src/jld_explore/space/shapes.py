@@ -65,9 +65,11 @@ class BlockShapes:
             self._known.append(self._of(members))
         return self._known[self._place[key]]
 
-    def different(self, blocks: Ints) -> Ints:
-        """(k,) number of different shapes of blocks in each row (k, n)."""
+    def different(self, blocks: Ints, sink: int = -1) -> Ints:
+        """(k,) number of different shapes of blocks in each row (k, n), without the block of an element `sink` ≥ 0."""
         holds, places = self.look(blocks)
+        if sink >= 0:
+            holds[np.arange(len(blocks)), blocks[:, sink]] = False
         number = self._numbers()
         kind = np.where(holds, number[places], -1)
         kind.sort(axis=1)

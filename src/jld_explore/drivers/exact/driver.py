@@ -97,6 +97,8 @@ class Exact(Driver):
         programs: int | None = None,
     ) -> None:
         super().__init__(space, seed)
+        if space.void is not None:
+            raise InputError("--driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self.aim, self._programs = aim, programs
         if aim == "front" and space.search.front.counts:
             raise InputError("search.front.counts", "two counts have no exact front", "one count, or --driver genetic")

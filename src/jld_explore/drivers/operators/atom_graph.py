@@ -64,18 +64,36 @@ Seams = list[tuple[int, int, int]]
 
 
 @dataclass(frozen=True)
+class Sink:
+    """What may be left out, in a part of its own. atom: the one that stands for it. may: atoms that may be in its part.
+    volume: of each atom; most: of those left out together.
+    """
+
+    atom: int
+    may: frozenset[int]
+    volume: list[float]
+    most: float
+
+    def takes(self, members: list[int]) -> bool:
+        """Whether a part with the sink may be left out."""
+        inside = all(a in self.may or a == self.atom for a in members)
+        return inside and sum([self.volume[a] for a in members]) <= self.most
+
+
+@dataclass(frozen=True)
 class PartLimits:
     """Limits of a search as operators keep them; those on counts that are no sums of ones are left to `feasible`.
 
     sizes: on each part that holds a free element, by the keys of measures, as far as they do not go with cells.
     parts: (least, most) parts. seams: of counts of dry faces, with their (least, most). exempt: atoms that limits on
-    single parts except.
+    single parts except. sink: what may be left out.
     """
 
     sizes: dict[str, Range]
     parts: tuple[float, float]
     seams: tuple[tuple[Seams, float, float], ...]
     exempt: frozenset[int] = frozenset()
+    sink: Sink | None = None
 
     @property
     def cells(self) -> tuple[int, float]:
@@ -198,6 +216,19 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
     return [(p, q, count) for (p, q), count in zip(found.tolist(), number.tolist(), strict=True)]
 
 
+def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
+    """What a search may leave out, by atoms: those of candidate cells alone."""
+    if space.void is None or space.search.void is None:
+        return None
+    elements, cells = space.assembly.elements, space.void.cells
+    free = np.where(elements.support, 0.0, elements.volume)
+    volume = np.bincount(graph.of_element, free, minlength=len(graph))
+    others = np.delete(np.arange(len(elements) - 1), cells)
+    may = set(graph.of_element[cells].tolist()) - set(graph.of_element[others].tolist())
+    most = space.search.void.most * float(free.sum()) * (1.0 + tolerances.DECIMALS)
+    return Sink(int(graph.of_element[space.assembly.sink]), frozenset(may), volume.tolist(), most)
+
+
 def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
     """The limits of a search; those that go with the number of cells are turned into limits on cells."""
     parts, seams = (-inf, inf), []
@@ -207,4 +238,4 @@ def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
         elif not terms.blocks:
             seams.append((_seams(graph.face_a, graph.face_b, terms.faces), bounds.least, bounds.most))
     exempt = frozenset(np.flatnonzero(graph.sized.adds[EXEMPT.key]).tolist())
-    return PartLimits(space.limits.by_cells(graph.sized), parts, tuple(seams), exempt)
+    return PartLimits(space.limits.by_cells(graph.sized), parts, tuple(seams), exempt, _sink(space, graph))

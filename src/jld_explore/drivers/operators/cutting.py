@@ -41,7 +41,9 @@ class Cutter:
 
     def fits(self, members: list[int]) -> bool:
         """Whether a part is within the upper limits and holds no wall."""
-        cells = self.graph.cells
+        cells, sink = self.graph.cells, self.limits.sink
+        if sink is not None and sink.atom in members:
+            return sink.takes(members)
         free = self._is_exempt(members)
         if not free and sum([cells[a] for a in members]) > self._most:
             return False

@@ -155,7 +155,14 @@ class Segmentations:
             most = len(self.graph)
             wanted = max(low, 1.0) + rng.real() * (min(high, most) - max(low, 1.0))
             threshold = 1.0 - (wanted - 1.0) / max(most - 1.0, 1.0)
-        return self._assemble(rng.reals(self.keys), threshold, rng)
+        keys = rng.reals(self.keys)
+        if self.limits.sink is not None:
+            # as often little is left out as much
+            stays = rng.real()
+            for number, pair in enumerate(self.graph.pairs):
+                if self.limits.sink.atom in pair and rng.real() < stays:
+                    keys[number] = 1.0
+        return self._assemble(keys, threshold, rng)
 
     def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
         pieces = None

@@ -17,14 +17,31 @@ export function bytesOf(text) {
  * @param {Uint8Array} bytes all rows
  * @param {number} row
  * @param {number} faces
+ * @param {Uint8Array} beside bits of faces beside what is left out, none where nothing is
  */
-export function lettersOf(bytes, row, faces) {
+export function lettersOf(bytes, row, faces, beside = new Uint8Array()) {
   const wide = Math.ceil(faces / 8);
+  const bit = (/** @type {Uint8Array} */ of, /** @type {number} */ k) => (of[row * wide + (k >> 3)] >> (7 - (k & 7))) & 1;
   let text = "";
   for (let k = 0; k < faces; k++) {
-    text += (bytes[row * wide + (k >> 3)] >> (7 - (k & 7))) & 1 ? "d" : "i";
+    text += beside.length && bit(beside, k) ? "v" : bit(bytes, k) ? "d" : "i";
   }
   return text;
+}
+
+/**
+ * Elements that a labelling leaves out: those whose every face is beside nothing.
+ * @param {Structure} structure
+ * @param {string} labelling
+ * @returns {Set<number>}
+ */
+export function goneOf(structure, labelling) {
+  if (!labelling.includes("v")) return new Set();
+  const stays = new Set(structure.elements.flatMap((element, k) => (element.support ? [k] : [])));
+  structure.faces.forEach(({ elements: [a, b] }, k) => {
+    if (labelling[k] !== "v") stays.add(a).add(b);
+  });
+  return new Set(structure.elements.flatMap((_, k) => (stays.has(k) ? [] : [k])));
 }
 
 /**
@@ -44,7 +61,7 @@ export function blocksOf(structure, labelling) {
     return k;
   };
   structure.faces.forEach(({ elements: [a, b] }, k) => {
-    if (labelling[k] === "d") return;
+    if (labelling[k] === "d" || labelling[k] === "v") return;
     const [i, j] = [root(a), root(b)];
     up[Math.max(i, j)] = Math.min(i, j);
   });

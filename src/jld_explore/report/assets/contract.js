@@ -92,6 +92,7 @@
  * @property {number} rows
  * @property {Column[]} columns
  * @property {string} labellings base64 of the bits of all labellings, a whole number of bytes a row, 1 = dry
+ * @property {string} beside base64 of bits like those of labellings, 1 = the face is beside a cell that is left out; "" where none is
  * @property {string[]} evidence proven, found or visited, for each row
  * @property {string} count name of the column that the picture weighs against λ
  * @property {string} sense max or min: the better direction of the count
@@ -177,7 +178,7 @@ export const REQUIRED = Object.freeze({
   Element: ["id", "support", "shape", "faces", "centroid", "weight"],
   Face: ["elements", "polygon", "origin", "normal", "area", "candidate"],
   Load: ["case", "kind", "element", "at", "vector"],
-  Table: ["rows", "columns", "labellings", "evidence", "count", "sense", "line", "counts", "left_out"],
+  Table: ["rows", "columns", "labellings", "beside", "evidence", "count", "sense", "line", "counts", "left_out"],
   Column: ["name", "title", "unit", "kind", "values"],
   Solution: ["labelling", "load_factor", "bracket", "status", "governing", "cases"],
   CaseSolution: [

@@ -1,7 +1,7 @@
 // @ts-check
 /** A planar structure as SVG: labels, forces or mechanism of one layout. */
 import { shown, svg } from "./dom.js";
-import { coloursOf } from "./blocks.js";
+import { coloursOf, goneOf } from "./blocks.js";
 import { arrowPath, markNode, ramp, turnPath } from "./marks.js";
 
 /** @typedef {import("./contract.js").PageData} PageData */
@@ -78,17 +78,26 @@ export class PlanarFigure {
     const thin = clamp(0.035 * this.typical, 0.9, 1.8);
     const forces = view === "forces" && solved?.forces ? solved : null;
     const moving = view === "mechanism" && solved?.mechanism ? solved : null;
+    const gone = goneOf(structure, labelling);
     /** @type {any[]} */
     const groups = structure.elements.map((element, k) => {
+      if (gone.has(k)) return svg("g", { class: "element" }, svg("g"));
       const fill = element.support ? `url(#${this.hatch})` : view === "forces" ? look.plain : look.tints[colours[k]];
       return svg("g", { class: "element" }, svg("polygon", { points: this.#line(element.shape), fill, "data-element": k }));
     });
     this.groups = groups;
     for (const edge of structure.edges) {
+      if (gone.has(edge.element)) continue;
       groups[edge.element].append(this.#segment(edge.from, edge.to, { stroke: look.soft, "stroke-width": thin }));
     }
     structure.faces.forEach((face, k) => {
       const dry = labelling[k] === "d";
+      if (labelling[k] === "v") {
+        for (const side of face.elements) {
+          if (!gone.has(side)) groups[side].append(this.#segment(face.polygon[0], face.polygon[1], { stroke: look.soft, "stroke-width": thin }));
+        }
+        return;
+      }
       const used = forces?.utilisation ? forces.utilisation[k] : null;
       const style = {
         stroke: used !== null ? ramp(look.used, used) : dry ? look.ink : look.soft,
@@ -118,7 +127,7 @@ export class PlanarFigure {
       return own;
     });
     this.pairs = groups.map((group, k) => [fills[k], group]);
-    const rest = moving ? svg("g", { class: "rest" }, structure.elements.filter((e) => !e.support).map((e) => svg("polygon", { points: this.#line(e.shape), fill: "none", stroke: look.rest, "stroke-width": 0.9 }))) : null;
+    const rest = moving ? svg("g", { class: "rest" }, structure.elements.filter((e, k) => !e.support && !gone.has(k)).map((e) => svg("polygon", { points: this.#line(e.shape), fill: "none", stroke: look.rest, "stroke-width": 0.9 }))) : null;
     const over = svg("g", { class: "over" });
     if (forces) this.#forces(over, forces, labelling, show);
     if (view !== "mechanism") this.#loads(over, what.loads, show);

@@ -31,6 +31,7 @@ function start(data) {
     return viewer;
   }
   const bits = bytesOf(table.labellings);
+  const beside = bytesOf(table.beside);
   const column = (/** @type {string} */ name) => table.columns.find((c) => c.name === name)?.values ?? [];
   const ranks = column("rank");
   let [selected, compared] = [-1, -1];
@@ -49,7 +50,7 @@ function start(data) {
     const bracket = /** @type {[number | null, number | null]} */ ([column("bracket_lo")[row] ?? null, column("bracket_hi")[row] ?? null]);
     return {
       name: typeof rank === "number" ? `Rank ${rank}${tied(row) ? `, row ${number(row)}` : ""}, ${table.evidence[row]}` : `Row ${row + 1}, ${status}`,
-      labelling: solution?.labelling ?? lettersOf(bits, row, data.structure.faces.length),
+      labelling: solution?.labelling ?? lettersOf(bits, row, data.structure.faces.length, beside),
       solution,
       line: verdict({ load_factor: /** @type {number | null} */ (column("load_factor")[row] ?? null), bracket, status }),
       lacking: `This page holds no forces of this layout. ${data.how.replaceAll("{rank}", String(number(row)))}`,

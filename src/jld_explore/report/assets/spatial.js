@@ -1,7 +1,7 @@
 // @ts-check
 /** A spatial structure in WebGL: turn, zoom, explode, cut, see through; labels, forces or mechanism of one layout. */
 import * as THREE from "./vendor/three.js";
-import { coloursOf, blocksOf } from "./blocks.js";
+import { coloursOf, blocksOf, goneOf } from "./blocks.js";
 import { beside } from "./planar.js";
 import { el } from "./dom.js";
 import { ramp } from "./marks.js";
@@ -137,6 +137,7 @@ export class SpatialFigure {
     this.#clear();
     const colours = coloursOf(structure, labelling, look.tints.length);
     this.blocks = blocksOf(structure, labelling);
+    const gone = goneOf(structure, labelling);
     this.groups = structure.elements.map(() => {
       const group = new THREE.Group();
       group.matrixAutoUpdate = false;
@@ -151,6 +152,8 @@ export class SpatialFigure {
       this.groups?.[k].add(mesh);
       const edges = this.#keep(`edges ${k}`, () => segments(ringSegments(element.faces.map((ring) => ring.map((v) => element.shape[v])))));
       this.groups?.[k].add(this.#lines(edges, look.soft, 0.9));
+      mesh.visible = !gone.has(k);
+      if (gone.has(k) && this.groups) this.groups[k].visible = false;
       return mesh;
     });
     this.faces = structure.faces.map((face, k) => {
@@ -164,11 +167,12 @@ export class SpatialFigure {
       const width = used !== null ? 1.5 + 2.5 * used : dry ? 2.6 : 1.4;
       const ring = this.#keep(`rim ${k}`, () => segments(ringSegments([face.polygon])));
       const sides = view === "mechanism" && solved?.mechanism ? face.elements : [face.elements[1]];
-      for (const side of sides) {
+      for (const side of labelling[k] === "v" ? [] : sides) {
         this.groups?.[side].add(this.#lines(ring, colour, width, dry ? 0 : 0.06 * structure.typical));
       }
       if (what.marked.has(k)) this.groups?.[face.elements[1]].add(this.#lines(ring, "#c2185b", 6));
       if (what.current === k) this.groups?.[face.elements[1]].add(this.#lines(ring, "#0b66c3", 5));
+      patch.visible = labelling[k] !== "v";
       this.groups?.[face.elements[1]].add(patch);
       return patch;
     });
@@ -176,7 +180,7 @@ export class SpatialFigure {
     if (view !== "mechanism") this.#loads(what.loads);
     if (view === "mechanism" && solved?.mechanism) {
       this.#places(solved);
-      const rings = structure.elements.filter((e) => !e.support).flatMap((e) => e.faces.map((ring) => ring.map((v) => e.shape[v])));
+      const rings = structure.elements.filter((e, k) => !e.support && !gone.has(k)).flatMap((e) => e.faces.map((ring) => ring.map((v) => e.shape[v])));
       this.#free(this.#lines(this.#keep("rest", () => segments(ringSegments(rings))), look.rest, 0.8));
     }
     this.#clip(false);

@@ -2,7 +2,7 @@
 /** The table of all layouts: filtered and sorted by every column, drawn for the rows in sight only. */
 import { el, shown } from "./dom.js";
 import { filterOf, sorted } from "./filters.js";
-import { lettersOf } from "./blocks.js";
+import { bytesOf, lettersOf } from "./blocks.js";
 
 /** @typedef {import("./contract.js").Table} Table */
 
@@ -20,6 +20,7 @@ export class LayoutTable {
     Object.assign(this, { host });
     this.table = table;
     this.bits = bits;
+    this.beside = bytesOf(table.beside);
     this.faces = faces;
     this.tell = tell;
     this.columns = [...table.columns.slice(0, 4), { name: "evidence", title: "evidence", unit: "", kind: /** @type {"text"} */ ("text"), values: table.evidence }, ...table.columns.slice(4)];
@@ -79,7 +80,7 @@ export class LayoutTable {
 
   /** @param {number} row @param {string} name */
   value(row, name) {
-    if (name === "labelling") return lettersOf(this.bits, row, this.faces);
+    if (name === "labelling") return lettersOf(this.bits, row, this.faces, this.beside);
     return this.columns.find((column) => column.name === name)?.values[row] ?? null;
   }
 
@@ -92,14 +93,14 @@ export class LayoutTable {
       const test = wish.trim() === "" ? undefined : filterOf(wish, column?.kind ?? "text");
       field.setAttribute("aria-invalid", String(test === null));
       if (!test) continue;
-      rows = rows.filter((row) => test(column ? column.values[row] : lettersOf(this.bits, row, this.faces)));
+      rows = rows.filter((row) => test(column ? column.values[row] : lettersOf(this.bits, row, this.faces, this.beside)));
     }
     this.passed = rows;
     if (this.brush) rows = rows.filter(this.brush);
     const order = this.order;
     if (order) {
       const column = this.columns.find((c) => c.name === order.name);
-      const values = column ? column.values : Array.from({ length: this.table.rows }, (_, k) => lettersOf(this.bits, k, this.faces));
+      const values = column ? column.values : Array.from({ length: this.table.rows }, (_, k) => lettersOf(this.bits, k, this.faces, this.beside));
       rows = sorted(rows, values, order.down);
     }
     this.rows = rows;
@@ -130,7 +131,7 @@ export class LayoutTable {
         const value = column.values[row];
         line.append(el("td", { role: "gridcell", class: column.kind, title: typeof value === "number" ? String(value) : null }, shown(value, column.name === "load_factor" || column.name.startsWith("bracket") ? 7 : 5)));
       }
-      line.append(el("td", { role: "gridcell", class: "labelling" }, lettersOf(this.bits, row, this.faces)));
+      line.append(el("td", { role: "gridcell", class: "labelling" }, lettersOf(this.bits, row, this.faces, this.beside)));
       return line;
     });
     this.body.replaceChildren(room(first), ...shownRows, room(this.rows.length - last));

@@ -1,6 +1,6 @@
 // @ts-check
 /** One layout, or two side by side: labels, forces or mechanism, by load case. */
-import { blocksOf, differing } from "./blocks.js";
+import { blocksOf, differing, goneOf } from "./blocks.js";
 import { el, save, say } from "./dom.js";
 import { legend } from "./marks.js";
 import { figureOf } from "./figures.js";
@@ -155,7 +155,8 @@ export class Viewer {
       pane.querySelector(".lacking").textContent = none;
       const largest = solved?.vectors ? Math.max(0, ...solved.vectors.map((v) => Math.hypot(...v))) : null;
       const blocks = blocksOf(this.data.structure, layout.labelling);
-      const count = new Set(blocks.filter((_, e) => !this.data.structure.elements[e].support)).size;
+      const gone = goneOf(this.data.structure, layout.labelling);
+      const count = new Set(blocks.filter((_, e) => !this.data.structure.elements[e].support && !gone.has(e))).size;
       pane.querySelector(".legend-place").replaceChildren(legend(this.data.look, {
         view: this.view, labelling: layout.labelling, solved, blocks: count, largest, unit: this.data.structure.units.force,
         loads: new Set(this.view === "mechanism" ? [] : loads.map((load) => load.kind)), thrust: this.show.thrust && this.data.structure.dimension === 2, differs: this.layouts.length > 1 && differs.size > 0,
