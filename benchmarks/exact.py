@@ -76,16 +76,16 @@ FRONTS: Final = (
 """Scenes whose whole front is proven."""
 
 NOTE: Final = (
-    "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial labellings ruled "
-    "out; relaxations: programs solved to find them; solves: labellings evaluated."
+    "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial "
+    "labellings ruled out; relaxations: programs solved to find them; solves: labellings evaluated."
 )
 OPEN: Final = (
-    "Walls of blocks of two with a wide gap at the root are proven by a tree of block choices, all others by conflicts of "
-    "faces, refuted many at a time from the bound at the root down. Where time ran out the bound is that of the last step "
-    "that was refuted: on the 8 × 10 wall in blocks of up to three the conflicts of a step grow from dozens to thousands; "
-    "in the crushable arch the kernel's rows enclose the hull of joints that are not decided (89.9 at the root, where the "
-    "hull itself gives 87.85), and conflicts double with every 1.5 to 2 units of λ; with cells halved blocks are too many "
-    "to be listed, and sizes are ruled out as they occur."
+    "Walls of blocks of two with a wide gap at the root are proven by a tree of block choices, all others by "
+    "conflicts of faces, refuted many at a time from the bound at the root down. Where time ran out the bound is "
+    "that of the last step that was refuted: on the 8 × 10 wall in blocks of up to three the conflicts of a step "
+    "grow from dozens to thousands; in the crushable arch the kernel's rows enclose the hull of joints that are "
+    "not decided (89.9 at the root, where the hull itself gives 87.85), and conflicts double with every 1.5 to 2 "
+    "units of λ; with cells halved blocks are too many to be listed, and sizes are ruled out as they occur."
 )
 
 
