@@ -166,33 +166,33 @@ def _summary(scene: Scene, **settings: Any) -> dict[str, Any]:
         return explore(scene, Path(folder) / "out", ExploreSettings(jobs=1, pictures=False, **settings)).summary
 
 
-def proofs(most: float, long: float) -> tuple[list[list[str]], dict[str, float]]:
-    """Rows of the table, and the optimum of every scene where it is proven. most, long: seconds for a wall, others."""
-    rows, proven = [], {}
-    for name, (scene, seconds, asked) in scenes().items():
-        size = _size(scene)
-        facts = _summary(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
-        bound, gap = facts["bound"], facts["gap"]
-        if facts["proven"]:
-            proven[name] = facts["best"]
-        rows.append(
-            [
-                name,
-                f"more than {_COUNTED:.0e}" if size is None else str(size),
-                "none" if facts["best"] is None else f"{facts['best']:.7g}",
-                "none" if bound is None else f"{bound:.7g}",
-                "–" if gap is None else f"{gap:.0e}",
-                str(facts["stop_reason"]),
-                str(facts["conflicts"]),
-                str(facts["relaxations"]),
-                str(facts["solved"]),
-                f"{facts['seconds']:.1f}",
-                asked,
-                ("more than " if size is None else "") + f"{(size or _COUNTED) / _RATE:.0f}",
-            ]
-        )
-        print(rows[-1], flush=True)
-    return rows, proven
+def proofs(most: float, long: float) -> list[list[str]]:
+    """Rows of the table. most, long: seconds for a wall, others."""
+    return [proof(name, most, long) for name in scenes()]
+
+
+def proof(name: str, most: float, long: float) -> list[str]:
+    """The row of one scene."""
+    scene, seconds, asked = scenes()[name]
+    size = _size(scene)
+    facts = _summary(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
+    bound, gap = facts["bound"], facts["gap"]
+    row = [
+        name,
+        f"more than {_COUNTED:.0e}" if size is None else str(size),
+        "none" if facts["best"] is None else f"{facts['best']:.7g}",
+        "none" if bound is None else f"{bound:.7g}",
+        "–" if gap is None else f"{gap:.0e}",
+        str(facts["stop_reason"]),
+        str(facts["conflicts"]),
+        str(facts["relaxations"]),
+        str(facts["solved"]),
+        f"{facts['seconds']:.1f}",
+        asked,
+        ("more than " if size is None else "") + f"{(size or _COUNTED) / _RATE:.0f}",
+    ]
+    print(row, flush=True)
+    return row
 
 
 def roots(best: dict[str, float]) -> list[list[str]]:
@@ -283,7 +283,7 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
     head = ["scene", "space", "λ", "bound", "gap", "stopped", "conflicts", "relaxations", "solves", "s", "asked"]
     head.append("s to enumerate")
     if "proofs" in wanted:
-        rows, _ = proofs(seconds, long)
+        rows = proofs(seconds, long)
         parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), OPEN))
     cells = [line.strip("| ").split(" | ") for line in parts[""].splitlines() if line.startswith("| ")][2:]
     best = {row[0]: float(row[2]) for row in cells if row[2] != "none"}
