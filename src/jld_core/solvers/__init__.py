@@ -11,6 +11,7 @@
 - `SchurSolver`: our interior point for large assemblies
 - `Solver`: one way to a raw solution
 - `auxiliary`: solve a program that is not a labelling's own
+- `highs_of`: HiGHS with a linear program, ready to run
 - `interior_point`: a linear program by HiGHS' interior point
 - `is_large`: whether a program goes to `schur` by default
 - `make_solver`: a solver by its name
@@ -24,7 +25,7 @@ from jld_core.errors import InputError, SolverError
 from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
-from jld_core.solvers.highs import HighsSolver
+from jld_core.solvers.highs import HighsSolver, highs_of
 from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
 from jld_core.solvers.schur import SchurSolver
 
@@ -96,6 +97,7 @@ __all__ = [
     "SchurSolver",
     "Solver",
     "auxiliary",
+    "highs_of",
     "interior_point",
     "is_large",
     "make_solver",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import highspy
 import numpy as np
+import scipy.sparse as sp
 
+from jld_core.arrays import Floats
 from jld_core.errors import SolverError
 from jld_core.program import ConicProgram
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
@@ -28,7 +31,6 @@ class HighsSolver(Solver):
     def __init__(self, name: str = "highs", threads: int = 1, tolerance: float = 1e-10) -> None:
         self.name = name
         self._options = {
-            "output_flag": False,
             "threads": threads,
             "solver": "ipm" if name == "highs-ipm" else "simplex",
             "primal_feasibility_tolerance": tolerance,
@@ -43,23 +45,11 @@ class HighsSolver(Solver):
         if s.cones:
             raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
         start = time.perf_counter()
-        model = highspy.HighsLp()
-        model.num_col_, model.num_row_ = s.shape[1], s.shape[0]
-        model.col_cost_ = program.objective
-        model.col_lower_ = np.full(s.shape[1], -highspy.kHighsInf)
-        model.col_upper_ = np.full(s.shape[1], highspy.kHighsInf)
-        model.row_upper_ = program.rhs
-        lower = np.full(s.shape[0], -highspy.kHighsInf)
+        free = np.full(s.shape[1], np.inf)
+        lower = np.full(s.shape[0], -np.inf)
         lower[: s.equalities] = program.rhs[: s.equalities]
-        model.row_lower_ = lower
-        model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-        model.a_matrix_.start_ = s.indptr.astype(np.int32)
-        model.a_matrix_.index_ = s.indices.astype(np.int32)
-        model.a_matrix_.value_ = program.data
-        highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
-        for key, value in self._options.items():
-            highs.setOptionValue(key, value)
-        highs.passModel(model)
+        matrix = sp.csc_array((program.data, s.indices, s.indptr), shape=s.shape)
+        highs = highs_of(matrix, program.objective, lower, program.rhs, -free, free, self._options)
         highs.run()
         status = _STATUS.get(highs.getModelStatus(), RawStatus.FAILED)
         solution = highs.getSolution()
@@ -77,3 +67,32 @@ class HighsSolver(Solver):
         info = highs.getInfo()
         iterations = int(info.simplex_iteration_count if self.name == "highs" else info.ipm_iteration_count)
         return RawSolution(status, point, dual, max(iterations, 0), time.perf_counter() - start)
+
+
+def highs_of(
+    rows: Any, objective: Floats, low: Floats, high: Floats, least: Floats, most: Floats, options: Mapping[str, Any]
+) -> Any:
+    """HiGHS with min objective·x under low ≤ R x ≤ high and least ≤ x ≤ most, ready to run, silent and in one thread.
+
+    rows: R, a sparse table. Ends may be infinite. options: HiGHS' own, over these.
+    """
+    matrix = sp.csc_array(rows)
+    model = highspy.HighsLp()
+    model.num_row_, model.num_col_ = matrix.shape
+    model.col_cost_ = objective
+    model.col_lower_, model.col_upper_ = highs_ends(least), highs_ends(most)
+    model.row_lower_, model.row_upper_ = highs_ends(low), highs_ends(high)
+    model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    model.a_matrix_.start_ = matrix.indptr.astype(np.int32)
+    model.a_matrix_.index_ = matrix.indices.astype(np.int32)
+    model.a_matrix_.value_ = matrix.data
+    highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
+    for key, value in {"output_flag": False, "threads": 1, **options}.items():
+        highs.setOptionValue(key, value)
+    highs.passModel(model)
+    return highs
+
+
+def highs_ends(values: Floats) -> Floats:
+    """Ends of rows or columns, with HiGHS' own infinity."""
+    return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

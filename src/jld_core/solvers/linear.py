@@ -10,12 +10,12 @@ from typing import Any, Final
 
 import highspy
 import numpy as np
-import scipy.sparse as sp
 
 from jld_core.arrays import Floats
+from jld_core.solvers.highs import highs_ends, highs_of
 
-_TIGHT: Final = 1e-9  # feasibility asked of the simplex method
 _POLISHED: Final = 1e-8  # relative gap asked of the interior point, which ends without crossover
+_FEASIBLE: Final[dict[str, Any]] = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,13 @@ class LinearRows:
     """low ≤ R x ≤ high and ends on x, minimised again and again by the dual simplex method from where it stands."""
 
     def __init__(self, rows: Any, low: Floats, high: Floats, least: Floats, most: Floats) -> None:
-        self._highs = _loaded(rows, np.zeros(rows.shape[1]), low, high, least, most)
-        self._highs.setOptionValue("primal_feasibility_tolerance", _TIGHT)
-        self._highs.setOptionValue("dual_feasibility_tolerance", _TIGHT)
+        self._highs = highs_of(rows, np.zeros(rows.shape[1]), low, high, least, most, _FEASIBLE)
         self._columns = np.arange(rows.shape[1], dtype=np.int32)
 
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
         """Give rows other ends, ±inf where none."""
         place = np.arange(rows.start, rows.stop, dtype=np.int32)
-        self._highs.changeRowsBounds(len(place), place, _ends(low), _ends(high))
+        self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
 
     def minimise(self, objective: Floats) -> LinearAnswer:
         """The least of an objective (columns,)."""
@@ -57,41 +55,16 @@ def interior_point(
     seconds: after which it is given up; the answer is then not found.
     """
     free = np.full(rows.shape[1], np.inf)
-    highs = _loaded(rows, objective, low, high, -free, free)
-    for key, value in (
-        ("solver", "ipx"),
-        ("run_crossover", "off"),
-        ("threads", threads),
-        ("ipm_optimality_tolerance", _POLISHED),
-        ("primal_feasibility_tolerance", _TIGHT),
-        ("dual_feasibility_tolerance", _TIGHT),
-    ):
-        highs.setOptionValue(key, value)
+    options = {
+        **_FEASIBLE,
+        "solver": "ipx",
+        "run_crossover": "off",
+        "threads": threads,
+        "ipm_optimality_tolerance": _POLISHED,
+    }
     if np.isfinite(seconds):
-        highs.setOptionValue("time_limit", max(seconds, 0.1))
-    return _run(highs)
-
-
-def _loaded(rows: Any, objective: Floats, low: Floats, high: Floats, least: Floats, most: Floats) -> Any:
-    matrix = sp.csc_array(rows)
-    model = highspy.HighsLp()
-    model.num_row_, model.num_col_ = matrix.shape
-    model.col_cost_ = objective
-    model.col_lower_, model.col_upper_ = _ends(least), _ends(most)
-    model.row_lower_, model.row_upper_ = _ends(low), _ends(high)
-    model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-    model.a_matrix_.start_ = matrix.indptr.astype(np.int32)
-    model.a_matrix_.index_ = matrix.indices.astype(np.int32)
-    model.a_matrix_.value_ = matrix.data
-    highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
-    highs.setOptionValue("output_flag", False)
-    highs.setOptionValue("threads", 1)
-    highs.passModel(model)
-    return highs
-
-
-def _ends(values: Floats) -> Floats:
-    return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)
+        options["time_limit"] = max(seconds, 0.1)
+    return _run(highs_of(rows, objective, low, high, -free, free, options))
 
 
 def _run(highs: Any) -> LinearAnswer:

@@ -27,6 +27,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Motion, Prover, Repair, State, load_floor
 from jld_core.program import Template
+from jld_core.solvers import highs_of
 from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, mechanism_of
 
 LARGEST: Final = 64
@@ -119,7 +120,9 @@ class ForceMethod:
         self._cost = self._limit - self._rows @ self._dead
         self._places = np.arange(len(self._cost), dtype=np.int32)
         self._nothing = np.zeros(len(self._cost))
-        self._highs = _highs(program, self.settings.unit * (self._cost - self.settings.margin))
+        one, free = np.append(np.zeros(len(program) - 1), 1.0), np.full(len(self._cost), np.inf)
+        price = self.settings.unit * (self._cost - self.settings.margin)
+        self._highs = highs_of(program, price, one, one, self._nothing, free, _OPTIONS)
         # the labelling of all rows at once, which none is weaker than
         self._highs.run()
         self._start = self._highs.getBasis()
@@ -292,28 +295,7 @@ def _tree(assembly: Assembly) -> Ints | None:
     return np.array(sorted(tree), dtype=np.int64)
 
 
-def _highs(table: Floats, cost: Floats) -> highspy.Highs:
-    """min cost·z, table z = (0, …, 0, 1), z ≥ 0, ready to run."""
-    columns = sp.csc_array(table)
-    model = highspy.HighsLp()
-    model.num_row_, model.num_col_ = columns.shape
-    model.col_cost_, model.col_lower_ = cost, np.zeros(len(cost))
-    model.col_upper_ = np.full(len(cost), highspy.kHighsInf)
-    model.row_lower_ = model.row_upper_ = np.append(np.zeros(len(table) - 1), 1.0)
-    model.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-    model.a_matrix_.start_ = columns.indptr.astype(np.int32)
-    model.a_matrix_.index_ = columns.indices.astype(np.int32)
-    model.a_matrix_.value_ = columns.data
-    highs = highspy.Highs()  # type: ignore[no-untyped-call]
-    for key, value in _OPTIONS.items():
-        highs.setOptionValue(key, value)
-    highs.passModel(model)
-    return highs
-
-
 _OPTIONS: Final[dict[str, bool | int | float | str]] = {
-    "output_flag": False,
-    "threads": 1,
     "solver": "simplex",
     "simplex_iteration_limit": 20_000,  # some hundred times what a labelling takes
     "presolve": "off",  # these programs are too small to gain by it
