@@ -246,7 +246,7 @@ def _compare(
     path = folder / "proof.jld"
     settings = ExploreSettings(pictures=False, jobs=jobs, certificates=certificates, small=0)
     try:
-        check_certifiable(Exact(space, **options), settings.model)
+        check_certifiable(Exact(space, **options), settings.model, scene)
         certified = all(found.status is not Status.LOCKED for _, found in known) and bool(known)
     except InputError:
         certified = False

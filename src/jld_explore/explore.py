@@ -80,7 +80,9 @@ def explore(
             "--driver", f"{chosen.name} has no bounds for this model", "convex contact on whole faces, paper bending"
         )
     if settings.certificate is not None:
-        check_certifiable(chosen, settings.model)
+        check_certifiable(chosen, settings.model, scene)
+        if settings.robust:
+            raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
         if settings.by_experiment:
             raise InputError("--certificate", "an experiment is no proof", "--objective associative")
     make: MakeEvaluator = evaluator_of

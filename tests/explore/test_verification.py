@@ -302,12 +302,16 @@ def support(lines: list[dict[str, Any]]) -> None:
     line["moves"]["16"] = next(iter(line["moves"].values()))
 
 
+def excuse(lines: list[dict[str, Any]]) -> None:
+    lines[0]["scene"]["search"]["except"] = ["c0r0"]
+
+
 def widen(lines: list[dict[str, Any]]) -> None:
     lines[0]["scene"]["search"]["block_cells"] = [1, 3]
 
 
 @pytest.mark.parametrize(
-    "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen], ids=lambda f: f.__name__
+    "harm", [lower, flip, drop, free, shorten, borrow, cut, stop, support, widen, excuse], ids=lambda f: f.__name__
 )
 def test_what_was_tampered_with_is_refused(
     harm: Callable[[list[dict[str, Any]]], None], proof: list[dict[str, Any]], tmp_path: Path
@@ -354,6 +358,8 @@ def test_refusals_are_one_line(
         (SCENES["weak"], {"driver": "genetic"}, "no proof to write"),
         (SCENES["weak"], {"driver": "exact", "options": {"aim": "front"}}, "whole front"),
         (grid_document(["aaa", "###"], blocks=[1, 2]), {"driver": "exact"}, "search.blocks"),
+        (grid_document(["aaa", "###"], **{"except": ["c0r0"]}), {"driver": "exact"}, "search.except"),
+        (grid_document(["aaa", "###"]), {"driver": "exact", "robust": True}, "robust"),
         (grid_document(["aaa", "###"], block_aspect=[None, 2]), {"driver": "exact"}, "shape of blocks"),
         ({**SPATIAL, "materials": {**SPATIAL["materials"], "dry": {"friction_angle": 30, "compressive_strength": 9.0}}},
          {"driver": "exact"}, "crushing in space"),

@@ -9,16 +9,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 import numpy as np
 
 from jld_core import tolerances
 from jld_core.assembly import Assembly
 from jld_core.build import faces_of_pairs
+from jld_core.errors import InputError
 from jld_core.scene import Scene
 from jld_explore.verification.counting import at_least
 
 Clause = list[int]
+
+_STATED: Final = {
+    "candidates",
+    "keep",
+    "segmentation",
+    "block_cells",
+    "block_weight",
+    "block_extent",
+    "block_mass",
+    "dry_faces",
+}
+"""Keys under "search" that rules follow from."""
+
+_NARROWER: Final = {
+    "block_aspect",
+    "convex_blocks",
+    "blocks",
+    "shapes",
+    "moulds",
+    "require",
+    "assemble",
+    "assemble_out_of_plane",
+}
+"""Those that leave fewer labellings, or none out: what is proven without them is as true with them."""
+
+_IDLE: Final = {"symmetry", "front"}
+"""Those that say nothing of which labellings there are."""
 
 
 class Labellings:
@@ -29,6 +58,12 @@ class Labellings:
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
         self.assembly, self.search = assembly, scene.search
+        for name, field in type(scene.search).model_fields.items():
+            # a key that lets more labellings in, or one added since, would make rules wrong
+            strange = name not in _STATED | _NARROWER | _IDLE
+            if strange and getattr(scene.search, name) != field.get_default(call_default_factory=True):
+                key = f"search.{field.alias or name}"
+                raise InputError(key, "certificates do not know this key", "a search without it")
         faces, elements = assembly.interfaces, assembly.elements
         self._ends = list(zip(faces.a.tolist(), faces.b.tolist(), strict=True))
         self.fixed = self._fixed()

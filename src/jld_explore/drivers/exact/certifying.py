@@ -28,7 +28,7 @@ from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.exact.trimming import refutation
 from jld_explore.space import SearchSpace, blocks_of, to_string
-from jld_explore.verification import Balances, Checker, Claim, Lemma, Mechanism, Reason, Rule, write
+from jld_explore.verification import Balances, Checker, Claim, Labellings, Lemma, Mechanism, Reason, Rule, write
 
 _SLACK: Final = 2e-7
 """How far above the bound of a search, relative, a certificate claims its own: a fifth of what counts as proven, for
@@ -44,8 +44,8 @@ and much where a solver gave up far from the bound."""
 _OPEN: Final = "a search whose proof has a certificate"
 
 
-def check_certifiable(driver: Driver, model: SolveOptions) -> None:
-    """Raise InputError, one line, where the proof of a driver has no certificate."""
+def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
+    """Raise InputError, one line, where the proof of a driver, for the space of a scene, has no certificate."""
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
         if given is not None:
@@ -57,6 +57,9 @@ def check_certifiable(driver: Driver, model: SolveOptions) -> None:
     assembly, limits = driver.space.assembly, driver.space.limits
     if limits.on_shapes:
         raise InputError("--certificate", "limits on the shape of blocks are no rules of it", "a search without them")
+    if driver.space.search.require is not None:
+        raise InputError("--certificate", "search.require asks for another proof", "a search without it")
+    Labellings(scene, assembly)  # says what it does not know
     for count, _ in limits.on_counts:
         terms = count.terms(assembly) if count.terms else None
         if terms is None or terms.blocks:
