@@ -20,6 +20,8 @@ STUDIES: Final = (
     "how_low_can_it_go",
     "semicircular_arch",
     "settlement",
+    "few_shapes",
+    "left_out",
     "wall_with_opening",
     "corner",
     "virtual_experiment",

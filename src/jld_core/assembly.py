@@ -263,6 +263,7 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         elements=assembly.elements.take(rows),
         interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
         strengths=assembly.strengths.take(kept),
+        nominal=None if assembly.nominal is None else assembly.nominal.take(kept),
         dead=assembly.dead[rows],
         live=assembly.live[rows],
         labels=assembly.labels[kept],

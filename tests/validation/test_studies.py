@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from studies import (
     corner,
     drivers,
+    few_shapes,
     how_low_can_it_go,
     laid,
+    left_out,
     leonardo_flat_arch,
     one_block_two_cubes,
     semicircular_arch,
@@ -90,6 +93,26 @@ def test_settlement(tmp_path: Path) -> None:
     # one thrust is left where the arch is as thin as it may be (Cocchetti & Rizzi 2020, Table 3)
     ends = [settlement.closed_form(settlement.LEAST_THICKNESS + 1e-6, sign) for sign in (1.0, -1.0)]
     assert ends[0] == pytest.approx(ends[1], rel=1e-4)
+
+
+def test_few_shapes(tmp_path: Path) -> None:
+    """The strongest of the wall in two winds is made of two shapes: few moulds cost nothing there."""
+    table = few_shapes.run(tmp_path, quick=True)
+    written(tmp_path, few_shapes.NAME)
+    assert table["shapes"].is_monotonic_increasing
+    assert table["share"].max() == 1.0
+    kept = pd.read_csv(RESULTS / "few_shapes.csv")
+    assert kept["load_factor"].max() == pytest.approx(1.8368, rel=1e-4)
+    assert kept.set_index("shapes")["share"].loc[2] == pytest.approx(1.0)
+
+
+def test_left_out(tmp_path: Path) -> None:
+    """The heavier the structure the stronger the best of it, and by more than its share."""
+    table = left_out.run(tmp_path, quick=True)
+    written(tmp_path, left_out.NAME)
+    assert table["mass"].tolist() == pytest.approx([192.0, 224.0, 256.0])
+    assert table["load_factor"].is_monotonic_increasing
+    assert table["per_kg"].is_monotonic_increasing
 
 
 def test_t_block(tmp_path: Path) -> None:

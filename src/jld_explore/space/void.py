@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import DRY, Assembly, LoadCase, without
+from jld_core.assembly import DRY, Assembly, LoadCase, Strengths, without
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
 from jld_explore.space.labelling import to_strings
@@ -130,7 +130,9 @@ def with_sink(void: Void) -> Assembly:
         rectangle=np.append(faces.rectangle, np.zeros(count, dtype=bool)),
         **{name: longer(getattr(faces, name)) for name in ("normal", "e1", "e2", "l1", "l2", "area", "c_t")},
     )
-    strengths = replace(real.strengths, **{name: longer(values) for name, values in vars(real.strengths).items()})
+
+    def stretched(strengths: Strengths) -> Strengths:
+        return replace(strengths, **{name: longer(values) for name, values in vars(strengths).items()})
 
     def padded(loads: Floats) -> Floats:
         return np.vstack([loads, np.zeros(loads.shape[1])])
@@ -142,7 +144,8 @@ def with_sink(void: Void) -> Assembly:
         real,
         elements=more,
         interfaces=grown,
-        strengths=strengths,
+        strengths=stretched(real.strengths),
+        nominal=None if real.nominal is None else stretched(real.nominal),
         dead=padded(real.dead),
         live=padded(real.live),
         labels=np.concatenate([real.labels, np.full(count, DRY)]),
