@@ -35,7 +35,8 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     """Enumerate, write table, picture and page into a folder; returns the table."""
     done = searched(wall(quick), ExploreSettings(driver="enumeration"))
     ranked = done.results[done.results["status"] == "collapse"]
-    table = ranked.groupby("shapes", as_index=False)["load_factor"].max()
+    strongest = ranked.groupby("shapes")["load_factor"].max()
+    table = pd.DataFrame({"shapes": strongest.index, "load_factor": strongest.to_numpy()})
     table["share"] = table["load_factor"] / table["load_factor"].max()
     table["layouts"] = ranked.groupby("shapes")["load_factor"].size().to_numpy()
     # any block at all, and convex ones only

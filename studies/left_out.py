@@ -44,7 +44,8 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     """Enumerate, write table, picture and page into a folder; returns the table."""
     done = searched(wall(quick), ExploreSettings(driver="enumeration"))
     ranked = done.results[done.results["status"] == "collapse"]
-    table = ranked.groupby("mass", as_index=False)["load_factor"].max().sort_values("mass")
+    strongest = ranked.groupby("mass")["load_factor"].max()
+    table = pd.DataFrame({"mass": strongest.index, "load_factor": strongest.to_numpy()})
     table["per_kg"] = table["load_factor"] / table["mass"]
     table["layouts"] = ranked.groupby("mass")["load_factor"].size().to_numpy()
     budget = len(done.results) // 4
