@@ -23,6 +23,7 @@ from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
 from jld_core.exchange import Layout, export
 from jld_core.files import whole_file
 from jld_core.limit import SolveOptions
+from jld_core.views import facts_of_result
 from jld_core.views.figures import figure_of_result, save_figure
 from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.drivers import DRIVERS, REACH, driver_for, size_up_to
@@ -288,3 +289,34 @@ def test_every_driver_ends_quietly(kind: str, tmp_path: Path) -> None:
     if kind == "time":
         late = {name: seconds - LIMIT for name, _, seconds in ends if seconds > LIMIT + 5.0}
         assert not late
+
+
+def test_what_falls_is_named_and_drawn(tmp_path: Path) -> None:
+    """A cantilever of dry blocks: its velocities gain energy under the dead load alone, whatever λ ≥ 0."""
+    document = grid_document(["aabc", "a...", "#..."], live=[{"element": "c1r0", "force": [0, -1]}])
+    result = solve(build_assembly(parse_scene(document)))
+    assert (str(result.status), result.mechanism) == ("unstable", None)
+    assert result.falling is not None
+    elements = result.assembly.elements
+    assert np.linalg.norm(result.falling[:, :2], axis=1).max() == pytest.approx(1.0)
+    dead = float((result.assembly.dead * result.falling)[elements.free].sum())
+    live = float((result.assembly.live * result.falling)[elements.free].sum())
+    assert dead > 0.0
+    assert live >= -1e-9
+    facts = facts_of_result(result)
+    assert facts["falls"].startswith("c3r0, c2r0")
+    assert "support what falls" in facts["next"]
+    assert json.loads(json.dumps(result.to_json()))["falling"]["c0r2"] == [0.0, 0.0, 0.0]
+    figure = figure_of_result(result)
+    assert any("Falls whatever the live load" in ax.get_title() for ax in figure.axes)
+
+
+def test_what_confines_is_named() -> None:
+    """A row between two abutments, pushed along itself: nothing crushes, so nothing brings it down."""
+    result = solve(build_assembly(parse_scene(grid_document(["#abc#"], live=[{"element": "c1r0", "force": [1, 0]}]))))
+    facts = facts_of_result(result)
+    assert str(result.status) == "locked"
+    assert "c4r0" in facts["confined"]
+    assert "compressive_strength" in facts["next"]
+    strong = solve(build_assembly(parse_scene(grid_document(["aa", "ab", "##"]))), gap=1e-17)
+    assert "--gap" in facts_of_result(strong)["next"]

@@ -28,7 +28,9 @@ class LimitAnalysisResult(Shown):
     spatial N, V1, V2, M1, M2, MT). mechanism: (n, q) velocities about the centroids with b_λ·u = 1, or None.
     route: what was done, in order. seconds: assemble, solve, total. model: what was modelled. cases: of a structure
     with load cases the result of each by its name; load_factor and bracket are then of the governing factor, min over
-    cases of λ / required, and forces and mechanism of the case named in `governing`. In a notebook it shows its facts
+    cases of λ / required, and forces and mechanism of the case named in `governing`.
+    falling: (n, q) of an unstable structure, the velocities that prove it, the largest 1. growing: (m, q) of a locked
+    one, resultants for each unit of λ that carry the live load without an end. In a notebook it shows its facts
     and drawing.
     """
 
@@ -48,6 +50,8 @@ class LimitAnalysisResult(Shown):
     extra: dict[str, Any] = field(default_factory=dict)
     cases: dict[str, LimitAnalysisResult] = field(default_factory=dict)
     governing: str | None = None
+    falling: Floats | None = None
+    growing: Floats | None = None
 
     def __repr__(self) -> str:
         low, high = self.bracket
@@ -105,6 +109,9 @@ class LimitAnalysisResult(Shown):
                 else {}
             ),
             "mechanism": mechanism,
+            "falling": None
+            if self.falling is None
+            else {name: [float(v) for v in row] for name, row in zip(ids, self.falling, strict=True)},
             "forces": forces,
             "faces": _faces(assembly, self.labels),
         }
@@ -140,7 +147,20 @@ def result_of(
         seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
         model=options,
         extra=proof.extra,
+        falling=_falling(template, proof),
+        growing=proof.ray.forces * scaling.face if status is Status.LOCKED and proof.ray is not None else None,
     )
+
+
+def _falling(template: Template, proof: Proof) -> Floats | None:
+    """The velocities that prove an instability, the largest displacement (without one, rotation) 1."""
+    motion = proof.collapse_below_zero or proof.motion
+    if proof.status is not Status.UNSTABLE or motion is None:
+        return None
+    velocity = element_velocities(template, motion.velocity)
+    d = template.assembly.dimension
+    largest = float(np.linalg.norm(velocity[:, :d], axis=1).max()) or float(abs(velocity).max())
+    return velocity / largest if largest > 0.0 else None
 
 
 def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:

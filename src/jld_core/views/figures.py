@@ -10,6 +10,7 @@ import io
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -178,7 +179,9 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     "crack") for each kind of movement present. Without a mechanism: the structure at rest, and why.
     """
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
-    ink = default_ink(ax, assembly, labels)
+    ink, falls = default_ink(ax, assembly, labels), result.falling is not None
+    if falls:
+        result = replace(result, mechanism=result.falling)
     if result.mechanism is None:
         faded = LineStyle([FADED] * len(labels), ink.widths)
         drawn = paint(ax, assembly, labels, [PLAIN] * len(assembly.elements), faded)
@@ -207,7 +210,8 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
             drawn[str(kind)] = [*ax.plot(*projection(np.mean(sides, axis=0)).T, label=str(kind), zorder=4.0, **look)]
     notes.frame(ax, assembly, [*extent(assembly, projection), *extent(assembly, projection, fully)])
     notes.legend(ax, notes.mechanism_handles(assembly, labels, ink, drawn))
-    ax.set_title(f"Mechanism for live power 1, drawn × {scale:.3g}", fontsize=10)
+    what = "Falls whatever the live load: the motion that proves it" if falls else "Mechanism for live power 1"
+    ax.set_title(what if falls else f"{what}, drawn × {scale:.3g}", fontsize=10)
     return drawn
 
 

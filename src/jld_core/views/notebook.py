@@ -18,6 +18,7 @@ from jld_core.build import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number
 from jld_core.program import Template
 from jld_core.shown import show_with
+from jld_core.views.advice import advice
 
 LARGEST: Final = 1500
 """Elements up to which a notebook draws by itself: beyond, drawings take megabytes and many seconds."""
@@ -99,6 +100,7 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
         facts["λ at nominal"] = f"{_shown(result.extra['load_factor_nominal'])} (λ above is at the low values)"
     for name, rate in result.extra.get("sensitivities", {}).items():
         facts[f"∂λ/∂{name}"] = _rate(rate)
+    facts |= advice(result)
     stands = result.stands_at_zero
     facts["stands at 0"] = "undecided" if stands is None else "yes" if stands else "no"
     facts["route"] = ", ".join(result.route)

@@ -1,0 +1,89 @@
+"""What to do next about a result that is no load factor: what falls and how, what confines, which option narrows."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.limit import LimitAnalysisResult, Status
+from jld_core.solvers import SOLVERS
+
+_NAMED: Final = 6
+"""Elements named before the others are counted."""
+
+_MOVES: Final = 0.05
+"""Share of the largest movement below which an element is not said to move."""
+
+_CARRIES: Final = 1e-3
+"""Share of the largest force below which a support is not said to be pressed against."""
+
+
+def advice(result: LimitAnalysisResult) -> dict[str, str]:
+    """Facts by name; empty for a result that is certain, and for several load cases, which have their own."""
+    if result.cases:
+        return {}
+    if result.status is Status.UNSTABLE:
+        return _of_unstable(result)
+    if result.status is Status.LOCKED:
+        return _of_locked(result)
+    return _of_uncertified(result) if result.status is Status.UNCERTIFIED else {}
+
+
+def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
+    found = {"next": "support what falls, or give its faces friction, cohesion or an inner label"}
+    if result.falling is None:
+        return {"falls": "it does under any λ ≥ 0; by which motion is not known", **found}
+    assembly, d = result.assembly, result.assembly.dimension
+    speed = result.falling[:, :d]
+    turning = np.linalg.norm(result.falling[:, d:], axis=1) * assembly.size
+    size = np.maximum(np.linalg.norm(speed, axis=1), turning)
+    moving = np.flatnonzero(size > _MOVES * size.max(initial=0.0))
+    moving = moving[np.argsort(-size[moving], kind="stable")]
+    way = _way(speed[moving].sum(axis=0), float(turning[moving].sum()))
+    words = f"{_listed([assembly.elements.ids[k] for k in moving])} {way}, whatever the live load"
+    return {"falls": words + "; the motion is in the pictures of --out", **found}
+
+
+def _way(speed: Floats, turning: float) -> str:
+    """How a group moves, by its summed velocity (d,)."""
+    length = float(np.linalg.norm(speed))
+    if length < 0.1 * turning:
+        return "turn"
+    return "move along (" + ", ".join(f"{x:.2g}" for x in speed / length + 0.0) + ")"
+
+
+def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
+    found = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
+    if result.growing is None:
+        return found
+    faces, support = result.assembly.interfaces, result.assembly.elements.support
+    size = np.linalg.norm(result.growing, axis=1)
+    pressed = size > _CARRIES * size.max(initial=0.0)
+    ends = np.concatenate([faces.a[pressed], faces.b[pressed]])
+    names = [result.assembly.elements.ids[k] for k in np.unique(ends[support[ends]])]
+    between = "between" if len(names) > 1 else "against"
+    words = f"{between} {_listed(names)}, through {int(pressed.sum())} faces: forces there grow with λ without an end"
+    return {"confined": words, **found}
+
+
+def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
+    low, high = result.bracket
+    used = {name.split(" ")[0] for name in result.route}
+    others = [name for name in SOLVERS if name != "auto" and name not in used]
+    solver = f"--solver {' or '.join(others)}" if others else "another --condense"
+    if result.friction == "zero-dilation":
+        return {"next": "--range seeks the lowest and the highest λ from every side, each with its own evidence"}
+    if math.isfinite(low) and math.isfinite(high):
+        return {"next": f"{solver} may narrow the bracket, and --gap {1.1 * result.gap:.0e} takes it as it is"}
+    lacking = " and ".join(w for w, end in (("lower", low), ("upper", high)) if not math.isfinite(end))
+    return {"next": f"no {lacking} bound was proven: {solver} may find one; so may strengths nearer to the forces"}
+
+
+def _listed(names: list[str]) -> str:
+    """Names in a row, the last of many only counted."""
+    if len(names) <= _NAMED:
+        return ", ".join(names)
+    return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"
