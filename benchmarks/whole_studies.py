@@ -32,14 +32,14 @@ from jld_explore.drivers import make_driver
 from jld_explore.study import ExploreSettings, Study
 
 STUDIES: Final = (
-    ("flagship", "random", 1024, 2048),
-    ("flagship", "genetic", 1024, 2048),
-    ("planar 88 faces", "random", 1024, 12_288),
-    ("planar 88 faces", "genetic", 1024, 4096),
-    ("planar 278 faces", "random", 128, 1024),
-    ("planar 278 faces", "genetic", 128, 512),
-    ("spatial 3x3x3", "random", 256, 2048),
-    ("spatial 3x3x3", "genetic", 256, 1024),
+    ("flagship", "random", 512, 1024),
+    ("flagship", "genetic", 512, 1024),
+    ("planar 88 faces", "random", 1024, 6144),
+    ("planar 88 faces", "genetic", 1024, 3072),
+    ("planar 278 faces", "random", 64, 512),
+    ("planar 278 faces", "genetic", 64, 256),
+    ("spatial 3x3x3", "random", 128, 512),
+    ("spatial 3x3x3", "genetic", 128, 512),
 )
 """Scene, driver, labellings of the comparison, and of that of one job and two."""
 
