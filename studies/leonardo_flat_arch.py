@@ -167,7 +167,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
             f"{zero['highest_found']:.0f} N: the arch is confined, and the thrust that is there beforehand decides. "
             "One number without its start is not an answer; 1312 N can be no exception.",
             f"Between rigid abutments the same five blocks carry {zero_held['associative_load_factor']:.0f} N with "
-            f"dilation, and without it anything from {zero_held['lowest_found']:.3g} to "
+            f"dilation, and without it anything from {max(zero_held['lowest_found'], 0.0):.3g} to "
             f"{zero_held['highest_found']:.0f} N was found: only the thrust that is there beforehand holds them.",
             "Two faces that shear at τA, less the weight of six cells, would give (4000 − 82)/3 = 1306 N: the crack "
             "beside the bearings with next to no friction, which the lowest solution is.",
@@ -252,7 +252,7 @@ def _sensitivity(ax: Axes, name: str, moved: pd.DataFrame) -> None:
         ax.set_xscale("log")
     if name == "shear":
         ax.set_yscale("log")
-        ax.set_ylim(0.3 * float(np.nanmin(low)), 10.0 * float(np.nanmax(top)))
+        ax.set_ylim(0.3 * float(np.nanmin(low[low > 0.0])), 10.0 * float(np.nanmax(top)))
     else:
         ax.set_ylim(0.0, 1.4 * float(np.nanmax(top)))
     ax.set_xlabel(label, fontsize=9)
