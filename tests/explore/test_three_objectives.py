@@ -45,9 +45,11 @@ def test_what_is_on_a_front(columns: int) -> None:
 def test_enumeration_proves_it_and_genetic_finds_it(tmp_path: Path) -> None:
     every = explore(scene_of(), tmp_path / "every", ExploreSettings(driver="enumeration"))
     ranked = every.results[every.results["status"] == "collapse"]
-    values = ranked[["load_factor", "blocks", "shapes"]].to_numpy(dtype=float) * [1.0, 1.0, -1.0]
-    wanted = set(ranked["labelling"][unbeaten(values)])
-    assert set(every.front["labelling"]) == wanted
+    # ranks are shared where λ is the same but for its brackets
+    values = ranked[["rank", "blocks", "shapes"]].to_numpy(dtype=float) * [-1.0, 1.0, -1.0]
+    wanted = {tuple(row) for row in np.abs(values[unbeaten(values)])}
+    assert {tuple(row) for row in every.front[["rank", "blocks", "shapes"]].to_numpy(dtype=float)} == wanted
+    assert len(every.front) == len(wanted)
     assert every.front["evidence"].eq("proven").all()
     pairs = {tuple(row["count"]) for row in every.summary["front"]}
     assert pairs == {tuple(map(int, row)) for row in every.front[["blocks", "shapes"]].to_numpy()}

@@ -27,7 +27,9 @@ class ExplorationView:
     def html(self, thing: Exploration, drawing: str | None) -> str:
         """Its facts, its drawing and the first rows of its tables."""
         tables_of = {"strongest": words.best_rows(thing), f"front, {words.front_name(thing)}": thing.front}
-        parts = [f"<p>{name}</p>{table[words.columns()].to_html(index=False)}" for name, table in tables_of.items()]
+        parts = [
+            f"<p>{name}</p>{table[words.columns(thing)].to_html(index=False)}" for name, table in tables_of.items()
+        ]
         return notebook.page(thing.scene.name, words.facts_of_exploration(thing), drawing, *parts)
 
 

@@ -121,11 +121,19 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
 
 
 def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.DataFrame:
-    """pareto.csv: the rows of the results on the front of λ against the scene's counts, given with senses."""
+    """pareto.csv: the rows of the results on the front of λ against the scene's counts, given with senses.
+
+    Rows whose brackets overlap carry the same: of those the best count is on the front, and of several with the same
+    counts the first.
+    """
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
+    ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
     names, senses = zip(*axes, strict=True)
-    return results[on_front(value, results[list(names)].to_numpy(dtype=float), *senses)]
+    # groups are numbered from the best, 0 where λ is none
+    worth = np.where(ties > 0, -ties.astype(float), np.nan)
+    front = results[on_front(worth, results[list(names)].to_numpy(dtype=float), *senses)]
+    return front.drop_duplicates(list(names))
 
 
 def convergence_table(records: Records) -> pd.DataFrame:

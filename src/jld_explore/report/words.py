@@ -44,10 +44,11 @@ def _lines(facts: dict[str, str]) -> str:
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
 
 
-def columns() -> list[str]:
-    """What is shown of a table of results."""
+def columns(done: Exploration) -> list[str]:
+    """What is shown of the tables of a study: all whole counts, and those of its front."""
     whole = [count.name for count in registered() if count.integer]
-    return ["rank", "load_factor", "bracket_lo", "bracket_hi", *whole, "labelling"]
+    counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
+    return ["rank", "load_factor", "bracket_lo", "bracket_hi", *counted, "labelling"]
 
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
@@ -112,7 +113,7 @@ def exploration(done: Exploration, top: int = 10) -> str:
             _table(best_rows(done, top)),
             "",
             f"front        {front_name(done)}",
-            _table(done.front[[*columns(), COLUMN]]),
+            _table(done.front[[*columns(done), COLUMN]]),
             "",
             f"written to   {done.folder}; a labelling has a letter for each face of faces.csv: d dry, i inner",
         ]
@@ -137,7 +138,7 @@ def _shortened(labelling: str) -> str:
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
     """The first rows of the results that have a rank, in the columns that are shown."""
-    return done.results[done.results["status"] == str(Status.COLLAPSE)][columns()].head(top)
+    return done.results[done.results["status"] == str(Status.COLLAPSE)][columns(done)].head(top)
 
 
 def front_name(done: Exploration) -> str:
