@@ -1,0 +1,14 @@
+"""A slice of the trials of brute force against proof; `python -m benchmarks.trust_trials` runs two thousand."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.trust_trials import drawn, trial
+
+
+@pytest.mark.parametrize("seed", [1, 4, 6, 10])
+def test_what_is_proven_is_what_brute_force_finds(seed: int) -> None:
+    found = trial(seed)
+    assert not found.problem
+    assert found.faces == int(drawn(seed)[1].candidates.sum())
