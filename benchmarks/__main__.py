@@ -27,6 +27,7 @@ BENCHMARKS: Final = (
     "convergence",
     "records",
     "jobs",
+    "machines",
     "speed_error",
     "hard_cases",
     "reductions",

@@ -23,7 +23,7 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
-from jld_explore.evaluation import LeavingOutEvaluator, MakeEvaluator, evaluator_of
+from jld_explore.evaluation import LeavingOutEvaluator, MakeEvaluator, evaluator_of, on_cluster
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, from_string, search_space
@@ -52,6 +52,10 @@ def explore(
     """
     started = time.perf_counter()
     settings = settings or ExploreSettings()
+    if settings.cluster is not None:
+        check_folder(folder, settings.resume)
+        with on_cluster(settings.cluster):
+            return explore(scene, folder, replace(settings, cluster=None), report, announce, driver=driver)
     check_folder(folder, settings.resume)
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:

@@ -90,7 +90,8 @@ class ExploreSettings:
     the virtual experiment at the end. by_experiment: search by it then, with as many experiments in all (default 500),
     seeded by the best by λ. robust: rank by λ at the low values of materials. small: classes up to which a space is
     counted beforehand, and enumerated where no driver is named; 0: not counted. certificate: file for the proof of the
-    exact driver. options: of a driver that is named.
+    exact driver. cluster: URL of a dask scheduler, whose workers evaluate. options: of a driver that is
+    named.
     """
 
     driver: str | Driver | None = None
@@ -108,6 +109,7 @@ class ExploreSettings:
     robust: bool = False
     small: int = SMALL
     certificate: Path | None = None
+    cluster: str | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 import psutil
 import pytest
@@ -17,13 +17,14 @@ from cases import grid_document
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import parse_scene
-from jld_explore.drivers import Enumeration, make_driver
+from jld_explore import Progress, explore
+from jld_explore.drivers import Enumeration
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, Workers, WorkerSpec, batch_size
-from jld_explore.report import results_table
 from jld_explore.space import search_space
-from jld_explore.study import ExploreSettings, StopReason, Study
+from jld_explore.study import ExploreSettings
 
 CANCELLED = "ignore:.*tasks which were still being processed.*:UserWarning"
 """What joblib says of the tasks of a pool that was given up, which is what is tested."""
@@ -155,37 +156,41 @@ def poisoned(assembly: Assembly, labels: list[bool], way: str) -> Assembly:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_of_two_loses_one_worker(tmp_path: Path) -> None:
-    """A study inside parallel_config(backend="dask"), one of two workers killed on the way: the same table."""
+def test_workers_of_a_cluster_join_and_die(tmp_path: Path) -> None:
+    """One worker at first, another joins, and the first is killed on the way: the same table as one job."""
     distributed = pytest.importorskip("distributed")
     scene = parse_scene(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3]))
-    assembly = build_assembly(scene)
-    space = search_space(scene, assembly)
-
-    def study(folder: Path) -> Study:
-        return Study(
-            scene, assembly, space, make_driver("genetic", space, 3), folder, ExploreSettings(seed=3, budget=250)
-        )
-
-    reference = study(tmp_path / "alone")
-    assert reference.run() is StopReason.BUDGET
+    settings = ExploreSettings(driver="genetic", seed=3, budget=250, pictures=False)
+    alone = explore(scene, tmp_path / "alone", settings)
     cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, worker_dashboard_address=None
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, worker_dashboard_address=None
     )
     try:
-        with distributed.Client(cluster) as client, joblib.parallel_config(backend="dask"):
-            pids = list(client.run(os.getpid).values())
-            away = study(tmp_path / "away")
+        address = cluster.scheduler_address
+        with distributed.Client(address) as client:
+            (first,) = client.run(os.getpid).values()
+        events: list[str] = []
 
-            def kill(now: Any) -> None:
-                if now.done >= 100 and pids:
-                    os.kill(pids.pop(), signal.SIGKILL)
-                    pids.clear()
+        def disturb(now: Progress) -> None:
+            if now.done >= 60 and not events:
+                cluster.scale(2)
+                events.append("joined")
+            if now.done >= 140 and events == ["joined"]:
+                os.kill(first, signal.SIGKILL)
+                events.append("killed")
 
-            away.report = kill
-            assert away.run() is StopReason.BUDGET
-            assert not pids
+        away = explore(scene, tmp_path / "away", replace(settings, cluster=address), report=disturb)
+        assert events == ["joined", "killed"]
     finally:
         cluster.close()
-    one, two = (results_table(s.records, assembly, space, "genetic").drop(columns="seconds") for s in (reference, away))
-    assert one.equals(two)
+    assert alone.results.drop(columns="seconds").equals(away.results.drop(columns="seconds"))
+
+
+def test_a_cluster_that_is_none_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    scene = parse_scene(grid_document(["aa", "##"]))
+    for url in ("tcp://127.0.0.1:9", "nonsense"):
+        with pytest.raises(InputError, match="--cluster") as complaint:
+            explore(scene, tmp_path / "out", ExploreSettings(pictures=False, cluster=url))
+        assert "\n" not in str(complaint.value)
+        assert not (tmp_path / "out").exists()

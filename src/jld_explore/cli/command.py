@@ -285,6 +285,10 @@ def explore_command(
     certificates: Annotated[
         bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
     ] = False,
+    cluster: Annotated[
+        str | None,
+        typer.Option(help="Scheduler of dask, tcp://host:8786, whose workers evaluate."),
+    ] = None,
     certificate: Annotated[
         Path | None, typer.Option(help="Exact driver: file for its proof, which jld verify checks.")
     ] = None,
@@ -328,6 +332,7 @@ def explore_command(
         strict=strict,
         certificate=certificate,
         robust=robust,
+        cluster=cluster,
         options=own,
     )
     announce = None if as_json else _say

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import time
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
 FILE: Final = "optuna.journal"
 """Name of the default storage in the folder of a study: a journal, one line a trial. A database of the library takes
 fifteen times as long for each (58 ms against 4 with 17 faces), which is more than most trials."""
+
+_BEGUN: Final = 4
+"""Times a database is tried again that another search is making its tables in."""
 
 _NEEDS: Final = {"cmaes": "cmaes", "gp": "torch"}
 """Packages that some samplers need and that are not among our own requirements."""
@@ -264,12 +268,19 @@ class Copy:
 
 def _storage(url: str) -> Any:
     from optuna.storages import RDBStorage
-    from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+    from sqlalchemy.exc import ArgumentError, IntegrityError, ProgrammingError, SQLAlchemyError
 
-    try:
-        return RDBStorage(url)
-    except (ArgumentError, SQLAlchemyError, ImportError) as error:
-        raise _unusable(url, error) from None
+    for left in range(_BEGUN, -1, -1):
+        try:
+            return RDBStorage(url)
+        except (IntegrityError, ProgrammingError) as error:
+            # searches that begin at once on an empty database make the same tables; one of them is first
+            if not left:
+                raise _unusable(url, error) from None
+            time.sleep(0.5)
+        except (ArgumentError, SQLAlchemyError, ImportError) as error:
+            raise _unusable(url, error) from None
+    raise AssertionError
 
 
 def _journal(file: Path) -> Any:

@@ -36,6 +36,7 @@
 - `may_meet`: whether a labelling is not proven to carry less than is required
 - `meets`: whether it carries what is required
 - `objectives`: what is minimised
+- `on_cluster`: workers of a scheduler, on other machines
 - `places`: place of each status
 - `proofs_of`: what a finished solve proves of others
 - `record_type`: layout of one record
@@ -49,6 +50,7 @@ from __future__ import annotations
 
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
+from jld_explore.evaluation.cluster import on_cluster
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
@@ -109,6 +111,7 @@ __all__ = [
     "may_meet",
     "meets",
     "objectives",
+    "on_cluster",
     "places",
     "proofs_of",
     "record_type",

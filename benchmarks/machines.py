@@ -1,0 +1,105 @@
+"""What a cluster of many cores would do: a simulation from measured tasks.
+
+Measured here: how long a task of labellings takes in a worker, and how long a scheduler of dask with workers on this
+machine takes to hand out one that does nothing. Simulated: portions of labellings that a driver asks together, their
+tasks handed out one after the other, each to the worker that is free first, the next portion when all are back.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from typing import Final
+
+import joblib
+import numpy as np
+from distributed import Client, LocalCluster
+
+from benchmarks.common import random_segmentations, scene, table, wall, write
+from jld_core import Assembly
+from jld_core.arrays import Floats
+from jld_explore.evaluation import EvaluatorSettings, WorkerSpec, batch_size
+from jld_explore.evaluation.workers import evaluate_batch
+
+WORKERS: Final = (1, 10, 100)
+PORTIONS: Final = (64, 1024)
+"""Labellings asked together: about a generation of a population, and what an enumeration asks."""
+
+_IDLE: Final = 300
+_TASKS: Final = 6
+
+
+def nothing() -> int:
+    """A task that does nothing."""
+    return 0
+
+
+def handing() -> float:
+    """Seconds a scheduler takes for each of many tasks that do nothing."""
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None)
+    try:
+        with Client(cluster), joblib.parallel_config(backend="dask"):
+            parallel = joblib.Parallel(batch_size=1, return_as="generator_unordered")
+            list(parallel(joblib.delayed(nothing)() for _ in range(20)))
+            start = time.perf_counter()
+            list(parallel(joblib.delayed(nothing)() for _ in range(_IDLE)))
+            return (time.perf_counter() - start) / _IDLE
+    finally:
+        cluster.close()
+
+
+def tasks(assembly: Assembly, portion: int) -> tuple[int, Floats]:
+    """Labellings of a task, and seconds of some of them."""
+    size = batch_size(len(assembly.interfaces), portion)
+    rows = random_segmentations(assembly, size * _TASKS, seed=1)
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings())
+    evaluate_batch(recipe, 0, rows[:1])  # makes the evaluator
+    found = []
+    for k in range(_TASKS):
+        start = time.perf_counter()
+        evaluate_batch(recipe, k, rows[k * size : (k + 1) * size])
+        found.append(time.perf_counter() - start)
+    return size, np.array(found)
+
+
+def makespan(durations: Floats, workers: int, handed: float) -> float:
+    """Seconds until all tasks are back."""
+    free = [0.0] * workers
+    last = 0.0
+    for number, duration in enumerate(durations.tolist()):
+        start = max(heapq.heappop(free), (number + 1) * handed)
+        heapq.heappush(free, start + duration)
+        last = max(last, start + duration)
+    return last
+
+
+def main() -> None:
+    """Measure, simulate, write."""
+    handed = handing()
+    rng = np.random.default_rng(0)
+    scenes = {
+        "wall, 90 faces": wall(6, 8),
+        "wall, 713 faces": wall(18, 20),
+        "cubes in space": scene("spatial_cubes"),
+    }
+    rows = []
+    for name, assembly in scenes.items():
+        for portion in PORTIONS:
+            size, measured = tasks(assembly, portion)
+            durations = rng.choice(measured, -(-portion // size))
+            spent = {w: makespan(durations, w, handed if w > 1 else 0.0) for w in WORKERS}
+            row = [name, str(portion), str(size), f"{1e3 * measured.mean():.1f}"]
+            row += [f"{portion / spent[w]:.0f}" for w in WORKERS] + [f"{spent[1] / spent[100]:.1f}"]
+            rows.append(row)
+            print(row, flush=True)
+    head = ["scene", "asked together", "labellings a task", "ms a task"]
+    head += [f"labellings a second, {w} core{'s' * (w > 1)}" for w in WORKERS] + ["gain of 100"]
+    note = (
+        f"Handing out a task: {1e3 * handed:.1f} ms, measured with two workers here; durations are drawn from "
+        f"{_TASKS} measured tasks of each scene, the rest is simulated. One core: in this process, task by task."
+    )
+    write("machines", "\n\n".join(("# What a hundred cores would do", table(head, rows), note)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""Evaluations on the workers of a dask scheduler, on as many machines as have joined it.
+
+joblib sends the same tasks there as to processes of its own (`workers`). A worker that dies, or leaves, gives its tasks
+back to the scheduler, which sends them to others; one that joins is given some. What is finished is on record here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+import joblib
+
+from jld_core.errors import InputError
+
+_ANSWER: Final = 10.0
+"""Seconds in which a scheduler has to answer."""
+
+_WORKERS: Final = 60.0
+"""Seconds in which a first worker has to be there, and in which another has to be where all have left."""
+
+
+@contextmanager
+def on_cluster(url: str | None) -> Iterator[None]:
+    """Have `Workers` that are made inside use the workers of a scheduler; without a URL nothing changes.
+
+    url: of a dask scheduler, tcp://host:8786. Raises InputError where the extra is not installed, where no scheduler
+    answers, and where it has no workers.
+    """
+    if url is None:
+        yield
+        return
+    try:
+        from distributed import Client  # an extra, and slow to import
+    except ImportError:
+        raise InputError("--cluster", "distributed is not installed", 'the extra: pip install "jld[cluster]"') from None
+    try:
+        client = Client(url, timeout=_ANSWER)
+    except (OSError, ValueError, TypeError) as error:
+        problem = f"no scheduler answers at {url!r} ({type(error).__name__})"
+        raise InputError("--cluster", problem, "the address of a running one, tcp://host:8786") from None
+    try:
+        try:
+            client.wait_for_workers(1, timeout=_WORKERS)
+        except TimeoutError:
+            problem = f"the scheduler at {url!r} has no workers"
+            raise InputError("--cluster", problem, f"at least one within {_WORKERS:g} s: dask worker URL") from None
+        with joblib.parallel_config(backend="dask", wait_for_workers_timeout=_WORKERS):
+            yield
+    finally:
+        client.close()

@@ -1,0 +1,111 @@
+"""Optuna's storage on a PostgreSQL server that several processes share: a real server, started here."""
+
+from __future__ import annotations
+
+import json
+import os
+import pwd
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cases import grid_document
+
+
+def _program(name: str) -> str | None:
+    places = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"))
+    return shutil.which(name) or (str(places[-1]) if places else None)
+
+
+@pytest.fixture
+def server() -> Iterator[str]:
+    """The URL of a database on a server of its own, which is stopped afterwards."""
+    pytest.importorskip("psycopg")
+    initdb, postgres = _program("initdb"), _program("postgres")
+    if initdb is None or postgres is None:
+        pytest.skip("no PostgreSQL server is installed")
+    owner: dict[str, Any] = {}
+    folder = Path(tempfile.mkdtemp(prefix="jld-"))
+    if os.geteuid() == 0:  # the server refuses to run as root
+        if "postgres" not in {one.pw_name for one in pwd.getpwall()}:
+            pytest.skip("a server does not run as root, and there is no user postgres")
+        owner = {"user": "postgres", "group": pwd.getpwnam("postgres").pw_gid, "extra_groups": []}
+        shutil.chown(folder, "postgres")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    data = folder / "data"
+    subprocess.run(
+        [initdb, "-D", data, "-A", "trust", "-U", "jld", "--no-sync"],
+        check=True,
+        capture_output=True,
+        cwd=folder,
+        **owner,
+    )
+    running = subprocess.Popen(
+        [postgres, "-D", data, "-p", str(port), "-k", folder, "-c", "listen_addresses=127.0.0.1", "-c", "fsync=off"],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        **owner,
+    )
+    try:
+        _wait(port)
+        yield f"postgresql+psycopg://jld@127.0.0.1:{port}/postgres"
+    finally:
+        running.terminate()
+        running.wait(20)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _wait(port: int) -> None:
+    import time
+
+    import psycopg
+
+    for _ in range(200):
+        try:
+            psycopg.connect(f"host=127.0.0.1 port={port} user=jld dbname=postgres", connect_timeout=2).close()
+        except psycopg.OperationalError:
+            time.sleep(0.05)
+        else:
+            return
+    raise TimeoutError("the server does not answer")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_two_processes_share_a_server(server: str, tmp_path: Path) -> None:
+    """Two searches at once, each its own study there; what both found is read by whoever asks the server."""
+    import optuna
+
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps(grid_document(["aaa", "aaa", "###"], block_cells=[1, 3])), encoding="utf-8")
+    command = [sys.executable, "-m", "jld_explore", "explore", scene, "--driver", "optuna", "--storage", server]
+    command += ["--sampler", "Random", "--budget", "6", "--jobs", "1", "--json"]
+    both = [
+        subprocess.Popen([*command, "--seed", str(seed), "--out", tmp_path / str(seed)], stdout=subprocess.PIPE)
+        for seed in (1, 2)
+    ]
+    found = []
+    for one in both:
+        text, _ = one.communicate(timeout=120)
+        assert one.returncode == 0
+        found.append(json.loads(text))
+    storage = optuna.storages.RDBStorage(server)
+    names = optuna.get_all_study_names(storage)
+    assert len(names) == 2
+    best = []
+    for name in names:
+        trials = optuna.load_study(study_name=name, storage=storage).trials
+        assert len(trials) >= 6
+        best.append(max(trial.values[0] for trial in trials if trial.values))
+    storage.remove_session()
+    storage.engine.dispose()
+    assert sorted(best) == pytest.approx(sorted(one["best"] for one in found), rel=1e-9)
