@@ -186,8 +186,10 @@ def test_workers_of_a_cluster_join_and_die(tmp_path: Path) -> None:
     assert alone.results.drop(columns="seconds").equals(away.results.drop(columns="seconds"))
 
 
-def test_a_cluster_that_is_none_is_refused(tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr("jld_explore.evaluation.cluster._ANSWER", 0.5)
     scene = parse_scene(grid_document(["aa", "##"]))
     for url in ("tcp://127.0.0.1:9", "nonsense"):
         with pytest.raises(InputError, match="--cluster") as complaint:
