@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import heapq
 import time
-from typing import Final
+from typing import Any, Final
 
+import distributed
 import joblib
 import numpy as np
-from distributed import Client, LocalCluster
 
 from benchmarks.common import random_segmentations, scene, table, wall, write
 from jld_core import Assembly
@@ -36,9 +36,12 @@ def nothing() -> int:
 
 def handing() -> float:
     """Seconds a scheduler takes for each of many tasks that do nothing."""
-    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None)
+    library: Any = distributed  # without types of its own
+    cluster = library.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+    )
     try:
-        with Client(cluster), joblib.parallel_config(backend="dask"):
+        with library.Client(cluster), joblib.parallel_config(backend="dask"):
             parallel = joblib.Parallel(batch_size=1, return_as="generator_unordered")
             list(parallel(joblib.delayed(nothing)() for _ in range(20)))
             start = time.perf_counter()

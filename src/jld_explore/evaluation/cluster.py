@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final
 
 import joblib
 
@@ -32,11 +32,12 @@ def on_cluster(url: str | None) -> Iterator[None]:
         yield
         return
     try:
-        from distributed import Client  # an extra, and slow to import
+        import distributed  # an extra, and slow to import
     except ImportError:
         raise InputError("--cluster", "distributed is not installed", 'the extra: pip install "jld[cluster]"') from None
+    library: Any = distributed  # without types of its own
     try:
-        client = Client(url, timeout=_ANSWER)
+        client = library.Client(url, timeout=_ANSWER)
     except (OSError, ValueError, TypeError) as error:
         problem = f"no scheduler answers at {url!r} ({type(error).__name__})"
         raise InputError("--cluster", problem, "the address of a running one, tcp://host:8786") from None
