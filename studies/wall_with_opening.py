@@ -64,9 +64,12 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     front = ranked.sort_values("load_factor", ascending=False, kind="stable").drop_duplicates("dry_faces")
     front = front.sort_values("dry_faces", kind="stable").reset_index(drop=True)
     bounds = {part["count"]: part for part in done.summary.get("front", [])}
-    proven = [bool(bounds[k]["proven"]) if bounds else bool(done.summary["proven"]) for k in front["dry_faces"]]
+    # of counts that tie only the best is on the front of a summary
+    all_known = {"proven": done.summary["proven"], "bound": np.nan}
+    known = [bounds.get(k, all_known) for k in front["dry_faces"]]
+    proven = [bool(part["proven"]) for part in known]
     table = front[["dry_faces", "blocks", "load_factor", "bracket_lo", "bracket_hi", "labelling"]].assign(
-        bound=[bounds[k]["bound"] if bounds else np.nan for k in front["dry_faces"]], proven=proven, layout="strongest"
+        bound=[part["bound"] for part in known], proven=proven, layout="strongest"
     )
     own = {"dry_faces": _joints(bond), "blocks": 11, "load_factor": bond.load_factor, "layout": "running bond"}
     table = pd.concat([table, pd.DataFrame([own])], ignore_index=True)

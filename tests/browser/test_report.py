@@ -170,8 +170,8 @@ def test_a_layout_without_forces_says_how_to_get_them(visit: Open, study: Path, 
     page = tmp_path / "few.html"
     page.write_text(page_of_study.study_page(read_folder(study), patience=0.0), encoding="utf-8")
     found = visit(f"{page.as_uri()}#row=2&view=forces")
-    rank = read_folder(study).results["rank"].iloc[2]
-    assert f"jld solve FOLDER --rank {rank}" in found.text(".lacking")
+    # by the number of the row: ranks may be shared
+    assert "jld solve FOLDER --rank 3" in found.text(".lacking")
     assert found.page.locator("svg.figure").is_visible()
 
 

@@ -297,7 +297,7 @@ def test_commands_take_a_rank(
     assert drawn.code == 0
     text = (tmp_path / "two.svg").read_text("utf-8")
     assert "rank 1" in text
-    assert "rank 4" in text
+    assert f"rank {rows['rank'].iloc[3]}" in text
     for kind in FORMATS:
         out = tmp_path / f"blocks{FORMATS[kind]}"
         done = call(monkeypatch, capsys, "export", study, "--format", kind, "--rank", "2", "-o", out)

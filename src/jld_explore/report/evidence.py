@@ -30,8 +30,8 @@ def front_rows(
         value = _value(values)
         best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
         known = given.pop(value, None) if len(values) == 1 else None
-        # the first of several that tie may carry less by rounding
-        strongest = bool(best["load_factor"] >= summary["best"])
+        # of several that tie the one on the front may carry less by rounding
+        strongest = bool(best["rank"] == 1 or best["bracket_hi"] >= summary["best"])
         sure = bool(complete or (known or {}).get("proven") or (strongest and summary["proven"]))
         bound = (known or {}).get("bound")
         if bound is None and sure:
