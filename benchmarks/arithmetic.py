@@ -6,8 +6,8 @@ call with default settings on the numbers that we have laid out, proving nothing
 without the kernel, both bounds proven; **the kernel**, all in, with what it leaves open. The **limit** is what the
 arithmetic of the kernel's own method takes at the peak of the processor: additions, products, divisions and roots
 counted by compiling the same source with numbers that count (benchmarks/counted.h), a division or root as one; the
-peak measured in the same run, by chains of fused products in registers. Of the kernel's time, divisions and roots,
-of which a register takes tens of cycles, and moving factors between caches take what is missing.
+peak measured in the same run, by chains of fused products in registers. What the kernel takes beyond it
+was not taken apart.
 """
 
 from __future__ import annotations
