@@ -9,6 +9,7 @@ import signal
 import sys
 from typing import Final, NoReturn
 
+from jld_explore.evaluation import disturb
 from jld_explore.study import Interrupted
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
@@ -20,8 +21,8 @@ _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 def raise_on_signals() -> None:
     """Let signals end a search as what it finished is on disk; one that is ignored (nohup) stays so."""
 
-    def stop(number: int, frame: object) -> NoReturn:
-        raise Interrupted
+    def stop(number: int, frame: object) -> None:
+        disturb(Interrupted())
 
     for name in _SIGNALS:
         number = getattr(signal, name, None)

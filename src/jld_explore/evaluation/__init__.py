@@ -29,6 +29,7 @@
 - `Workers`: a pool of processes
 - `aims`: the number to be made large
 - `batch_size`: labellings per task
+- `disturb`: raise an error, or after what is undisturbed
 - `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
 - `is_small`: whether a solve takes less than to send it
@@ -71,6 +72,7 @@ from jld_explore.evaluation.ranking import (
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records
 from jld_explore.evaluation.rows import record_type, settled, statuses
+from jld_explore.evaluation.undisturbed import disturb
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
 from jld_explore.evaluation.workers import MakeEvaluator, Run, Workers, WorkerSpec, batch_size
 
@@ -104,6 +106,7 @@ __all__ = [
     "Workers",
     "aims",
     "batch_size",
+    "disturb",
     "evaluator_of",
     "front_counts",
     "is_small",

@@ -19,6 +19,8 @@ from typing import Any, Final
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
 
+from jld_explore.evaluation.undisturbed import undisturbed
+
 DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
 """What is raised where a worker died or hung."""
 
@@ -42,14 +44,15 @@ class Processes:
 
     def submit(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
         """Begin a task."""
-        # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
-        self._executor = get_reusable_executor(
-            max_workers=self.jobs,
-            initializer=_attend,
-            initargs=(os.getpid(),),
-            env={f"{name}_NUM_THREADS": "1" for name in _THREADS},
-        )
-        future: Future[Any] = self._executor.submit(work, *arguments)
+        with undisturbed():
+            # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
+            self._executor = get_reusable_executor(
+                max_workers=self.jobs,
+                initializer=_attend,
+                initargs=(os.getpid(),),
+                env={f"{name}_NUM_THREADS": "1" for name in _THREADS},
+            )
+            future: Future[Any] = self._executor.submit(work, *arguments)
         return future
 
     def close(self) -> None:

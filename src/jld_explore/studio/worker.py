@@ -8,11 +8,12 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 from jld_core.errors import InputError
 from jld_core.scene import load_scene
 from jld_explore import ExploreSettings, explore
+from jld_explore.evaluation import disturb
 from jld_explore.study import Interrupted, Progress
 
 EVERY: Final = 0.2
@@ -42,8 +43,8 @@ class _Teller:
 def main(scene: str, folder: str, orders: str) -> int:
     """Search a scene into a folder. Returns the exit code: 0 done, 2 bad input, 3 stopped."""
 
-    def stop(number: int, frame: object) -> NoReturn:
-        raise Interrupted
+    def stop(number: int, frame: object) -> None:
+        disturb(Interrupted())
 
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
