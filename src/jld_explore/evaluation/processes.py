@@ -63,18 +63,7 @@ class Processes:
         # not shutdown(kill_workers=True): where tasks wait still, loky's own thread trips over them and says so
         for process in list((executor._processes or {}).values()):
             process.terminate()
-        executor.shutdown(wait=_begun(executor._executor_manager_thread))
-
-
-def _begun(thread: threading.Thread | None) -> bool:
-    """Whether a thread may be waited for: a signal may have come between its creation and its first step."""
-    for _ in range(100):
-        if thread is None or thread.is_alive():
-            return True
-        time.sleep(0.01)
-        if thread.ident is not None:  # it ended, or is at its first step
-            return True
-    return False
+        executor.shutdown(wait=True)
 
 
 class Flight:
