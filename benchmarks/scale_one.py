@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from studies.families import planar_running_bond, running_bond
+
 from jld_core import LimitAnalysis, build_assembly
 from jld_core.program import ConicProgram, Template
-from jld_core.samples import planar_running_bond, running_bond
 from jld_core.scene import Scene
 from jld_core.solvers import RawSolution, Solver
 

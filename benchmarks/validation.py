@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from studies.families import semicircular_arch
 from studies.scenes import ring_arch, stacked_cubes
 
 from benchmarks.common import ROOT, about, table
 from jld_core import LimitAnalysis, Scene, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import rectangle_torsion_length
-from jld_core.samples import semicircular_arch
 from jld_explore.drivers import Enumeration
 from jld_explore.space import search_space
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from studies.families import random_wall
 
 from benchmarks.gilbert import Smoothing, smoothed
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene
 from jld_core.models import Scheme, zero_dilation
-from jld_core.samples import random_wall
 
 ROOT = Path(__file__).resolve().parent
 WALLS = ("ferris_tinloi_1", "ferris_tinloi_2", "ferris_tinloi_4")

@@ -11,13 +11,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from studies.families import halved_bond
 from studies.scenes import leonardo_flat_arch
 
 from jld_core import LimitAnalysis, Scene, build_assembly, load_scene, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.models import SolveOptions, solve_zero_dilation
-from jld_core.samples import halved_bond
 from jld_explore.drivers.random import Random
 from jld_explore.space import search_space
 

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, load_scene, solve
 from jld_core.models import SolutionPath, path_of_solutions
-from jld_core.samples import halved_bond
 from jld_core.views.figures import draw_mechanism
+from studies.families import halved_bond
 from studies.report import (
     GREY,
     PAIRED,

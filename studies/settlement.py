@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from jld_core import build_assembly
 from jld_core.build import Settlement
 from jld_core.limit import Settled, Thrust, settle
-from jld_core.samples import semicircular_arch
 from jld_core.views.figures import draw_forces, draw_mechanism
 from jld_core.views.settled import without_live_load
+from studies.families import semicircular_arch
 from studies.report import GREY, PAIRED, Report, axes_at, figure_of, main, without_legend, write
 
 NAME: Final = "settlement"

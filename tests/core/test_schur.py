@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from studies.families import running_bond
 
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
@@ -13,7 +14,6 @@ from jld_core.limit import Prover, Repair
 from jld_core.mechanics import scaling_of, spatial_yield
 from jld_core.models import point_contact_assembly
 from jld_core.program import Template, pack
-from jld_core.samples import running_bond
 from jld_core.solvers import LARGE, ClarabelSolver, RawStatus, SchurSolver, make_solver
 
 SPATIAL = {

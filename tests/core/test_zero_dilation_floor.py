@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.families import halved_bond, random_wall
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly
@@ -22,7 +23,6 @@ from jld_core.models.zero_dilation_modes import Modes, modes_of
 from jld_core.models.zero_dilation_products import Region, relax
 from jld_core.models.zero_dilation_search import Scheme
 from jld_core.models.zero_dilation_statics import Statics, reach
-from jld_core.samples import halved_bond, random_wall
 from nondilatant import block
 
 

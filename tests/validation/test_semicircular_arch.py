@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from studies.families import semicircular_arch
 
 from jld_core import LimitAnalysis, build_assembly
-from jld_core.samples import semicircular_arch
 
 ROTATION, LIMIT_FRICTION, LIMIT_THICKNESS = 0.107426, 0.309215, 0.200637
 

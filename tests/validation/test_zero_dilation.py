@@ -11,6 +11,7 @@ import json
 import numpy as np
 import pytest
 from benchmarks.gilbert import Smoothing, smoothed
+from studies.families import random_wall
 
 import cases_spatial
 from balances import flow_rule, work_balance
@@ -24,7 +25,6 @@ from jld_core import (
     load_scene,
 )
 from jld_core.models import Scheme, solve_zero_dilation, zero_dilation
-from jld_core.samples import random_wall
 from nondilatant import block, certify
 from paths import SCENES
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from studies.families import halved_bond, random_wall
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 import cases_spatial
@@ -20,7 +21,6 @@ from balances import flow_rule
 from cases import CASES, grid_assembly, grid_document
 from command import call
 from jld_core import Assembly, InputError, SolveOptions, Status, build_assembly, load_scene, parse_scene, solve
-from jld_core.samples import halved_bond, random_wall
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES

@@ -8,11 +8,6 @@
 - `dome`: a faceted dome
 - `flat_arch`: a flat arch of wedges
 - `grid`: a rectangle of equal cells
-- `halved_bond`: a small planar wall whose lowest course begins and ends in half bricks
-- `planar_running_bond`: a planar wall in running bond, of any size
-- `random_wall`: a dry wall drawn from a seed
-- `running_bond`: a spatial wall in running bond, of any size
-- `semicircular_arch`: an arch of radial joints, weight along its centreline
 - `vault`: a vault over a semicircle
 - `wall`: a wall of courses in a bond
 """
@@ -22,14 +17,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from jld_core.samples.gallery import (
-    random_wall,
-    semicircular_arch,
-)
 from jld_core.samples.planar import arch, buttress, flat_arch, grid, wall
 from jld_core.samples.stone import Stone, box
 from jld_core.samples.vaults import dome, vault
-from jld_core.samples.walls import halved_bond, planar_running_bond, running_bond
 from jld_core.scene import Scene
 
 KINDS: Final[dict[str, Callable[..., Scene]]] = {
@@ -52,11 +42,6 @@ __all__ = [
     "dome",
     "flat_arch",
     "grid",
-    "halved_bond",
-    "planar_running_bond",
-    "random_wall",
-    "running_bond",
-    "semicircular_arch",
     "vault",
     "wall",
 ]
