@@ -18,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, Scene, build_assembly, load_scene, solve
-from jld_core.models import SolutionPath, path_of_solutions
 from jld_core.views.figures import draw_mechanism
 from studies.families import halved_bond
 from studies.report import (
@@ -35,6 +34,7 @@ from studies.report import (
     write,
 )
 from studies.scenes import leonardo_flat_arch
+from studies.solution_path import SolutionPath, path_of_solutions
 
 NAME: Final = "how_low_can_it_go"
 

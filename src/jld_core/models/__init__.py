@@ -3,13 +3,11 @@
 - `LADDERS`: what is tried, in order, by `SolveOptions.condense`
 - `Scheme`: how a solution without dilation is sought
 - `Sensitivity`: the rate of λ by one number
-- `SolutionPath`: a path through solutions without dilation
 - `SolveOptions`: what is modelled, as on the command line
 - `areas_under`: effective areas under given forces
 - `change`: how far effective areas moved between two iterates
 - `frozen_areas`: a template with effective areas frozen
 - `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
-- `path_of_solutions`: from the lowest λ without dilation upwards
 - `point_contact_assembly`: the assembly of concave contact
 - `prove_condensed`: proof by rigid blocks, cracked on demand
 - `prove_effective_area`: proof at a fixed point of effective areas
@@ -32,20 +30,17 @@ from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_co
 from jld_core.models.sensitivity import Sensitivity, sensitivities
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
 from jld_core.models.zero_dilation import prove_zero_dilation, solve_zero_dilation, zero_dilation
-from jld_core.models.zero_dilation_path import SolutionPath, path_of_solutions
 from jld_core.models.zero_dilation_search import Scheme
 
 __all__ = [
     "LADDERS",
     "Scheme",
     "Sensitivity",
-    "SolutionPath",
     "SolveOptions",
     "areas_under",
     "change",
     "frozen_areas",
     "limit_analysis",
-    "path_of_solutions",
     "point_contact_assembly",
     "prove_condensed",
     "prove_effective_area",

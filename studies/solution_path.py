@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import LimitAnalysis
 from jld_core.arrays import Bits, Floats
-from jld_core.limit import LimitAnalysis
 from jld_core.models.zero_dilation_found import FromEverySide
 from jld_core.models.zero_dilation_search import Scheme
 
