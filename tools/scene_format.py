@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Final
 
-from jld_core.scene import json_schema, key_tables
+from tools.scene_form import json_schema, key_tables
 
 DOCS: Final = Path(__file__).resolve().parent.parent / "docs"
 HEAD: Final = """# Scene files: every key

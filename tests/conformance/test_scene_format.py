@@ -7,12 +7,11 @@ from typing import Any
 
 import jsonschema
 import pytest
+from tools.scene_form import json_schema, parts
 from tools.scene_format import files
+from tools.scene_meanings import MEANINGS
 
 from jld_core import InputError, parse_scene
-from jld_core.scene import json_schema
-from jld_core.scene.form import parts
-from jld_core.scene.meanings import MEANINGS
 from paths import ROOT
 
 VALIDATOR = jsonschema.Draft202012Validator(json_schema())
@@ -31,9 +30,9 @@ def test_files_are_current() -> None:
 
 def test_every_key_has_a_meaning_and_no_meaning_is_left_over() -> None:
     models = {model for _, model in parts()}
-    assert models == set(MEANINGS), "see src/jld_core/scene/meanings.py"
+    assert models == set(MEANINGS), "see tools/scene_meanings.py"
     for model, meanings in MEANINGS.items():
-        assert list(meanings) == list(model.model_fields), f"{model.__name__}: see src/jld_core/scene/meanings.py"
+        assert list(meanings) == list(model.model_fields), f"{model.__name__}: see tools/scene_meanings.py"
         assert all(meaning.text.endswith(".") for meaning in meanings.values())
 
 

@@ -11,8 +11,6 @@
 - `Scene`: a scene file, validated
 - `Search`: what may be relabelled
 - `at_low`: the scene with the low values of its materials
-- `json_schema`: the format for editors
-- `key_tables`: the format for readers
 - `lies_within_apex`: refuse a tensile strength that friction cuts off
 - `load_scene`: file → Scene
 - `parse_scene`: dictionary → Scene
@@ -20,7 +18,6 @@
 
 from __future__ import annotations
 
-from jld_core.scene.form import json_schema, key_tables
 from jld_core.scene.reading import at_low, load_scene, parse_scene
 from jld_core.scene.schema import (
     BodyLoad,
@@ -32,9 +29,9 @@ from jld_core.scene.schema import (
     Materials,
     PointLoad,
     Scene,
-    Search,
     lies_within_apex,
 )
+from jld_core.scene.search import Search
 
 __all__ = [
     "BodyLoad",
@@ -48,8 +45,6 @@ __all__ = [
     "Scene",
     "Search",
     "at_low",
-    "json_schema",
-    "key_tables",
     "lies_within_apex",
     "load_scene",
     "parse_scene",

@@ -7,48 +7,22 @@ import json
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
-from jld_core import tolerances
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.spread import MaySpread
-
-LabelName = Literal["dry", "inner"]
-
-
-Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
+from jld_core.scene.search import Labels, Search
 
 
-Vector = Annotated[list[float], Field(min_length=2, max_length=3)]
-
-
-Positive = Annotated[float, Field(gt=0)]
-
-
-NonNegative = Annotated[float, Field(ge=0)]
-
-
-Value = Annotated[float, Field(ge=0), MaySpread()]
-PositiveValue = Annotated[float, Field(gt=0), MaySpread()]
-Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]
-"""Material values: a number, or a nominal one with a low one."""
-
-
-class _Part(BaseModel):
-    """A part of the scene: unknown keys, NaN and infinities are errors, and nothing changes after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class Units(_Part):
+class Units(Part):
     """Words for tables and axes; the numbers are whatever the file says, consistently."""
 
     length: str = "m"
     force: str = "N"
 
 
-class Grid(_Part):
+class Grid(Part):
     """Planar cells: row 0 is the top row, '.' no cell, '#' a support, equal joined letters one block."""
 
     cell: Annotated[list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")]
@@ -68,7 +42,7 @@ class Grid(_Part):
         return rows
 
 
-class Element(_Part):
+class Element(Part):
     """One rigid element: a polygon (planar), or vertices and faces (spatial)."""
 
     id: Annotated[str, Field(min_length=1, description="a name of its own")]
@@ -109,7 +83,7 @@ class Element(_Part):
         return self
 
 
-class Contact(_Part):
+class Contact(Part):
     """An interface given by hand, used as it is; material keys override "materials" for this face."""
 
     elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
@@ -132,7 +106,7 @@ class Contact(_Part):
         return self
 
 
-class Dry(_Part):
+class Dry(Part):
     """A joint between blocks: no tension, Mohr–Coulomb friction, cohesion if any."""
 
     friction_angle: Angle | None = None
@@ -158,7 +132,7 @@ def lies_within_apex(tension: float | None, shear: float | None, friction: float
         )
 
 
-class Inner(_Part):
+class Inner(Part):
     """A crack plane inside a block: finite tensile and shear strength, friction if any."""
 
     tensile_strength: Annotated[Value, Field(description="a stress of at least 0")]
@@ -177,14 +151,14 @@ class Inner(_Part):
         return self
 
 
-class Materials(_Part):
+class Materials(Part):
     density: NonNegative | None = None
     gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
     dry: Dry | None = None
     inner: Inner | None = None
 
 
-class PointLoad(_Part):
+class PointLoad(Part):
     """A force on one element, at its centroid unless "at" says where, and a moment."""
 
     element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
@@ -204,7 +178,7 @@ class PointLoad(_Part):
         return self
 
 
-class BodyLoad(_Part):
+class BodyLoad(Part):
     """Weight, as a positive magnitude, times this vector on every free element."""
 
     body: Annotated[Vector, Field(description="a vector")]
@@ -237,7 +211,7 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
 _Entries = list[PointLoad | BodyLoad]
 
 
-class Case(_Part):
+class Case(Part):
     """One load case: what it adds to the common dead load, what is multiplied by λ, and the factor it must reach."""
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
@@ -248,7 +222,7 @@ class Case(_Part):
     _kinds = field_validator("dead", "live", mode="before")(_tell_the_kinds_apart)
 
 
-class Loads(_Part):
+class Loads(Part):
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
     cases: Annotated[list[Case] | None, Field(min_length=1)] = None
@@ -270,7 +244,7 @@ class Loads(_Part):
         return self
 
 
-class Moved(_Part):
+class Moved(Part):
     """Supports that move together, and how."""
 
     elements: Annotated[str | list[str], Field(description="the id of a support, or a list of them")]
@@ -282,7 +256,7 @@ class Moved(_Part):
     about: Annotated[Vector | None, Field(description="a point")] = None
 
 
-class Settling(_Part):
+class Settling(Part):
     """A movement of supports whose direction is known: a foundation that sinks, spreads or tilts."""
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
@@ -290,132 +264,7 @@ class Settling(_Part):
     load: NonNegative = 0.0
 
 
-class Labels(_Part):
-    default: LabelName | None = None
-    inner: list[Pair] = []
-    dry: list[Pair] = []
-
-
-class Keep(_Part):
-    dry: list[Pair] = []
-    inner: list[Pair] = []
-
-
-def _ordered(bounds: list[Any]) -> list[Any]:
-    low, high = bounds
-    if low is not None and high is not None and low > high:
-        raise InputError("", f"the least, {low:g}, is above the most, {high:g}", "[least, most]")
-    return bounds
-
-
-Counts = Annotated[list[Annotated[int, Field(ge=0)] | None], Field(min_length=2, max_length=2)]
-
-
-Sizes = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
-
-
-Sense = Literal["max", "min"]
-
-
-class Front(_Part):
-    """What λ is weighed against: one count, or two."""
-
-    count: Annotated[str, Field(min_length=1)] = "dry_faces"
-    counts: Annotated[list[str] | None, Field(min_length=2, max_length=2, description="two names of counts")] = None
-    sense: Annotated[Sense | list[Sense], Field(description='"max" or "min", or one of them for each count')] = "max"
-
-    @model_validator(mode="before")
-    @classmethod
-    def _first_of_counts(cls, given: Any) -> Any:
-        if isinstance(given, dict) and isinstance(given.get("counts"), list) and given["counts"]:
-            return {"count": given["counts"][0], **given}
-        return given
-
-    @model_validator(mode="after")
-    def _agree(self) -> Self:
-        if self.counts is not None and self.count != self.counts[0]:
-            raise InputError(".count", 'it stands beside "counts"', "one of them")
-        if self.counts is not None and self.counts[0] == self.counts[1]:
-            raise InputError(".counts", f"{self.count!r} stands there twice", "two different counts")
-        if isinstance(self.sense, list) and len(self.sense) != len(self.counts or [self.count]):
-            raise InputError(".sense", f"it has {len(self.sense)} entries", "one for each count")
-        return self
-
-    @property
-    def axes(self) -> tuple[tuple[str, Sense], ...]:
-        """Every count with its better direction."""
-        names = self.counts or [self.count]
-        senses = self.sense if isinstance(self.sense, list) else [self.sense] * len(names)
-        return tuple(zip(names, senses, strict=True))
-
-
-class Require(_Part):
-    """What layouts must carry; the best by the front's count is then looked for among those that do."""
-
-    load_factor: Positive
-
-    @property
-    def threshold(self) -> float:
-        """λ from which the requirement is met, rounding of what is proven allowed for."""
-        return self.load_factor * (1.0 - tolerances.PROVEN)
-
-
-class Moulds(_Part):
-    """What counts as one shape of block, beside being moved: being turned, being turned over."""
-
-    rotate: bool = False
-    flip: bool = False
-
-
-class VoidCells(_Part):
-    """Cells that may be left out."""
-
-    cells: Annotated[Literal["all"] | list[str], Field(description='"all" or a list of ids of free elements')] = "all"
-    most: Annotated[float, Field(gt=0, lt=1)] = 0.5
-
-
-class Search(_Part):
-    """What may be relabelled, and which labellings count."""
-
-    model_config = ConfigDict(serialize_by_alias=True)
-
-    candidates: Annotated[
-        Literal["all", "all+supports", "inside-blocks"] | list[Pair],
-        Field(description='"all", "all+supports", "inside-blocks" or a list of pairs of ids'),
-    ] = "all"
-    keep: Keep = Keep()
-    segmentation: bool = True
-    block_cells: Counts = [None, None]
-    block_weight: Sizes = [None, None]
-    block_extent: Sizes = [None, None]
-    block_mass: Sizes = [None, None]
-    block_aspect: Sizes = [None, None]
-    except_: Annotated[list[str], Field(description="a list of ids of free elements")] = Field([], alias="except")
-    convex_blocks: Annotated[bool | Annotated[int, Field(ge=0)], Field(description="true, false or a number")] = False
-    blocks: Counts = [None, None]
-    dry_faces: Counts = [None, None]
-    shapes: Counts = [None, None]
-    moulds: Moulds = Moulds()
-    require: Require | None = None
-    void: VoidCells | None = None
-    assemble: Literal["translation", "standing"] | None = None
-    assemble_out_of_plane: bool = False
-    symmetry: Literal["auto", "none", "mirror-x"] = "auto"
-    front: Front = Front()
-
-    _in_order = field_validator(
-        "block_cells",
-        "block_weight",
-        "block_extent",
-        "block_mass",
-        "block_aspect",
-        "blocks",
-        "dry_faces",
-        "shapes",
-    )(_ordered)
-
-
-class Scene(_Part):
+class Scene(Part):
     """A whole scene file, validated; geometry is one of two forms, "grid" or "elements"."""
 
     name: Annotated[str, Field(min_length=1)] = "scene"

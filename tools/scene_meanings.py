@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from pydantic import BaseModel
 
-from jld_core.scene import schema
+from jld_core.scene import schema, search
 
 
 class Meaning(NamedTuple):
@@ -143,12 +143,12 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         "turn": Meaning("", "Rotation, for a unit of the movement: counter-clockwise, in space a vector."),
         "about": Meaning("length", "Point that they turn about; the middle of their centroids where it is not given."),
     },
-    schema.Labels: {
+    search.Labels: {
         "default": Meaning("", "Label of all faces between free elements that nothing else labels."),
         "inner": Meaning("", "Pairs of ids whose faces are inner."),
         "dry": Meaning("", "Pairs of ids whose faces are dry."),
     },
-    schema.Search: {
+    search.Search: {
         "candidates": Meaning(
             "",
             "Faces that may take either label: all between two free elements, those to supports too, those inside the "
@@ -186,22 +186,22 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         ),
         "front": Meaning("", "The second objective beside λ, which is always maximised."),
     },
-    schema.Keep: {
+    search.Keep: {
         "dry": Meaning("", "Pairs of ids whose faces stay dry."),
         "inner": Meaning("", "Pairs of ids whose faces stay inner."),
     },
-    schema.Require: {
+    search.Require: {
         "load_factor": Meaning("", "λ that layouts must reach, with load cases the governing factor."),
     },
-    schema.Moulds: {
+    search.Moulds: {
         "rotate": Meaning("", "Blocks that a turn lays onto one another are one shape."),
         "flip": Meaning("", "Blocks that turning over lays onto one another are one shape."),
     },
-    schema.VoidCells: {
+    search.VoidCells: {
         "cells": Meaning("", "Ids of free elements that no load names, or all of these."),
         "most": Meaning("", "Share of the volume of all free elements that may be left out."),
     },
-    schema.Front: {
+    search.Front: {
         "count": Meaning("", "A count: `dry_faces`, `dry_length` (in space an area), `blocks`, or a registered one."),
         "counts": Meaning("", "Two counts instead of one: a front of three objectives."),
         "sense": Meaning("", "Whether more of it or less is better; of two counts a list, or one word for both."),

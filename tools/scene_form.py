@@ -8,9 +8,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from jld_core.scene import schema as schema_module
-from jld_core.scene.meanings import MEANINGS, Meaning
+from jld_core.scene import schema as structure
+from jld_core.scene import search
 from jld_core.scene.schema import BodyLoad, PointLoad, Scene
+from tools.scene_meanings import MEANINGS, Meaning
 
 Node = dict[str, Any]
 
@@ -33,7 +34,7 @@ def json_schema() -> Node:
 def parts() -> Iterator[tuple[str, type[BaseModel]]]:
     """Every part of a scene once, in order, with the path of the key that holds it."""
     schema = Scene.model_json_schema()
-    models = {name: model for name, model in vars(schema_module).items() if isinstance(model, type)}
+    models = {name: model for name, model in (vars(structure) | vars(search)).items() if isinstance(model, type)}
     seen = {"Scene"}
     pending = [("", "Scene")]
     while pending:
