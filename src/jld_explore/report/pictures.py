@@ -304,7 +304,9 @@ class Gallery:
             frame(thumb, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         y = (bottom + self.cell[1] - 0.2) / total
         figure.text((left + 0.2) / width, y, str(number + 1), **circle())
-        figure.text((left + 0.36) / width, y, words, fontsize=8, va="center", color=INK)
+        text = figure.text((left + 0.36) / width, y, words, fontsize=8, va="center", color=INK)
+        room = (self.cell[0] - 0.42) * figure.dpi
+        text.set_fontsize(8.0 * min(1.0, room / text.get_window_extent().width))
 
 
 def _thumbnail_height(assembly: Assembly, width: float) -> float:
