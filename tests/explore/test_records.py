@@ -295,11 +295,11 @@ def test_counts_agree_with_the_blocks() -> None:
         assert np.array_equal(found["largest_block_cells"], cells.max(axis=1))
 
 
-def test_a_million_rows(tmp_path: Path) -> None:
-    """Opened, and its table and front made, in seconds."""
+def test_many_rows(tmp_path: Path) -> None:
+    """Opened, and its table and front made, in seconds: a fifth of a million here, a million in benchmarks/records."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     assembly = build_assembly(scene)
-    space, faces, count = search_space(scene, assembly), len(assembly.interfaces), 1_000_000
+    space, faces, count = search_space(scene, assembly), len(assembly.interfaces), 200_000
     records = Records(tmp_path, HEADER, faces)
     part, rng = 50_000, np.random.default_rng(0)
     every = labellings(count, faces)
@@ -321,4 +321,4 @@ def test_a_million_rows(tmp_path: Path) -> None:
     assert front["dry_faces"].is_unique
     assert table["labelling"].iloc[0] in set(front["labelling"])
     assert np.array_equal(unpack(records.rows["labelling"][:100], faces), every[:100])
-    assert seconds < 30.0  # about 8 on one core of its own
+    assert seconds < 6.0  # about 1.6 on one core of its own

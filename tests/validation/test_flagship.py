@@ -83,13 +83,13 @@ def test_flagship_weight_and_load(flagship: tuple[Assembly, Bits, Ints]) -> None
 
 @pytest.mark.filterwarnings("ignore")  # CVXPY says where its own solver was inexact; the comparison is ours
 def test_flagship_sample(flagship: tuple[Assembly, Bits, Ints]) -> None:
-    """80 classes, seeded; benchmarks.flagship compares all of them with HiGHS."""
+    """40 classes, seeded; benchmarks.flagship compares all of them with HiGHS."""
     assembly, labellings, _ = flagship
-    sample = np.random.default_rng(20240501).choice(len(labellings), 80, replace=False)
+    sample = np.random.default_rng(20240501).choice(len(labellings), 40, replace=False)
     tally = compare(assembly, labellings[sample])
     # a quarter of the classes fall under their own weight: both kinds are in the sample
-    assert tally[Status.COLLAPSE] > 40
-    assert tally[Status.UNSTABLE] > 8
+    assert tally[Status.COLLAPSE] > 20
+    assert tally[Status.UNSTABLE] > 4
 
 
 def test_all_segmentations_of_three_by_three_cells() -> None:
@@ -104,8 +104,8 @@ def test_all_segmentations_of_three_by_three_cells() -> None:
 
 @pytest.mark.filterwarnings("ignore")  # as above
 def test_segmentations_of_three_by_three_cells_by_the_independent_statement() -> None:
-    """Every eighth of them once more, by the statement that shares no code with either route."""
+    """Every sixteenth of them once more, by the statement that shares no code with either route."""
     assembly, labellings, _ = classes(
         grid_scene(["aaa", "aaa", "aaa", "###"], tension=2e3, shear=1.5e3, symmetry="none")
     )
-    assert compare(assembly, labellings[::8]) == {Status.COLLAPSE: 180}
+    assert compare(assembly, labellings[::16]) == {Status.COLLAPSE: 90}

@@ -306,7 +306,11 @@ class Gallery:
         figure.text((left + 0.2) / width, y, str(number + 1), **circle())
         text = figure.text((left + 0.36) / width, y, words, fontsize=8, va="center", color=INK)
         room = (self.cell[0] - 0.42) * figure.dpi
-        text.set_fontsize(8.0 * min(1.0, room / text.get_window_extent().width))
+        # by steps: hinting rounds widths, so a smaller size need not be narrower
+        for size in (7.5, 7.0, 6.5, 6.0):
+            if text.get_window_extent().width <= room:
+                break
+            text.set_fontsize(size)
 
 
 def _thumbnail_height(assembly: Assembly, width: float) -> float:
