@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import pandas as pd
@@ -13,22 +11,17 @@ import typer
 
 from jld_core.laying import Laying, laying_order
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.options import Rank, Source, say
 from jld_explore.report import check_writable, csv_of, write_text
 
 
-class Wish(StrEnum):
-    TRANSLATION = "translation"
-    STANDING = "standing"
-
-
 def assembly(
-    source: Annotated[
-        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
-    ],
-    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
+    source: Source,
+    rank: Rank = None,
     wish: Annotated[
-        Wish, typer.Option(help="Any order by translations, or one whose every stage stands.")
-    ] = Wish.TRANSLATION,
+        Literal["translation", "standing"],
+        typer.Option(help="Any order by translations, or one whose every stage stands."),
+    ] = "translation",
     group: Annotated[int, typer.Option(min=1, help="Blocks moved together at the most, where single ones fail.")] = 3,
     out: Annotated[Path | None, typer.Option(help="Folder for assembly.csv and the strip of stages.")] = None,
 ) -> None:
@@ -37,11 +30,11 @@ def assembly(
         check_writable(out)
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
-    laying = laying_order(found, labels, wish=str(wish), sideways=sideways, group=group)  # type: ignore[arg-type]
+    laying = laying_order(found, labels, wish=wish, sideways=sideways, group=group)
     table = table_of(laying)
-    sys.stdout.write(f"{words_of(laying)}\n")
+    say(words_of(laying))
     if len(table):
-        sys.stdout.write(f"\n{table.drop(columns='elements').to_string(index=False)}\n")
+        say(f"\n{table.drop(columns='elements').to_string(index=False)}")
     if out is not None:
         from jld_core.views.figures import save_figure
         from jld_core.views.strip import figure_of_laying
@@ -49,7 +42,7 @@ def assembly(
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
         save_figure(figure_of_laying(laying, f"{scene.name}: order of laying"), out / "assembly.png")
-        sys.stdout.write(f"\nwritten to   {out}\n")
+        say(f"\nwritten to   {out}")
 
 
 def table_of(laying: Laying) -> pd.DataFrame:

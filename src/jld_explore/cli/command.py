@@ -30,9 +30,10 @@ from jld_core.tolerances import GAP
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
-from jld_explore.cli.ending import STOPPED, UNCERTIFIED, complain, raise_on_signals, say, usage_of
+from jld_explore.cli.ending import STOPPED, UNCERTIFIED, complain, raise_on_signals, usage_of, warn
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.options import AsJson, Rank, SceneFile, say, speaking_of
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
 from jld_explore.cli.verifying import verify_command
@@ -80,9 +81,6 @@ Objective = Literal["associative", "zero-dilation", "zero-dilation-floor", "expe
 
 _EACH: Final = 20.0  # seconds of processor time for the floor of one labelling, where that is what is maximised
 
-SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
-
-
 EffectiveArea = Annotated[
     bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
 ]
@@ -100,11 +98,7 @@ First = Annotated[
     typer.Option(help="Solver asked first: " + ", ".join(SOLVERS) + "; where it proves nothing, others follow."),
 ]
 Gap = Annotated[float, typer.Option(help="Relative width of the bracket above which λ is uncertified.")]
-
-
 Strict = Annotated[bool, typer.Option("--strict", help="Take what is possible but hardly meant as an error.")]
-
-
 Robust = Annotated[
     bool, typer.Option("--robust", help="λ at the low values of materials, and at the nominal ones besides.")
 ]
@@ -113,10 +107,8 @@ Robust = Annotated[
 def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene, Assembly]:
     """A scene and its assembly, with a line on stderr for each warning unless quiet."""
     scene = load_scene(path)
-    try:
+    with speaking_of(path):
         assembly = build_assembly(scene)
-    except InputError as error:
-        raise error.within(str(path)) from None
     if assembly.warnings and strict:
         more = f" (and {len(assembly.warnings) - 1} more)" if len(assembly.warnings) > 1 else ""
         raise InputError(str(path), assembly.warnings[0] + more, "a scene without warnings, or no --strict")
@@ -128,14 +120,8 @@ def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene,
 def _check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
     """What may be labelled; refused as `jld explore` would where the scene asks for a search."""
     asked = "search" in scene.model_fields_set
-    try:
+    with speaking_of(path):
         return search_space(scene, assembly, allow_empty=not asked, need_materials=asked)
-    except InputError as error:
-        raise error.within(str(path)) from None
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(text + "\n")
 
 
 @app.command()
@@ -143,17 +129,15 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
     """Parse a scene, find its interfaces, and print what will be modelled."""
     parsed, assembly = _load(scene, strict)
     space = _check_search(scene, parsed, assembly)
-    try:
+    with speaking_of(scene):
         require_materials(assembly, assembly.labels, ~assembly.labels)
-    except InputError as error:
-        raise error.within(str(scene)) from None
-    _say(words.assembly(parsed, assembly, space))
+    say(words.assembly(parsed, assembly, space))
 
 
 @app.command()
 def solve(
     scene: Annotated[Path, typer.Argument(help="Scene file (JSON), or a folder of jld explore.", show_default=False)],
-    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
+    rank: Rank = None,
     friction: Annotated[Friction, typer.Option(help="Associative, or sliding without dilation.")] = "associative",
     range_: Annotated[
         bool, typer.Option("--range", help="Zero dilation: the lowest and the highest λ, sought from every side.")
@@ -170,7 +154,7 @@ def solve(
     out: Annotated[Path | None, typer.Option(help="Folder for result.json and pictures.")] = None,
     strict: Strict = False,
     robust: Robust = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
     if out is not None:
@@ -185,21 +169,20 @@ def solve(
     if robust:
         assembly = build_robust(parsed)
     try:
-        result = solve_assembly(
-            assembly,
-            labels,
-            friction=friction,
-            range=range_,
-            floor_seconds=floor_seconds,
-            effective_area=effective_area,
-            contact=contact,
-            inner_bending=inner_bending,
-            condense=condense,
-            solver=solver,
-            gap=gap,
-        )
-    except InputError as error:
-        raise (error if error.where.startswith("--") else error.within(str(scene))) from None
+        with speaking_of(scene):
+            result = solve_assembly(
+                assembly,
+                labels,
+                friction=friction,
+                range=range_,
+                floor_seconds=floor_seconds,
+                effective_area=effective_area,
+                contact=contact,
+                inner_bending=inner_bending,
+                condense=condense,
+                solver=solver,
+                gap=gap,
+            )
     except SolverError as error:
         raise InputError("--solver", str(error), "a solver that takes this scene") from None
     if robust:
@@ -211,7 +194,7 @@ def solve(
     result = replace(result, extra={**result.extra, "sensitivities": rates})
     if out is not None:
         _write_result(result, out)
-    _say(json.dumps(result.to_json(), indent=1) if as_json else words.result(result))
+    say(json.dumps(result.to_json(), indent=1) if as_json else words.result(result))
     if result.status is Status.UNCERTIFIED:
         raise typer.Exit(UNCERTIFIED)
 
@@ -292,9 +275,7 @@ def explore_command(
     certificate: Annotated[
         Path | None, typer.Option(help="Exact driver: file for its proof, which jld verify checks.")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the summary as one JSON object and nothing else.")
-    ] = False,
+    as_json: AsJson = False,
     **own: Any,
 ) -> None:
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
@@ -335,14 +316,9 @@ def explore_command(
         cluster=cluster,
         options=own,
     )
-    announce = None if as_json else _say
-    with ProgressBar(parsed.name) as bar:
-        try:
-            done = explore(parsed, out, settings, report=bar, announce=announce)
-        except InputError as error:
-            outside = error.where.startswith("--") or error.where.startswith(str(out))
-            raise (error if outside else error.within(str(scene))) from None
-    _say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
+    with ProgressBar(parsed.name) as bar, speaking_of(scene, str(out)):
+        done = explore(parsed, out, settings, report=bar, announce=None if as_json else say)
+    say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
 
 
 @app.command()
@@ -357,11 +333,11 @@ def studio(
     """Move joints by hand and see the proven collapse load follow: a page on this machine, for you alone."""
     from jld_explore.studio import open_studio
 
-    open_studio(source, port, _say_at_once, browser)
+    open_studio(source, port, _at_once, browser)
 
 
-def _say_at_once(text: str) -> None:
-    _say(text)
+def _at_once(text: str) -> None:
+    say(text)
     sys.stdout.flush()
 
 
@@ -374,7 +350,7 @@ def _floor_seconds(objective: str) -> float:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        _say(f"jld {__version__}, {kernel_in_use()}")
+        say(f"jld {__version__}, {kernel_in_use()}")
         raise typer.Exit
 
 
@@ -400,7 +376,7 @@ def main() -> None:
         path = error.filename or "a file"
         complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
     except (Interrupted, KeyboardInterrupt, typer.Abort):
-        say("stopped; everything finished is on disk, go on with --resume")
+        warn("stopped; everything finished is on disk, go on with --resume")
         sys.exit(STOPPED)
     sys.exit(code if isinstance(code, int) else 0)
 

@@ -30,7 +30,7 @@ def raise_on_signals() -> None:
             signal.signal(number, stop)
 
 
-def say(line: str) -> None:
+def warn(line: str) -> None:
     """A line on stderr, where that is still open: the terminal may be gone."""
     with contextlib.suppress(OSError):
         sys.stderr.write(f"{line}\n")
@@ -54,5 +54,5 @@ def usage_of(message: str) -> str:
 
 def complain(line: str) -> NoReturn:
     """Say what is wrong and leave."""
-    say(f"jld: {line}")
+    warn(f"jld: {line}")
     sys.exit(INPUT)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,11 +9,12 @@ import typer
 
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
-from jld_core.exchange import ImportOptions, Layout, blocks_csv, export, import_file
+from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.options import Rank, SceneFile, Source, say, speaking_of
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.report import write_text
 
@@ -65,27 +64,14 @@ def import_command(
     except InputError as error:
         raise InputError(f"{file}: {error.where.lstrip(': ')}", error.problem, error.expected) from None
     write_scene(scene, out)
-    sys.stdout.write(f"{found.report}\nwritten to   {out}\n")
-
-
-class Format(StrEnum):
-    DXF = "dxf"
-    OBJ = "obj"
-    STL = "stl"
-    PLY = "ply"
-    COMPAS = "compas"
-    THREE_DEC = "3dec"
-    VTK = "vtk"
-    SVG = "svg"
+    say(f"{found.report}\nwritten to   {out}")
 
 
 def export_command(
-    source: Annotated[
-        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
-    ],
-    kind: Annotated[Format, typer.Option("--format", help="Kind of file.", show_default=False)],
+    source: Source,
+    kind: Annotated[str, typer.Option("--format", help=f"Kind of file: {', '.join(FORMATS)}.", show_default=False)],
     out: Annotated[Path, typer.Option("-o", "--out", help="File to write; blocks.csv beside it.", show_default=False)],
-    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
+    rank: Rank = None,
     cells: Annotated[
         bool, typer.Option("--cells", help="Every element as a solid of its own (obj, stl, ply, compas).")
     ] = False,
@@ -94,20 +80,18 @@ def export_command(
     if out.is_dir() or not out.absolute().parent.is_dir():
         raise InputError(str(out), "it cannot be written", "a file in a folder that is there")
     scene, assembly, labels = layout_of(source, rank)
-    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind is Format.VTK else None)
-    try:
-        export(layout, str(kind), out, cells=cells)
-    except InputError as error:
-        raise (error if error.where.startswith(("--", str(out))) else error.within(str(source))) from None
+    layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind == "vtk" else None)
+    with speaking_of(source, str(out)):
+        export(layout, kind, out, cells=cells)
     table = out.with_suffix(".blocks.csv")
     write_text(table, blocks_csv(layout))
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
-    sys.stdout.write(f"{out}\n{table}: {free} blocks of {kinds} shapes\n")
+    say(f"{out}\n{table}: {free} blocks of {kinds} shapes")
 
 
 def refine_command(
-    scene: Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)],
+    scene: SceneFile,
     out: Out,
     cell: Annotated[
         str, typer.Option(help="Size of a cell: A, A,B or A,B,C; radial: THICKNESS,DEGREES.", show_default=False)
@@ -123,15 +107,13 @@ def refine_command(
     if middle is not None and len(middle) != 2:
         raise InputError("--centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
-    try:
-        place = None if middle is None else (middle[0], middle[1])
+    place = None if middle is None else (middle[0], middle[1])
+    with speaking_of(scene):
         found = refine(parsed, sizes, kind=kind, by=by, centre=place, seed=seed)
-    except InputError as error:
-        raise (error if error.where.startswith("--") else error.within(str(scene))) from None
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)
-    sys.stdout.write("".join(f"assumed      {note}\n" for note in found.notes))
-    sys.stdout.write(f"found        {after} elements out of {before}\nwritten to   {out}\n")
+    told = [*(f"assumed      {note}" for note in found.notes), f"found        {after} elements out of {before}"]
+    say("\n".join([*told, f"written to   {out}"]))
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-import sys
 import time
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -16,7 +15,9 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
+from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.options import AsJson, Rank, Source, say, speaking_of
 from jld_explore.report import check_writable, csv_of, write_text
 
 if TYPE_CHECKING:
@@ -26,31 +27,20 @@ _FLOOR = 5.0
 """Processor time, s, after which no further step of the bound without dilation begins."""
 
 
-class Inner(StrEnum):
-    BRITTLE = "brittle"
-    PLASTIC = "plastic"
-
-
-class SubContacts(StrEnum):
-    TRAPEZOID = "trapezoid"
-    SIMPSON = "simpson"
-    MIDPOINT = "midpoint"
-    LIMIT = "limit"
-
-
 def experiment(
-    source: Annotated[
-        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
-    ],
-    rank: Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")] = None,
+    source: Source,
+    rank: Rank = None,
     dilation: Annotated[
         str, typer.Option(help="Opening of dry joints as they slide: 0, friction (associative), or a tangent.")
     ] = "0",
     inner: Annotated[
-        Inner, typer.Option(help="What exceeds its strength loses it (brittle), or goes on at it (plastic).")
-    ] = Inner.BRITTLE,
+        Literal["brittle", "plastic"],
+        typer.Option(help="What exceeds its strength loses it (brittle), or goes on at it (plastic)."),
+    ] = "brittle",
     out: Annotated[Path | None, typer.Option(help="Folder for curve.csv, experiment.png and summary.json.")] = None,
-    scheme: Annotated[SubContacts, typer.Option(help="Where sub-contacts lie on a face.")] = SubContacts.TRAPEZOID,
+    scheme: Annotated[
+        Literal["trapezoid", "simpson", "midpoint", "limit"], typer.Option(help="Where sub-contacts lie on a face.")
+    ] = "trapezoid",
     segments: Annotated[int, typer.Option(min=1, help="Parts of a face between sub-contacts.")] = 4,
     moving: Annotated[
         bool, typer.Option("--moving", help="Follow the geometry, with new contacts at corners.")
@@ -61,7 +51,7 @@ def experiment(
     shear_stiffness: Annotated[float | None, typer.Option(help="The same along the face; default as normal.")] = None,
     inner_ratio: Annotated[float, typer.Option(help="Stiffness of inner faces over that of dry ones.")] = 1.0,
     residual_friction: Annotated[float, typer.Option(help="Friction coefficient of a crack.")] = 0.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Virtual experiment: settle a layout, push it until it comes down, twice; what brittle faces do."""
     from jld_experiment import Joints, Settings, run_experiment
@@ -74,35 +64,30 @@ def experiment(
         shear_stiffness=shear_stiffness,
         inner_ratio=inner_ratio,
         dilation="friction" if dilation == "friction" else _tangent(dilation),
-        inner=inner.value,
+        inner=inner,
         residual_friction=residual_friction,
     )
-    settings = Settings(scheme=scheme.value, segments=segments, moving=moving)
+    settings = Settings(scheme=scheme, segments=segments, moving=moving)
     _, assembly, labels = layout_of(source, rank)
     start = time.perf_counter()
-    try:
+    with speaking_of(source):
         curve = run_experiment(assembly, labels, joints=joints, settings=settings)
         spent = time.perf_counter() - start
         limit = solve(assembly, labels)
-    except InputError as error:
-        raise (error if error.where.startswith("--") else error.within(str(source))) from None
     facts = summary(curve, limit.load_factor) | {"seconds": spent}
     if out is not None:
         facts |= _without_dilation(assembly, labels) if curve.stands else {}
         _write(curve, limit, facts, out)
-    _say(json.dumps(facts, indent=1) if as_json else _words(facts))
+    say(json.dumps(facts, indent=1) if as_json else _words(facts))
     if status_of(curve) == "uncertified":
-        raise typer.Exit(4)
+        raise typer.Exit(UNCERTIFIED)
 
 
 def _tangent(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent") from None
-    if not value >= 0.0:
-        raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
-    return value
+    with contextlib.suppress(ValueError):
+        if (value := float(text)) >= 0.0:
+            return value
+    raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
@@ -153,7 +138,3 @@ def _words(facts: dict[str, Any]) -> str:
     if not facts["stands"]:
         lines["experiment"] = "does not stand under its dead loads alone"
     return "\n".join(f"{name:<12} {value}" for name, value in lines.items())
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(text + "\n")

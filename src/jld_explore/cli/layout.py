@@ -13,6 +13,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
+from jld_explore.cli.options import speaking_of
 from jld_explore.report import Exploration, read_folder
 
 _MOST: Final = 6
@@ -27,10 +28,8 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
         if rank is not None:
             raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
         scene = load_scene(source)
-        try:
+        with speaking_of(source):
             assembly = build_assembly(scene)
-        except InputError as error:
-            raise error.within(str(source)) from None
         return scene, assembly, assembly.labels
     done = read_folder(source)
     layout = done.layout(rank)

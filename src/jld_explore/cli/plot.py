@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -13,16 +12,8 @@ from jld_core.errors import InputError
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
+from jld_explore.cli.options import Source, say, speaking_of
 from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
-
-
-class Picture(StrEnum):
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
-    HTML = "html"
-    GIF = "gif"
-    MP4 = "mp4"
 
 
 def add_to(app: typer.Typer) -> None:
@@ -31,44 +22,43 @@ def add_to(app: typer.Typer) -> None:
 
 
 def plot_command(
-    source: Annotated[
-        Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)
-    ],
+    source: Source,
     out: Annotated[Path | None, typer.Option(help="File to write (scene) or folder (study).")] = None,
-    kind: Annotated[Picture, typer.Option("--format", help="Kind of file, where --out names none.")] = Picture.PNG,
+    kind: Annotated[
+        Literal["png", "svg", "pdf", "html", "gif", "mp4"],
+        typer.Option("--format", help="Kind of file, where --out names none."),
+    ] = "png",
     rank: Annotated[str | None, typer.Option(help="Rows of a folder's results.csv, side by side: 1,4.")] = None,
     ids: Annotated[bool, typer.Option("--ids", help="Write the ids of elements (scene).")] = False,
     values: Annotated[bool, typer.Option("--values", help="Write the values of live loads (scene).")] = False,
 ) -> None:
     """Draw a scene with its own labels, or a study's pictures again; gif and mp4 show its mechanism moving."""
-    moving = kind in (Picture.GIF, Picture.MP4) or (out is not None and out.suffix in (".gif", ".mp4"))
+    moving = kind in ("gif", "mp4") or (out is not None and out.suffix in (".gif", ".mp4"))
     if source.is_dir() and (ids or values):
         raise InputError("--ids" if ids else "--values", "a study's pictures have none", "a scene, or the page of it")
     if moving:
-        _say(_animate(source, rank, out, str(kind)))
+        say(_animate(source, rank, out, kind))
     elif rank is not None:
-        _say(plot_ranks(source, rank, out, str(kind)))
+        say(plot_ranks(source, rank, out, kind))
     elif source.is_dir():
         done = read_folder(source)
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
-        if kind is Picture.HTML:
+        if kind == "html":
             page = write_report(done, out)
             written = [] if page is None else [page]
         else:
-            written = write_pictures(done, str(kind), out)[0]
+            written = write_pictures(done, kind, out)[0]
         for path in written:
-            _say(path)
+            say(path)
     else:
-        _say(_of_scene(source, out, str(kind), ids, values))
+        say(_of_scene(source, out, kind, ids, values))
 
 
 def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool) -> Path:
     scene = load_scene(source)
-    try:
+    with speaking_of(source):
         assembly = build_assembly(scene)
-    except InputError as error:
-        raise error.within(str(source)) from None
     target = out or Path(source.with_suffix(f".{kind}").name)
     if target.suffix == ".html":
         write_text(target, scene_page(scene, assembly))
@@ -94,7 +84,3 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
 
     save_animation(result, target)
     return target
-
-
-def _say(path: Path) -> None:
-    typer.echo(str(path))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,10 +12,10 @@ import typer
 from jld_core.build import settlements_of
 from jld_core.errors import InputError
 from jld_core.limit import Settled, settle
+from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
+from jld_explore.cli.options import AsJson, Rank, say, speaking_of
 from jld_explore.report import check_writable, write_text
-
-UNCERTIFIED = 4
 
 
 def settlement(
@@ -24,11 +23,9 @@ def settlement(
         Path,
         typer.Argument(help='A scene file with "settlements", or a folder written by jld explore.', show_default=False),
     ],
-    rank: Annotated[
-        int | None, typer.Option(min=1, help="Layout of the folder, by its rank; default: the best.")
-    ] = None,
+    rank: Rank = None,
     out: Annotated[Path | None, typer.Option(help="Folder for settlement.json and pictures.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Range of thrust along each movement of supports that the scene names, and the mechanisms at its ends."""
     if out is not None:
@@ -36,14 +33,12 @@ def settlement(
     scene, assembly, labels = layout_of(source, rank)
     if not scene.settlements:
         raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
-    try:
+    with speaking_of(source):
         found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
-    except InputError as error:
-        raise error.within(str(source)) from None
     told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
     if out is not None:
         _write(found, json.dumps(told, indent=1), out)
-    sys.stdout.write((json.dumps(told, indent=1) if as_json else "\n".join(map(_words, found))) + "\n")
+    say(json.dumps(told, indent=1) if as_json else "\n".join(map(_words, found)))
     ends = [end for one in found for end in (one.least, one.most) if end is not None]
     if any(end.status == "uncertified" for end in ends):
         raise typer.Exit(UNCERTIFIED)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from jld_core.scene import load_scene
+from jld_explore.cli.options import AsJson, say
 from jld_explore.verification import Verified, verify
 
 
@@ -18,11 +18,11 @@ def verify_command(
     scene: Annotated[
         Path | None, typer.Option(help="Scene file that it is to be of; default: the one it holds.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Check a certificate: that no labelling of its scene carries more than it says."""
     done = verify(certificate, None if scene is None else load_scene(scene))
-    sys.stdout.write((json.dumps(facts(done), indent=1) if as_json else words(done)) + "\n")
+    say(json.dumps(facts(done), indent=1) if as_json else words(done))
 
 
 def facts(done: Verified) -> dict[str, object]:

@@ -1,0 +1,32 @@
+"""What commands share: their arguments and options in the same words, and how they say what is wrong with a file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from jld_core.errors import InputError
+
+SceneFile = Annotated[Path, typer.Argument(help="Scene file (JSON).", show_default=False)]
+Source = Annotated[Path, typer.Argument(help="A scene file, or a folder written by jld explore.", show_default=False)]
+Rank = Annotated[int | None, typer.Option(min=1, help="Row of a folder's results.csv; default 1.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@contextmanager
+def speaking_of(file: Path, *outside: str) -> Iterator[None]:
+    """Complaints about what a file says name it; those about options, and about paths that begin so, stand alone."""
+    try:
+        yield
+    except InputError as error:
+        raise (error if error.where.startswith(("--", *outside)) else error.within(str(file))) from None
+
+
+def say(text: object) -> None:
+    """A line on stdout."""
+    sys.stdout.write(f"{text}\n")
