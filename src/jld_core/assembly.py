@@ -229,6 +229,10 @@ class Assembly(Shown):
         faces = self.interfaces
         return ~(support[faces.a] | support[faces.b])
 
+    def pair(self, face: int) -> str:
+        """Ids of the two elements of a face, for complaints."""
+        return f"{self.elements.ids[self.interfaces.a[face]]}–{self.elements.ids[self.interfaces.b[face]]}"
+
     @cached_property
     def size(self) -> float:
         """Largest side of the bounding box, the length that geometric tolerances refer to."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
+from jld_core.geometry import area_vector
 from jld_experiment.bench import Bench, Motion
 from jld_experiment.compiled import compiled
 from jld_experiment.laws import numbers_of, sub_contact
@@ -129,7 +130,7 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
         rows = []
         for side in sides:
             ring = shape[list(side)]
-            normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
+            normal = area_vector(ring)
             normal /= np.linalg.norm(normal)
             rows.append(np.append(typical * normal, ring.mean(axis=0) @ normal))
         planes.append(np.array(rows))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
+from jld_core.geometry import area_vector
 from jld_experiment.compiled import compiled
 
 
@@ -18,8 +19,7 @@ def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[
     table, which = [], []
     for number, face in enumerate(faces):
         left = list(face)
-        ring = vertices[left]
-        normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
+        normal = area_vector(vertices[left])
         while len(left) > 3:
             ear = next((k for k in range(len(left)) if _is_ear(vertices, left, k, normal)), 0)
             table.append(vertices[[left[ear - 1], left[ear], left[(ear + 1) % len(left)]]])

@@ -181,9 +181,8 @@ def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Float
     lacking = np.flatnonzero(np.isnan(friction + cohesion + tension))
     if lacking.size:
         face = int(lacking[0])
-        faces, ids = assembly.interfaces, assembly.elements.ids
-        name, pair = "dry" if labels[face] else "inner", f"{ids[faces.a[face]]}–{ids[faces.b[face]]}"
-        raise InputError(f"materials.{name}", "missing", f"this material, since face {pair} is {name}")
+        name = "dry" if labels[face] else "inner"
+        raise InputError(f"materials.{name}", "missing", f"this material, since face {assembly.pair(face)} is {name}")
     with np.errstate(divide="ignore", invalid="ignore"):
         tension = np.where(friction > 0.0, np.minimum(tension, cohesion / friction), tension)
     dilation = friction if joints.dilation == "friction" else np.where(labels, joints.dilation, 0.0)

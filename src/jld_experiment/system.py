@@ -8,6 +8,7 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Floats, Ints
+from jld_core.geometry import moment_about
 from jld_experiment.subcontacts import SubContacts
 
 
@@ -78,20 +79,14 @@ def jump_matrices(assembly: Assembly) -> Floats:
     faces, q, d = assembly.interfaces, assembly.freedoms, assembly.dimension
     found = np.zeros((len(faces), q, 2 * q))
     axes = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
-    turns = [faces.e1, faces.e2, faces.normal]
+    turns = [np.ones((1, 1))] if d == 2 else [faces.e1, faces.e2, faces.normal]
     for place, element, sign in ((0, faces.a, -1.0), (q, faces.b, 1.0)):
         arm = faces.origin - assembly.elements.centroid[element]
         for j, axis in enumerate(axes):
             found[:, j, place : place + d] = sign * axis
-            if d == 2:
-                found[:, j, place + 2] = sign * (arm[:, 0] * axis[:, 1] - arm[:, 1] * axis[:, 0])
-            else:
-                found[:, j, place + 3 : place + 6] = sign * np.cross(arm, axis)
+            found[:, j, place + d : place + q] = sign * moment_about(arm, axis)
         for j in range(q - d):
-            if d == 2:
-                found[:, 2, place + 2] = sign
-            else:
-                found[:, 3 + j, place + 3 : place + 6] = sign * turns[j]
+            found[:, d + j, place + d : place + q] = sign * turns[j]
     return found
 
 
@@ -121,5 +116,5 @@ def _frame(assembly: Assembly) -> Floats:
         return np.ascontiguousarray(np.hstack([faces.normal, faces.e1, faces.e2, near, far]))
     columns = [faces.normal]
     for arm in (near, far):
-        columns += [(arm[:, 0] * axis[:, 1] - arm[:, 1] * axis[:, 0])[:, None] for axis in (faces.normal, faces.e1)]
+        columns += [moment_about(arm, axis) for axis in (faces.normal, faces.e1)]
     return np.ascontiguousarray(np.hstack(columns))

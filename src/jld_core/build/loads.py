@@ -9,14 +9,8 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements
 from jld_core.errors import InputError
+from jld_core.geometry import moment_about
 from jld_core.scene import BodyLoad, PointLoad
-
-
-def moment_about(arm: Floats, force: Floats) -> Floats:
-    """arm × force, about the out-of-plane axis (planar, shape (1,)) or as a vector (spatial, shape (3,))."""
-    if len(arm) == 2:
-        return np.array([arm[0] * force[1] - arm[1] * force[0]])
-    return np.cross(arm, force)
 
 
 def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:

@@ -14,6 +14,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly, Elements
 from jld_core.build.materials import friction, gravity_vector
+from jld_core.geometry import moment_about
 from jld_core.scene import Contact, Dry, Inner, Scene
 
 _FRICTION: Final = 2.0  # friction coefficient above which an angle in degrees was written
@@ -51,13 +52,13 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
     middle = 0.5 * (elements.lower.min(axis=0) + elements.upper.max(axis=0))
     forces, arm = loads[free, :d], elements.centroid[free] - middle
     force, total = forces.sum(axis=0), float(np.linalg.norm(forces, axis=1).sum())
+    couple = (loads[free, d:] + moment_about(arm, forces)).sum(axis=0)
     if d == 2:
-        moment = float((loads[free, 2] + arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]).sum())
+        moment = float(couple[0])
         if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
             return Resultant(force, moment, np.full(2, np.nan), total)
         across = np.array([force[1], -force[0]]) / (force @ force)
         return Resultant(force, 0.0, middle + moment * across, total)
-    couple = (loads[free, 3:] + np.cross(arm, forces)).sum(axis=0)
     if np.linalg.norm(force) <= 1e-9 * total or total == 0.0:
         return Resultant(force, float(np.linalg.norm(couple)), np.full(3, np.nan), total)
     size = force @ force

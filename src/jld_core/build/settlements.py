@@ -8,8 +8,8 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
-from jld_core.build.loads import moment_about
 from jld_core.errors import InputError
+from jld_core.geometry import spun
 from jld_core.scene import Scene
 
 
@@ -60,8 +60,7 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
         about = elements.centroid[rows].mean(axis=0) if part.about is None else _sized(part.about, d, f"{key}.about")
         for row in rows:
             arm = elements.centroid[row] - about
-            spin = turn[0] * np.array([-arm[1], arm[0]]) if d == 2 else moment_about(turn, arm)
-            velocity[row] += np.concatenate([move + spin, turn])
+            velocity[row] += np.concatenate([move + spun(turn, arm), turn])
     if not velocity.any():
         raise InputError(f"settlements[{place}]", "nothing moves", '"move" or "turn" of some support')
     return velocity

@@ -34,24 +34,14 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
         gx, gy = document["materials"]["gravity"]
         facts["materials"] = {**document["materials"], "gravity": [gx, 0.0, gy]}
     names = _names(layout, cells)
-    loads: dict[str, Any] = {}
-    for key in ("live", "dead"):
-        entries = [_load(entry, names, layout, lift) for entry in document["loads"].get(key, [])]
-        if entries:
-            loads[key] = entries
+
+    def carried(loads: dict[str, Any]) -> dict[str, Any]:
+        given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
+        return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in given.items()}
+
+    facts["loads"] = carried(document["loads"])
     if "cases" in document["loads"]:
-        loads["cases"] = [
-            {
-                **case,
-                **{
-                    key: [_load(entry, names, layout, lift) for entry in case[key]]
-                    for key in ("live", "dead")
-                    if key in case
-                },
-            }
-            for case in document["loads"]["cases"]
-        ]
-    facts["loads"] = loads
+        facts["loads"]["cases"] = [case | carried(case) for case in document["loads"]["cases"]]
     if layout.assembly.dimension == 2 and not spatial:
         facts["thickness"] = layout.thickness
     return facts

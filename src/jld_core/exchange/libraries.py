@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -45,3 +47,15 @@ def text_of(path: Path) -> str:
         return readable(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(str(path), "it is not UTF-8 text", "a text in UTF-8") from None
+
+
+@contextmanager
+def parsing(kind: str, expected: str) -> Iterator[None]:
+    """Whatever a parser trips over in a file that is broken is one complaint."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        what = " ".join(str(error).split()) or type(error).__name__
+        raise InputError("", f"it is no {kind} that can be read ({what[:120]})", expected) from error

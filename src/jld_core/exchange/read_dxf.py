@@ -11,7 +11,7 @@ import numpy as np
 
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing, Mark
-from jld_core.exchange.libraries import library, readable
+from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path, arc_points
 from jld_core.exchange.solids import Part, Solids
@@ -30,16 +30,11 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
     """
     ezdxf = library("ezdxf", path)
     readable(path)
-    try:
+    with parsing("DXF", "a DXF file, ASCII or binary"):
         document = ezdxf.readfile(path)
         space = document.modelspace()
         _refuse_bombs(document, space)
         return _Reader(document, options, notes).drawing(space, path.stem)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a parser trips over in a file that is broken
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise InputError("", f"it is no DXF that can be read ({what[:120]})", "a DXF file, ASCII or binary") from error
 
 
 def _refuse_bombs(document: Any, space: Any) -> None:
@@ -104,11 +99,7 @@ class _Reader:
         found = json.loads(text)
         if not isinstance(found, dict):
             raise InputError(FACTS, "the property holds no object", "what jld export wrote")
-        return {
-            key: found[key]
-            for key in ("name", "units", "materials", "thickness", "loads", "search", "elements")
-            if key in found
-        }
+        return {key: found[key] for key in _KEYS if key in found}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
         """One entity; layer: that of the block it stands in, which layer 0 takes on."""

@@ -18,7 +18,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST
-from jld_core.exchange.libraries import library, readable
+from jld_core.exchange.libraries import library, parsing, readable
 from jld_core.exchange.options import Notes
 from jld_core.exchange.solids import Part, Solids, split
 from jld_core.geometry import Faces
@@ -33,17 +33,9 @@ def read_mesh(path: File, notes: Notes) -> Solids:
     kind = path.suffix.lower().lstrip(".")
     data = readable(path).read_bytes()
     _refuse_counts(kind, data)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # its overflow where a text is taken for a count
-            read = {"obj": _obj, "ply": _ply, "stl": _stl}[kind]
-            points, groups = read(meshio, path, data)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a parser trips over in a file that is broken
-        what = " ".join(str(error).split()) or type(error).__name__
-        kind = kind.upper()
-        raise InputError("", f"it is no {kind} that can be read ({what[:120]})", f"a file in {kind}") from error
+    with parsing(kind.upper(), f"a file in {kind.upper()}"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its overflow where a text is taken for a count
+        points, groups = {"obj": _obj, "ply": _ply, "stl": _stl}[kind](meshio, data)
     if sum(len(faces) for _, faces in groups) > MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
     if not np.isfinite(points).all():
@@ -85,7 +77,7 @@ def _cells(mesh: Any) -> list[tuple[int, ...]]:
     return [tuple(loop) for loops in kept for loop in loops]
 
 
-def _obj(meshio: Any, path: File, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+def _obj(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
     text = _absolute(data.decode("utf-8", "replace"))
     # objects are groups too, and what stands before the first is one without a name
     text = "g \n" + re.sub(r"(?m)^o(?=\s)", "g", text)
@@ -114,12 +106,12 @@ def _absolute(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _ply(meshio: Any, path: File, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
     mesh = meshio.ply._ply.read_buffer(io.BytesIO(data))
     return np.asarray(mesh.points, dtype=float), [("", tuple(_cells(mesh)))]
 
 
-def _stl(meshio: Any, path: File, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
     """Triangles as they stand; meshio would lose the names, and some files that trimesh writes."""
     if _is_binary(data):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -12,7 +12,7 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import MOST, Drawing, Mark
-from jld_core.exchange.libraries import library, text_of
+from jld_core.exchange.libraries import library, parsing, text_of
 from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, listed
 from jld_core.exchange.paths import Path
 
@@ -33,14 +33,9 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
     # the page that a drawing is shown on is no part of it: lengths are those it was drawn in
     text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
-    try:
+    with parsing("SVG", "an SVG file"):
         root = svg.SVG.parse(io.StringIO(text), reify=True, ppi=_PIXEL)
         return _drawing(svg, root, path.stem, options, notes)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a parser trips over in a file that is broken
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise InputError("", f"it is no SVG that can be read ({what[:120]})", "an SVG file") from error
 
 
 def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Notes) -> Drawing:

@@ -26,7 +26,15 @@ from jld_core.exchange.options import (
     rounded,
     several,
 )
-from jld_core.geometry import Faces, facets_of, find_spatial_contacts, merge_points, near_pairs, snap_solids
+from jld_core.geometry import (
+    Faces,
+    area_vector,
+    facets_of,
+    find_spatial_contacts,
+    merge_points,
+    near_pairs,
+    snap_solids,
+)
 from jld_core.geometry import solids as closed_solids
 from jld_core.linalg import components
 
@@ -160,8 +168,7 @@ def _flat(vertices: Floats, faces: Faces) -> Faces:
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
-        arm = corners - corners[0]
-        normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+        normal = area_vector(corners)
         length = float(np.linalg.norm(normal))
         off = np.abs((corners - corners.mean(axis=0)) @ normal).max() / length if length > 0.0 else 0.0
         if len(loop) == 3 or off <= 0.1 * tolerances.FACE * float(np.ptp(corners, axis=0).max()):

@@ -9,7 +9,7 @@ import numpy as np
 
 from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
-from jld_core.geometry import Surface, extrude, solids, union_outlines, union_solids
+from jld_core.geometry import Surface, area_vector, extrude, solids, union_outlines, union_solids
 
 
 def command_text(layout: Layout) -> str:
@@ -83,8 +83,7 @@ def _convex(surface: Surface) -> bool:
     size = float(np.ptp(points, axis=0).max())
     for loop in surface.faces:
         corners = points[list(loop)]
-        arm = corners - corners[0]
-        normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+        normal = area_vector(corners)
         normal /= np.linalg.norm(normal)
         if ((points - corners.mean(axis=0)) @ normal).max() > 1e-5 * size:
             return False

@@ -12,6 +12,7 @@ from jld_core.arrays import Floats
 from jld_core.exchange.facts import element_keys, facts_of, interfaces_of
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.write_mesh import solids_of
+from jld_core.geometry import area_vector
 
 _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
 
@@ -57,7 +58,7 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
     for a, b, points in _faces(layout, cells):
         face = {
             "points": points.tolist(),
-            "size": 0.5 * float(np.linalg.norm(_turn(points))),
+            "size": 0.5 * float(np.linalg.norm(area_vector(points))),
             "frame": _envelope("compas.geometry/Frame", _frame(points), ""),
             "forces": None,
             "mesh": None,
@@ -101,15 +102,8 @@ def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
         points = _in_space(layout, polygon)
         # corners turn about the normal out of the first, as COMPAS reads them
         out = faces.normal[k] if assembly.dimension == 3 else np.array([faces.normal[k, 0], 0.0, faces.normal[k, 1]])
-        found.append((one, two, points if _turn(points) @ out > 0.0 else points[::-1]))
+        found.append((one, two, points if area_vector(points) @ out > 0.0 else points[::-1]))
     return found
-
-
-def _turn(points: Floats) -> Floats:
-    """Twice the area of a plane polygon, as a vector."""
-    arm = points - points[0]
-    total: Floats = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
-    return total
 
 
 def _in_space(layout: Layout, polygon: Floats) -> Floats:
@@ -143,7 +137,7 @@ def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
 
 
 def _frame(points: Floats) -> dict[str, list[float]]:
-    normal = _turn(points)
+    normal = area_vector(points)
     x = points[1] - points[0]
     x = x / np.linalg.norm(x)
     y = np.cross(normal / np.linalg.norm(normal), x)

@@ -12,6 +12,7 @@
 - `SnappedSolids`: solids after snapping
 - `SpatialContact`: a plane contact of two polyhedra
 - `Surface`: a closed surface
+- `area_vector`: of a plane polygon, along its normal
 - `check_overlaps`: refuse polyhedra that share a volume
 - `check_polygons`: refuse polygons that are not simple or cover one another
 - `congruent`: whether two sets of corners are one, moved
@@ -21,6 +22,7 @@
 - `find_spatial_contacts`: where polyhedra touch
 - `given_normals`: normals of contacts that are given
 - `merge_points`: points within a tolerance, as one
+- `moment_about`: arm × force, in the plane or in space
 - `near_misses`: edges that nearly touch
 - `near_pairs`: boxes that touch or overlap
 - `near_solids`: facets that nearly touch
@@ -36,6 +38,7 @@
 - `snap_solids`: close gaps between polyhedra
 - `solids`: polyhedra with faces outward, volumes and centroids
 - `spatial_interfaces`: frames and sections of plane contacts
+- `spun`: turn × arm, likewise
 - `straight`: an outline without the corners in straight edges
 - `union_outlines`: what polygons cover together, in parts from left to right
 - `union_solids`: the outer surface of polyhedra that touch along parts of their faces
@@ -69,6 +72,7 @@ from jld_core.geometry.spatial_contacts import (
     spatial_interfaces,
 )
 from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_outlines, union_solids
+from jld_core.geometry.vectors import area_vector, moment_about, spun
 
 __all__ = [
     "Faces",
@@ -83,6 +87,7 @@ __all__ = [
     "SnappedSolids",
     "SpatialContact",
     "Surface",
+    "area_vector",
     "check_overlaps",
     "check_polygons",
     "congruent",
@@ -92,6 +97,7 @@ __all__ = [
     "find_spatial_contacts",
     "given_normals",
     "merge_points",
+    "moment_about",
     "near_misses",
     "near_pairs",
     "near_solids",
@@ -107,6 +113,7 @@ __all__ = [
     "snap_solids",
     "solids",
     "spatial_interfaces",
+    "spun",
     "straight",
     "union_outlines",
     "union_solids",

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.geometry.vectors import area_vector
 
 _REACH: Final = 1e-6
 """Distance, relative to the structure, within which corners of congruent blocks fall on one another."""
@@ -124,8 +125,7 @@ def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: f
     for corners, faces in solids:
         for loop in faces:
             ring = corners[list(loop)]
-            arm = ring - ring[0]
-            vector = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+            vector = area_vector(ring)
             normal = vector / np.linalg.norm(vector)
             for other, offset, members in planes:
                 sign = float(np.sign(normal @ other))

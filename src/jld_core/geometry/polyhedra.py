@@ -19,6 +19,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
 from jld_core.geometry.misfits import Overlap, refuse_overlaps
+from jld_core.geometry.vectors import area_vector
 from jld_core.linalg import components
 
 Faces = tuple[tuple[int, ...], ...]
@@ -269,8 +270,7 @@ def _boundary(surface: _Surface, members: Ints, vector: Floats) -> tuple[Floats,
                 loop.append(here)
                 here = onward[here].pop()
             points = surface.points[loop]
-            arm = points - points[0]
-            found.append((float(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0) @ vector), points))
+            found.append((float(area_vector(points) @ vector), points))
     found.sort(key=lambda entry: -entry[0])
     return tuple(points for _, points in found)
 

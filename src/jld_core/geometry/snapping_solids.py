@@ -14,6 +14,7 @@ from jld_core.errors import InputError
 from jld_core.geometry.polyhedra import Faces
 from jld_core.geometry.snapping import merge_points
 from jld_core.geometry.spatial_contacts import near_pairs
+from jld_core.geometry.vectors import area_vector
 
 _FLAT: Final = 0.995
 """Cosine between normals below which two faces are no one plane, however small they are."""
@@ -82,8 +83,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
     lower, upper = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
     for k, loop in enumerate(loops):
         corners = place[loop]
-        arm = corners - corners[0]
-        vector[k] = 0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+        vector[k] = area_vector(corners)
         middle[k], lower[k], upper[k] = corners.mean(axis=0), corners.min(axis=0), corners.max(axis=0)
     area = np.linalg.norm(vector, axis=1)
     normal = vector / np.where(area == 0.0, 1.0, area)[:, None]

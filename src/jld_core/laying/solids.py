@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly, Elements
+from jld_core.geometry import area_vector
 
 SHARED: Final = 1e-6
 """Volume, relative to the smaller block, that a sweep may share with another block: rounding of contacts."""
@@ -141,10 +142,9 @@ def _triangles(face: Floats) -> Floats:
     """(t, 3, 3) triangles that make up a plane polygon (k, 3)."""
     if len(face) == 3:
         return face[None]
-    arm = face - face[0]
-    normal = np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0)
+    normal = area_vector(face)
     across = tangents(normal / np.linalg.norm(normal))[:2]
-    flat = shapely.Polygon(arm @ across.T)
+    flat = shapely.Polygon((face - face[0]) @ across.T)
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
     return np.array([face[0] + shapely.get_coordinates(part)[:3] @ across for part in parts])
 

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.geometry import moment_about
 from jld_core.laying.blocks import Blocks
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import auxiliary
@@ -119,10 +120,9 @@ class Standing:
                 ]
             for point in points:
                 arm = point - elements.centroid[element]
-                moment = [arm[0] * up[1] - arm[1] * up[0]] if d == 2 else np.cross(arm, up)
                 column = np.zeros(q * len(standing))
                 column[q * position : q * (position + 1)] = (
-                    np.concatenate([up, moment]) * template.scaling.force / template.scaling.row[row]
+                    np.concatenate([up, moment_about(arm, up)]) * template.scaling.force / template.scaling.row[row]
                 )
                 columns.append(column)
                 owner.append(element)

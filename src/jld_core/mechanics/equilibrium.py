@@ -7,6 +7,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
+from jld_core.geometry import moment_about
 
 
 def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
@@ -33,7 +34,7 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
             if j < d:
                 along = directions[j][free]
                 block[:, :d] = along
-                block[:, d:] = _cross(arm, along)
+                block[:, d:] = moment_about(arm, along)
             elif d == 2:
                 block[:, 2] = 1.0
             else:
@@ -51,9 +52,3 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
     """b and b_λ on the free elements, each (q·free,), scene units: dead loads with self-weight, and live loads."""
     free = assembly.elements.free
     return assembly.dead[free].ravel(), assembly.live[free].ravel()
-
-
-def _cross(arm: Floats, along: Floats) -> Floats:
-    if arm.shape[1] == 2:
-        return (arm[:, 0] * along[:, 1] - arm[:, 1] * along[:, 0])[:, None]
-    return np.cross(arm, along)

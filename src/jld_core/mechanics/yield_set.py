@@ -196,7 +196,5 @@ def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
     ):
         lacking = np.flatnonzero(mask & np.isnan(values))
         if lacking.size:
-            faces, ids = assembly.interfaces, assembly.elements.ids
-            pair = f"{ids[faces.a[lacking[0]]]}–{ids[faces.b[lacking[0]]]}"
             name = key.split(".")[1]
-            raise InputError(key, "missing", f"this material, since face {pair} may be {name}")
+            raise InputError(key, "missing", f"this material, since face {assembly.pair(lacking[0])} may be {name}")

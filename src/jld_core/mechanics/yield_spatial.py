@@ -209,8 +209,8 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)
     odd = np.flatnonzero(np.isfinite(strengths.crush_dry) & ~np.isnan(strengths.friction) & ~faces.rectangle)
     if odd.size:
-        pair = f"{assembly.elements.ids[faces.a[odd[0]]]}–{assembly.elements.ids[faces.b[odd[0]]]}"
-        raise InputError("compressive_strength of dry faces", f"face {pair} is no rectangle", "rectangles only")
+        problem = f"face {assembly.pair(odd[0])} is no rectangle"
+        raise InputError("compressive_strength of dry faces", problem, "rectangles only")
     sets = scaled_strengths(strengths, faces.area / scaling.force)
     bending = bending_of(faces, point, inner_bending, np.isfinite(sets["crush_inner"]))
     return SpatialYield(

@@ -35,15 +35,13 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
     """Raise InputError for effective areas on planar scenes, on dry faces that are no rectangles or have cohesion."""
     if assembly.dimension == 2:
         raise InputError("--effective-area", "the scene is planar", "a spatial scene")
-    faces, ids = assembly.interfaces, assembly.elements.ids
-    odd = np.flatnonzero(labels & ~faces.rectangle)
+    odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
     if odd.size:
-        pair = f"{ids[faces.a[odd[0]]]}–{ids[faces.b[odd[0]]]}"
-        raise InputError("--effective-area", f"dry face {pair} is no rectangle", "rectangles only")
+        raise InputError("--effective-area", f"dry face {assembly.pair(odd[0])} is no rectangle", "rectangles only")
     stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
     if stuck.size:
-        pair = f"{ids[faces.a[stuck[0]]]}–{ids[faces.b[stuck[0]]]}"
-        raise InputError("--effective-area", f"dry face {pair} has cohesion", "friction alone, which acts where N does")
+        problem = f"dry face {assembly.pair(stuck[0])} has cohesion"
+        raise InputError("--effective-area", problem, "friction alone, which acts where N does")
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:

@@ -26,12 +26,13 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
     faces = assembly.interfaces
     hard = np.flatnonzero(labels & np.isfinite(assembly.strengths.crush_dry))
     if hard.size:
-        pair = f"{assembly.elements.ids[faces.a[hard[0]]]}–{assembly.elements.ids[faces.b[hard[0]]]}"
-        raise InputError("--contact concave", f"dry face {pair} has a compressive strength", "convex contact there")
+        problem = f"dry face {assembly.pair(hard[0])} has a compressive strength"
+        raise InputError("--contact concave", problem, "convex contact there")
     stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
     if stuck.size:
-        pair = f"{assembly.elements.ids[faces.a[stuck[0]]]}–{assembly.elements.ids[faces.b[stuck[0]]]}"
-        raise InputError("--contact concave", f"dry face {pair} has cohesion", "convex contact there")
+        raise InputError(
+            "--contact concave", f"dry face {assembly.pair(stuck[0])} has cohesion", "convex contact there"
+        )
     points: list[Floats] = [faces.polygon[face].mean(axis=0)[None] for face in range(len(faces))]
     dry = np.flatnonzero(labels)
     for face, outline in zip(dry.tolist(), local_hulls(faces, dry), strict=True):

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, blocks_of
+from jld_core.geometry import moment_about, spun
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status, element_velocities
 from jld_core.program import Template, pack
 from jld_core.solvers import ClarabelSolver, is_large
@@ -80,10 +81,7 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
     for load in (assembly.dead, assembly.live):
         arm = elements.centroid - centroid[group]
         own = load.copy()
-        if d == 2:
-            own[:, 2] += arm[:, 0] * load[:, 1] - arm[:, 1] * load[:, 0]
-        else:
-            own[:, 3:] += np.cross(arm, load[:, :3])
+        own[:, d:] += moment_about(arm, load[:, :d])
         own[elements.support] = 0.0
         total = np.zeros((number, load.shape[1]))
         np.add.at(total, group, own)
@@ -239,11 +237,8 @@ def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, 
     assembly, scale = full.assembly, full.template.scaling
     mechanism = element_velocities(inner.template, motion.velocity)[rigid.group]
     arm = assembly.elements.centroid - rigid.assembly.elements.centroid[rigid.group]
-    if assembly.dimension == 2:
-        mechanism[:, 0] -= mechanism[:, 2] * arm[:, 1]
-        mechanism[:, 1] += mechanism[:, 2] * arm[:, 0]
-    else:
-        mechanism[:, :3] += np.cross(mechanism[:, 3:], arm)
+    d = assembly.dimension
+    mechanism[:, :d] += spun(mechanism[:, d:], arm)
     velocity = (mechanism[assembly.elements.free] * scale.row.reshape(-1, assembly.freedoms)).ravel() / scale.load
     jumps = np.zeros(scale.face.shape)
     jumps[rigid.face] = (full.prover.transposed @ velocity).reshape(scale.face.shape)[rigid.face]

@@ -20,6 +20,7 @@ from shapely.geometry import Polygon
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly, blocks_of
+from jld_core.geometry import area_vector
 from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
 from jld_core.views.quantities import typical
 
@@ -266,13 +267,8 @@ def _paint_spatial(
 
 def _visible(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
     """Faces (outward) that look to the eye, the farthest first."""
-    seen = [face for face in faces if float(_area_vector(shape[list(face)]) @ toward) > 0.0]
+    seen = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
-
-
-def _area_vector(corners: Floats) -> Floats:
-    arm = corners - corners[0]
-    return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0))
 
 
 def _closed(points: Floats) -> Floats:
@@ -283,7 +279,7 @@ def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
     """A tint made darker on faces that look sideways: light falls from above and a little from the right."""
     from matplotlib.colors import to_rgb
 
-    normal = _area_vector(corners)
+    normal = area_vector(corners)
     light = float(normal @ np.array([0.35, -0.15, 0.92])) / max(float(np.linalg.norm(normal)), 1e-300)
     red, green, blue = (channel * (0.86 + 0.14 * light) for channel in to_rgb(colour))
     return red, green, blue, 0.88
@@ -293,5 +289,5 @@ def _front_edges(corners: Floats, normal: Floats, toward: Floats) -> Bools:
     """(k,) True for the edges of a contact that lie on the eye's side of it, where its elements show them."""
     along = np.roll(corners, -1, axis=0) - corners
     outward = np.cross(along, normal)
-    sense = float(_area_vector(corners) @ normal)
+    sense = float(area_vector(corners) @ normal)
     return np.asarray(outward @ toward * np.sign(sense) > 0.0)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 from jld_core.errors import InputError
 from jld_core.exchange import blocks_csv
 from jld_core.files import whole_file
-from jld_core.limit import load_floor
 from jld_core.models import solve
 from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
@@ -22,7 +21,7 @@ from jld_explore.report.evidence import front_rows, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.space import cut
-from jld_explore.study import StopReason, Study, versions
+from jld_explore.study import StopReason, Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,20 +65,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     counts = [name for name, _ in axes]
     front = tables.front_table(results, axes)
     complete = reason is StopReason.EXHAUSTED and study.driver.exhaustive
-    found = tables.summary(
-        results,
-        stop_reason=str(reason),
-        complete=complete,
-        classes=len(results) if complete else study.total,
-        solved=study.solved,
-        seconds=study.elapsed,
-        driver=study.driver.name,
-        seed=study.settings.seed,
-        versions=versions(),
-        bound=study.bound,
-        proven=study.driver.finished,
-        floor=load_floor(study.assembly),
-    )
+    found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
     found["warnings"] = list(study.assembly.warnings)

@@ -14,6 +14,7 @@ import json
 import re
 from collections.abc import Mapping
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any, Final
 
 from jld_core import __version__
@@ -28,17 +29,21 @@ PLANAR: Final = {"figures.js": "figures_planar.js"}
 """Modules that stand for others in pages of planar scenes, which need no WebGL."""
 
 
-def asset(name: str) -> str:
+def asset(name: str, wing: str = "report") -> str:
     """Text of a file of the front end."""
-    return files("jld_explore.report").joinpath("assets", name).read_text(encoding="utf-8")
+    return _assets(wing).joinpath(name).read_text(encoding="utf-8")
 
 
-def asset_names() -> list[str]:
+def asset_names(wing: str = "report") -> list[str]:
     """Files of the front end that a browser loads: modules and styles, those of vendors under their folder."""
-    root = files("jld_explore.report").joinpath("assets")
-    own = [entry.name for entry in root.iterdir() if entry.name.endswith((".js", ".css"))]
-    theirs = [f"vendor/{entry.name}" for entry in root.joinpath("vendor").iterdir() if entry.name.endswith(".js")]
-    return sorted(own + theirs)
+    own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
+    vendor = _assets(wing).joinpath("vendor")
+    theirs = [f"vendor/{entry.name}" for entry in vendor.iterdir()] if vendor.is_dir() else []
+    return sorted([*own, *(name for name in theirs if name.endswith(".js"))])
+
+
+def _assets(wing: str) -> Traversable:
+    return files(f"jld_explore.{wing}").joinpath("assets")
 
 
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
@@ -123,6 +128,3 @@ def filled(template: str, parts: Mapping[str, str]) -> str:
 
 def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
-
-
-__all__ = ["asset", "asset_names", "filled", "linked", "packed", "page"]

@@ -228,16 +228,10 @@ def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
         "gap": rounded(result.gap, DIGITS),
         "status": str(result.status),
         "friction": result.friction,
-        "forces": None,
-        "utilisation": None,
-        "pressure": None,
-        "on_face": None,
-        "vectors": None,
+        **dict.fromkeys(("forces", "utilisation", "pressure", "on_face", "vectors")),
         "thrust": [],
-        "mechanism": None,
+        **dict.fromkeys(("mechanism", "movements", "places")),
         "scale": 0.0,
-        "movements": None,
-        "places": None,
     }
     if forces is not None:
         pressure, on_face = quantities.pressure_points(assembly, forces)

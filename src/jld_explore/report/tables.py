@@ -1,4 +1,4 @@
-"""Result tables: pure functions of the records."""
+"""Result tables: pure functions of the records, and of the study that made them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Status, relative_width
+from jld_core.limit import Status, load_floor, relative_width
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
+from jld_explore.study import StopReason, Study, versions
 
 CONVERGENCE: Final = "convergence.csv"
 
@@ -155,27 +156,13 @@ def convergence_table(records: Records) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def summary(
-    results: pd.DataFrame,
-    *,
-    stop_reason: str,
-    complete: bool,
-    classes: int | None,
-    solved: int,
-    seconds: float,
-    driver: str,
-    seed: int,
-    versions: dict[str, str],
-    bound: float | None = None,
-    proven: bool = False,
-    floor: float = 0.0,
-) -> dict[str, Any]:
+def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
     """summary.json: the best labelling, what is proven of it, and how it was found.
 
     complete: every class of the space has its evaluation, so that the best of them is the best there is up to the
-    widths of the brackets. bound: a proven upper bound on λ over the whole space, where the driver has one. proven:
-    the driver has proven what it was to prove. floor: λ below which differences are no matter, see `load_floor`.
+    widths of the brackets. The driver may know a bound on λ over the whole space, and have proven what it was to prove.
     """
+    bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter(results["status"])
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     best = None if ranked.empty else float(ranked["load_factor"].iloc[0])
@@ -190,16 +177,16 @@ def summary(
         bound = float(ranked["bracket_hi"].max())
     gap = None
     if best is not None and bound is not None:
-        gap = relative_width(float(ranked["bracket_lo"].max()), bound, floor)
+        gap = relative_width(float(ranked["bracket_lo"].max()), bound, load_floor(study.assembly))
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "unbounded": unbounded,
-        "proven": certain or proven,
+        "proven": certain or driver.finished,
         "bound": bound,
         "gap": gap,
-        "stop_reason": stop_reason,
-        "classes": classes,
+        "stop_reason": str(reason),
+        "classes": len(results) if complete else study.total,
         "labellings": int(results["multiplicity"].sum()),
         "evaluated": len(results),
         "solved": solved,
@@ -208,7 +195,7 @@ def summary(
         "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
         "seconds": seconds,
         "rate": solved / seconds if seconds > 0.0 else None,
-        "driver": driver,
-        "seed": seed,
-        "versions": versions,
+        "driver": driver.name,
+        "seed": study.settings.seed,
+        "versions": versions(),
     }

@@ -76,7 +76,5 @@ def _block(space: SearchSpace, block: Ints, name: int, wrong: Bools) -> str:
 
 
 def _faces(space: SearchSpace, chosen: Bools) -> str:
-    faces, ids = space.assembly.interfaces, space.assembly.elements.ids
-    first, count = int(np.argmax(chosen)), int(chosen.sum())
-    pair = f"{ids[faces.a[first]]}–{ids[faces.b[first]]}"
+    pair, count = space.assembly.pair(int(np.argmax(chosen))), int(chosen.sum())
     return f"face {pair}" if count == 1 else f"{count} faces, the first {pair},"

@@ -20,7 +20,6 @@ from starlette.routing import Route
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
 from jld_explore.report import asset, asset_names, read_folder, study_data, study_page, write_text
-from jld_explore.studio.assets_of_studio import studio_asset, studio_asset_names
 from jld_explore.studio.desk import Desk
 from jld_explore.studio.guard import Guard
 from jld_explore.studio.jobs import Jobs, orders_for
@@ -164,15 +163,15 @@ def build_app(answers: Answers, token: str, hosts: tuple[str, ...]) -> Guard:
         return answer
 
     async def page(_: Request) -> Response:
-        return HTMLResponse(studio_asset("studio.html"))
+        return HTMLResponse(asset("studio.html", "studio"))
 
-    ours, shared = studio_asset_names(), asset_names()
+    ours, shared = asset_names("studio"), asset_names()
 
     async def file(request: Request) -> Response:
         name = request.path_params["name"]
         if name not in ours and name not in shared:
             return Response("no such file\n", status_code=404, media_type="text/plain")
-        text = studio_asset(name) if name in ours else asset(name)
+        text = asset(name, "studio" if name in ours else "report")
         return Response(text, media_type=KINDS[name.rpartition(".")[2]])
 
     calls: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
