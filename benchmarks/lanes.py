@@ -109,7 +109,7 @@ def measure(name: str, case: Case) -> list[str]:
     plain = (time.process_time() - start) / case.plain
     raw = batch.lanes.solve(labellings)
     settled = batch.prove(labellings)
-    bracket = settled.settled & ~settled.falls
+    bracket = settled.settled & ~settled.falls & ~settled.locked
     sizes = np.maximum(abs(settled.low), analysis.floor)
     width = ((settled.high - settled.low) / sizes)[bracket]
     spread = " / ".join(f"{value:.0e}" for value in np.quantile(width, [0.5, 0.99, 1.0])) if width.size else "–"

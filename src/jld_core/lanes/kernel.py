@@ -27,6 +27,7 @@ OPEN: Final = 0
 PROVEN: Final = 1
 FALLS: Final = 2
 CARRIES: Final = 3
+LOCKED: Final = 4
 
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
@@ -39,20 +40,24 @@ _FIRST: Final[dict[str, float]] = {
     "relax": 1e-3,
     "jumps": 1e-8,
     "aim": 1.0,
+    "press": 0.0,
+    "endless": 1e300,
 }
 TRIES: Final = (
-    library.Try(**_FIRST, most=28),
+    library.Try(**_FIRST | {"endless": 1e4}, most=28),
+    library.Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
     library.Try(**_FIRST | {"aim": 0.0, "target": 1e-6, "margin": 0.0}, most=28),
     library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
-"""Settings of the passes over what is still open, planar; the second looks for states at the edge. Source: measured,
-see benchmarks/lanes.py."""
+"""Settings of the passes over what is still open, planar: what runs away is tried for a ray, the rest for a state at the
+edge. Source: measured, see benchmarks/lanes.py."""
 
 SPATIAL_TRIES: Final = tuple(
     library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7} | more)
     for more in (
-        {"most": 28},
+        {"endless": 1e4, "most": 28},
+        {"aim": -1.0, "press": 1e-2, "most": 28},
         {"proximal": 1e-6, "margin": 1e-11, "first": 0.9, "most": 40},
         {"proximal": 1e-4, "most": 60},
     )
@@ -83,9 +88,10 @@ class LaneAnswers:
     """What is proven of k labellings, scaled.
 
     low, high: (k,) bounds on λ, infinite where there is none. verdict: (k,) OPEN, PROVEN (both bounds, a narrow
-    bracket), FALLS (no λ ≥ 0 is admissible) or CARRIES (λ above its threshold). iterations, tries: (k,) what it took.
-    forces (k, m, q) and velocity (k, q·free) belong to the bounds, where asked for. diagnosis: (k, 4) slack, error,
-    margin and gap at the last try.
+    bracket), FALLS (no λ ≥ 0 is admissible), CARRIES (λ above its threshold) or LOCKED (λ without end: a state and a
+    ray). iterations, tries: (k,) what it took. forces (k, m, q) and velocity (k, q·free) belong to the bounds and rays
+    (k, m, q), for λ = 1, to what is locked, where asked for. diagnosis: (k, 4) slack, error, margin and gap at the last
+    try.
     """
 
     low: Floats
@@ -96,6 +102,7 @@ class LaneAnswers:
     forces: Floats | None = None
     velocity: Floats | None = None
     diagnosis: Floats | None = None
+    rays: Floats | None = None
 
 
 class Lanes:
@@ -132,7 +139,7 @@ class Lanes:
         self._rows, self._keep, self._bows = rows.rows, rows.keep, rows.bows
         usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
         if rows.bows is not None:
-            usual = tuple(one for one in usual if one.aim > 0.0)  # edges of parabolas are left to others
+            usual = tuple(one for one in usual if one.aim > 0.0)  # edges and rays of parabolas are left to others
         chosen_tries = tries or usual
         self._tries = tuple(chosen_tries)
         elements, faces = template.assembly.elements, template.assembly.interfaces
@@ -219,10 +226,11 @@ class Lanes:
         forces = np.zeros((count, self.faces, self._q)) if vectors else None
         velocity = np.zeros((count, self.size)) if vectors else None
         diagnosis = np.zeros((count, 4)) if vectors else None
+        rays = np.zeros((count, self.faces, self._q)) if vectors else None
         problem = self._problem()
         settings = (library.Try * len(self._tries))(*self._tries)
         answers = library.Answers(
-            *(_pointer(array) for array in (low, high, verdict, iterations, tries, forces, velocity, diagnosis))
+            *(_pointer(array) for array in (low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays))
         )
         failed = self._library.jld_lanes_solve(
             problem, settings, len(self._tries), count, labels.ctypes.data, _pointer(least), answers
@@ -233,7 +241,7 @@ class Lanes:
             back = np.empty_like(velocity)
             back[:, self._ends] = velocity
             velocity = back
-        return LaneAnswers(low, high, verdict, iterations, tries, forces, velocity, diagnosis)
+        return LaneAnswers(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
     def _problem(self) -> library.Problem:
         p, start = self.pattern, self._start

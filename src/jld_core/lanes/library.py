@@ -86,6 +86,8 @@ class Try(ctypes.Structure):
         ("relax", ctypes.c_double),
         ("jumps", ctypes.c_double),
         ("aim", ctypes.c_double),
+        ("press", ctypes.c_double),
+        ("endless", ctypes.c_double),
         ("most", ctypes.c_int32),
     )
 
@@ -102,6 +104,7 @@ class Answers(ctypes.Structure):
         ("forces", _doubles),
         ("velocity", _doubles),
         ("diagnosis", _doubles),
+        ("rays", _doubles),
     )
 
 

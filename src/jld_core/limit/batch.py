@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.lanes import FALLS, Lanes, chosen, fits
+from jld_core.lanes import FALLS, LOCKED, Lanes, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
 from jld_core.limit.status import Status
@@ -15,10 +15,14 @@ from jld_core.limit.status import Status
 
 @dataclass(frozen=True)
 class BatchAnswers:
-    """What is settled of k labellings: status where settled (k,), and bounds (k,) on scaled λ, NaN where it falls."""
+    """What is settled of k labellings: settled, falls, locked (k,), and bounds (k,) on scaled λ.
+
+    Bounds are NaN where a labelling falls, and the upper one where it is locked.
+    """
 
     settled: Bools
     falls: Bools
+    locked: Bools
     low: Floats
     high: Floats
 
@@ -26,7 +30,9 @@ class BatchAnswers:
         """Of one labelling; None where it is left open."""
         if not self.settled[position]:
             return None
-        return Status.UNSTABLE if self.falls[position] else Status.COLLAPSE
+        if self.falls[position]:
+            return Status.UNSTABLE
+        return Status.LOCKED if self.locked[position] else Status.COLLAPSE
 
 
 class Batch:
@@ -47,24 +53,24 @@ class Batch:
 
     @property
     def worthwhile(self) -> bool:
-        """Does the kernel settle most labellings here? (Not where forces may grow for ever.)"""
+        """Does the kernel settle most labellings here?"""
         return self.lanes.settles >= 0.8
 
     def prove(self, labellings: Bits) -> BatchAnswers:
         """Bounds of labellings (k, m), True dry; what stands as settled is what `LimitAnalysis.judge` would settle."""
         found = self.lanes.solve(labellings)
         low, high = found.low, found.high
-        falls = found.verdict == FALLS
+        falls, locked = found.verdict == FALLS, found.verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
             # beside λ itself, or beside the weight of the whole around zero: what is neither a vertex has to tell
             around = (low <= 0.0) & (high >= 0.0)
             narrow = high - low <= self._gap * np.where(around, np.maximum(size, self._floor), size)
             sound = np.isfinite(low) & np.isfinite(high) & ~np.asarray(crossed(low, high))
-        settled = falls | (narrow & sound)
+        settled = falls | (narrow & sound & ~locked)
         # an upper bound below zero by more than rounding is a fall; one within it is for others to tell
         edge = ~falls & (high < 0.0)
-        settled &= ~edge
+        settled = (settled & ~edge) | locked
         low, high = np.minimum(low, high), np.maximum(low, high)
-        low[falls] = high[falls] = np.nan
-        return BatchAnswers(settled, falls, low, high)
+        low[falls] = high[falls | locked] = np.nan
+        return BatchAnswers(settled, falls, locked, low, high)

@@ -35,7 +35,7 @@ struct Shared {
 
     explicit Shared(const JldProblem& p)
         : diagonal(TRIANGLE<Q> * p.elements), off(Q * Q * p.pattern.column_start[p.elements]) {
-        for (int f = 0; f < p.faces; ++f) Sides<Q>{p}.template squared<double>(f, 1.0, diagonal.data(), off.data());
+        for (int f = 0; f < p.faces; ++f) Sides<Q>{p}.template squared<double>(f, 1.0, diagonal.data(), off.data(), 1.0);
         Factor<Q, double>::factor(p.pattern, diagonal.data(), off.data());
     }
 };
@@ -45,17 +45,17 @@ struct Work {
     static constexpr int Q = Face::Q;
     Store<Face> face;
     Store<Lane> u, du, rhs, left, held, diagonal, off;
-    Lane load, s0, z0, lag, delta;
+    Lane load, s0, z0, lag, delta, press;
 
     explicit Work(const JldProblem& p)
         : face(p.faces), u(Q * p.elements), du(Q * p.elements), rhs(2 * Q * p.elements), left(Q * p.elements),
           held(Q * p.elements), diagonal(TRIANGLE<Q> * p.elements), off(Q * Q * p.pattern.column_start[p.elements]) {
-        load = s0 = z0 = lag = delta = splat(1.0);
-        for (int i = 0; i < W; ++i) put(p, i, nullptr, 1.0);
+        load = s0 = z0 = lag = delta = press = splat(1.0);
+        for (int i = 0; i < W; ++i) put(p, i, nullptr, JldTry{});
     }
 
     // a labelling into a lane
-    void put(const JldProblem& p, int lane, const uint8_t* labels, double proximal) {
+    void put(const JldProblem& p, int lane, const uint8_t* labels, const JldTry& how) {
         for (int f = 0; f < p.faces; ++f) {
             int64_t at = int64_t(labels ? labels[f] : 0) * p.faces + f;
             face[f].put(lane, p.rows + 3 * Face::P * at, p.keep[at], p.forces + Q * f, p.jumps + Q * f, p.room, p.push);
@@ -63,7 +63,8 @@ struct Work {
         }
         for (size_t k = 0; k < u.size(); ++k) lanes_of(u[k])[lane] = p.speed[k];
         lanes_of(load)[lane] = p.load, lanes_of(s0)[lane] = p.load + p.floor > 1.0 ? p.load + p.floor : 1.0;
-        lanes_of(z0)[lane] = 1.0, lanes_of(lag)[lane] = 1.0, lanes_of(delta)[lane] = proximal;
+        lanes_of(z0)[lane] = 1.0, lanes_of(lag)[lane] = 1.0, lanes_of(delta)[lane] = how.proximal;
+        lanes_of(press)[lane] = how.press > how.margin ? how.press : how.margin;
     }
 
     // one lane of another
@@ -76,6 +77,12 @@ struct Work {
     void clear() {
         for (auto& x : diagonal) x = splat(0.0);
         for (auto& x : off) x = splat(0.0);
+    }
+
+    // S + rho, so that it can be factored whatever it is
+    void loosen(double rho) {
+        for (size_t e = 0; e < u.size() / Q; ++e)
+            for (int k = 0; k < Q; ++k) diagonal[TRIANGLE<Q> * e + at(k, k)] += rho;
     }
 
     Lane dot(const double* a, const Lane* x) const {
@@ -92,6 +99,7 @@ struct Measures {
 template <class Face>
 struct Interior {
     static constexpr int Q = Face::Q;
+    static constexpr double FREE = 1e-9;
     const JldProblem& p;
     const JldTry& how;
     Sides<Q> sides;
@@ -120,8 +128,8 @@ struct Interior {
         Lane *held = w.held.data(), *diagonal = w.diagonal.data(), *off = w.off.data();
         const Lane one = splat(1.0), none = splat(0.0);
         Iteration o;
-        o.margin = how.margin, o.delta = w.delta, o.lag = w.lag;
-        o.gap = w.s0 * w.z0, o.worst = o.next = o.value = o.moved = none;
+        o.margin = how.margin, o.press = w.press, o.delta = w.delta, o.lag = w.lag;
+        o.gap = w.s0 * w.z0, o.worst = o.next = o.value = o.moved = o.bent = none;
         for (int k = 0; k < n; ++k)
             left[k] = p.dead[k] + p.live[k] * w.load, rhs[k] = none, reach[k] = splat(p.live[k]);
         w.clear();
@@ -140,6 +148,8 @@ struct Interior {
             rhs[k] += left[k];
             held[k] = rhs[k];
         }
+        // where V is dropped velocities may be free of all forces
+        if (p.dropping) w.loosen(FREE);
         Solver::factor(p.pattern, diagonal, off);
         Solver::template solve<2>(p.pattern, diagonal, off, w.rhs.data(), n);
 
@@ -203,7 +213,9 @@ struct Interior {
         w.lag *= 1.0 - o.alpha_s;
         out.gap = o.next + w.s0 * w.z0;
         out.balance = unbalanced * (1.0 - o.alpha_s) + w.lag;
-        out.jumps = o.worst * (1.0 - o.alpha_z) + o.alpha_z * w.delta * o.moved;
+        if constexpr (Face::BOWED) out.balance += o.bent;
+        out.jumps = o.worst * (1.0 - o.alpha_z) + o.alpha_z * w.delta * o.moved + (w.press - how.margin);
+        w.press = larger(splat(how.margin), smaller(w.press, how.press * out.gap / count));
         out.speed = speed;
         // the proximal term holds the motion back as long as forces drift: less of it near the end, more where
         // equilibrium suffers from that
@@ -216,7 +228,7 @@ struct Interior {
     }
 
     // what a gap is measured by; without an aim there is no lambda to speak of
-    Lane scale() const { return larger(absolute(w.load) * how.aim, splat(how.aim > 0.0 ? 1e-4 : 1.0)); }
+    Lane scale() const { return larger(absolute(w.load * how.aim), splat(how.aim != 0.0 ? 1e-4 : 1.0)); }
 };
 
 }  // namespace jld

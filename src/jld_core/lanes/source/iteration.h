@@ -6,9 +6,9 @@ namespace jld {
 
 struct Iteration {
     double margin;
-    Lane delta, lag, centre, alpha_s, alpha_z;
+    Lane press, delta, lag, centre, alpha_s, alpha_z;
     // sums and maxima over faces
-    Lane gap, worst, hit_s, hit_z, over, under, zds, dsdz, next, value, moved;
+    Lane gap, worst, hit_s, hit_z, over, under, zds, dsdz, next, value, moved, bent;
 };
 
 }  // namespace jld

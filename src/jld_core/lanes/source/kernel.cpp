@@ -4,12 +4,14 @@
 #include "edge.h"
 #include "parts.h"
 #include "proof.h"
+#include "ray.h"
 
 namespace jld {
 
 template <class Face>
 struct Run {
     static constexpr int Q = Face::Q;
+    static constexpr double NOTHING = 1e-9;  // of what counts as zero: share that cannot be told from it
     const JldProblem& p;
     const JldTry* tries;
     int count_of_tries;
@@ -22,16 +24,19 @@ struct Run {
     int age[W], waiting = 0, turn = 0;
     std::vector<int64_t> next, place;
     std::vector<double> kept;
+    std::vector<uint8_t> grows, endless;  // forces seem to grow for ever; a ray is proven
+    const Recession<Face> recession;
     int64_t total = 0;
 
     Run(const JldProblem& problem, const JldTry* settings, int tries_, const uint8_t* bits,
         const double* least, const JldAnswers& answers)
         : p(problem), tries(settings), count_of_tries(tries_), out(answers), labels(bits), thresholds(least), shared(problem),
-          work(problem), ready(problem) {}
+          work(problem), ready(problem), recession(problem) {}
 
     void settle() {
         if constexpr (Q == 3 && !Face::BOWED)
             if (tries[turn].aim == 0.0) return at_edges();
+        if (tries[turn].aim < 0.0) return along_rays();
         Proof<Face> proof(p, tries[turn], shared, ready);
         proof.run();
         for (int i = 0; i < waiting; ++i) {
@@ -96,16 +101,44 @@ struct Run {
         waiting = 0;
     }
 
-    void judge(int64_t who) {
-        double low = std::fabs(out.low[who]), high = std::fabs(out.high[who]), size = low > high ? low : high;
-        if (out.low[who] <= 0.0 && out.high[who] >= 0.0 && size < p.zero) size = p.zero;
-        if (out.verdict[who] == 0 && thresholds && out.low[who] > thresholds[who]) out.verdict[who] = 3;
-        if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
+    void along_rays() {
+        Ray<Face> ray(recession.p, ready);
+        ray.run();
+        for (int i = 0; i < waiting; ++i) {
+            int64_t who = in_ready[i];
+            endless[who] = reinterpret_cast<int64_t*>(&ray.found)[i] != 0;
+            if (out.rays && endless[who])
+                for (int f = 0; f < p.faces; ++f)
+                    for (int k = 0; k < Q; ++k) out.rays[(who * p.faces + f) * Q + k] = lanes_of(ready.face[f].F[k])[i];
+            judge(who);
+            if (out.verdict[who] == 0) next.push_back(who);
+        }
+        waiting = 0;
     }
 
-    void pass(const std::vector<int64_t>& todo) {
+    void judge(int64_t who) {
+        // a lambda that is the rounding of zero is zero
+        if (out.low[who] > 0.0 && out.low[who] <= NOTHING * p.zero) out.low[who] = 0.0;
+        if (out.high[who] < 0.0 && out.high[who] >= -NOTHING * p.zero) out.high[who] = 0.0;
+        double low = std::fabs(out.low[who]), high = std::fabs(out.high[who]), size = low > high ? low : high;
+        if (out.low[who] <= 0.0 && out.high[who] >= 0.0 && size < p.zero) size = p.zero;
+        // proofs that contradict each other prove nothing
+        if (out.verdict[who] == 2 && out.low[who] >= 0.0) out.verdict[who] = 0;
+        if (out.verdict[who] == 0 && thresholds && out.low[who] > thresholds[who]) out.verdict[who] = 3;
+        if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
+        if (out.verdict[who] == 0 && endless[who] && out.low[who] > -1e30) out.verdict[who] = 4;
+    }
+
+    void pass(std::vector<int64_t> todo) {
         const JldTry& how = tries[turn];
-        Interior<Face> interior(p, how, work);
+        const JldProblem& now = how.aim < 0.0 ? recession.p : p;
+        if (how.aim < 0.0) {
+            // rays where forces grow, all others wait for the next try
+            std::vector<int64_t> some;
+            for (int64_t who : todo) (grows[who] && !Face::BOWED ? some : next).push_back(who);
+            todo = some;
+        }
+        Interior<Face> interior(now, how, work);
         size_t given = 0;
         int busy = 0;
         for (int i = 0; i < W; ++i) in_lane[i] = -1;
@@ -115,7 +148,7 @@ struct Run {
                 return;
             }
             in_lane[i] = todo[given++], age[i] = 0, ++busy;
-            work.put(p, i, labels + in_lane[i] * p.faces, how.proximal);
+            work.put(now, i, labels + in_lane[i] * p.faces, how);
             ++out.tries[in_lane[i]];
         };
         for (int i = 0; i < W; ++i) fill(i);
@@ -132,8 +165,13 @@ struct Run {
                 bool falls = how.aim > 0.0 && dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
                 // forces that carry more than matters say all that is asked
                 bool carries = thresholds && load > thresholds[in_lane[i]] && balance <= 1e-9;
+                bool ray = how.aim < 0.0 && load <= -0.5 && balance <= 1e-9;
+                // no motion comes near what would stop it
+                bool far = load > how.endless * (1.0 + std::fabs(p.load)) && jumps > 1e-2 * (1.0 + speed);
+                bool runs = how.aim > 0.0 && age[i] > 6 && far && balance <= 1e-6;
                 bool lost = !(gap < 1e30) || !(speed < 1e30);
-                if (solved || falls || carries || lost || age[i] >= how.most) {
+                if (runs) grows[in_lane[i]] = 1;
+                if (solved || falls || carries || ray || runs || lost || age[i] >= how.most) {
                     out.iterations[in_lane[i]] += age[i];
                     if (out.diagnosis) out.diagnosis[4 * in_lane[i] + 3] = gap;
                     in_ready[waiting] = in_lane[i];
@@ -150,6 +188,7 @@ struct Run {
     void run(int64_t count) {
         total = count;
         std::vector<int64_t> todo(count);
+        grows.assign(count, 0), endless.assign(count, 0);
         for (int64_t k = 0; k < count; ++k) {
             todo[k] = k;
             out.low[k] = -std::numeric_limits<double>::infinity(), out.high[k] = -out.low[k];

@@ -18,6 +18,8 @@ struct PlanarFace {
     Lane a0, h0, bow, knee, off[2];
 
     static constexpr bool bends(int pair) { return pair != 1; }
+    // resultants that a face without friction has not
+    static constexpr bool drops(int resultant) { return resultant == 1; }
 
     // The tangent at a normal force, which is exact there: slope and height.
     void tangent(Lane n, Lane& slope, Lane& height) const {
@@ -145,7 +147,7 @@ struct PlanarFace {
     void copy(const PlanarFace& from, int source, int lane) {
         auto move = [&](Lane& to, const Lane& x) { lanes_of(to)[lane] = lanes_of(x)[source]; };
         for (int k = 0; k < PAIRS; ++k) move(a[k], from.a[k]), move(b[k], from.b[k]), move(h[k], from.h[k]);
-        for (int k = 0; k < ROWS; ++k) move(s[k], from.s[k]);
+        for (int k = 0; k < ROWS; ++k) move(s[k], from.s[k]), move(z[k], from.z[k]);
         for (int k = 0; k < 3; ++k) move(F[k], from.F[k]);
         move(keep, from.keep);
         if constexpr (BOWS) move(a0, from.a0), move(h0, from.h0), move(bow, from.bow), move(knee, from.knee);
@@ -170,7 +172,7 @@ struct PlanarFace {
             t[r] = z[r] * is[r] * short_of(it, r);
         }
         turned(t, late);
-        jump[0] -= it.margin;
+        jump[0] -= it.press;
         for (int k = 0; k < 3; ++k) {
             it.worst = larger(it.worst, absolute(jump[k] + pull[k]));
             // of s dz + z ds = -s z what depends on z falls out against the residual of the jumps
@@ -223,6 +225,8 @@ struct PlanarFace {
     }
 
     void advance(Iteration& it) {
+        // what the tangent missed, which the next one mends
+        if constexpr (BOWS) it.bent = larger(it.bent, bow * (it.alpha_s * dF[0]) * (it.alpha_s * dF[0]));
         for (int k = 0; k < 3; ++k) F[k] += it.alpha_s * dF[k], it.moved = larger(it.moved, absolute(dF[k]));
         for (int r = 0; r < ROWS; ++r) {
             s[r] += it.alpha_s * ds[r], z[r] += it.alpha_z * dz[r];
@@ -257,14 +261,12 @@ struct PlanarFace {
             // the third pair closes: P of the first, R of the third, a0 P - a2 R = opening, b0 P + b2 R >= |turn|
             Mask crushes = b[2] > 0.0;
             Lane a2 = -select(crushes, a[2], splat(-1.0)), b2 = select(crushes, b[2], splat(1.0));
-            Lane open = jump[0], bent = absolute(jump[2]);
+            Lane open = jump[0] - a[1] * slip, bent = absolute(jump[2]);
             Lane R = larger(splat(0.0), -open / a2);
             R = larger(R, (bent - b[0] * open / a[0]) / (b[0] * a2 / a[0] + b2));
             Lane crushed = h[0] * (open + a2 * R) / a[0] + h[1] * slip + h[2] * R;
-            // a pair that slides with N at the same time is not priced here
-            Mask priced = crushes & (a[1] == 0.0);
-            work = select(priced, crushed, work);
-            margin = select(priced, dearest, margin);
+            work = select(crushes, crushed, work);
+            margin = select(crushes, dearest, margin);
         }
         if constexpr (BOWS) {
             Mask bowed = bow > 0.0;

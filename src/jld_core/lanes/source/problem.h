@@ -43,18 +43,22 @@ struct JldTry {
     double first, last, near; // share of the longest step, far away and at a relative gap of `near` and below
     double relax;    // relative gap below which the proximal term fades
     double jumps;    // error of the jumps, relative to speeds, that a motion may have
-    double aim;      // 1: the largest lambda; 0: the middle of what is admissible
+    double aim;      // 1: the largest lambda; 0: the middle of what is admissible; -1: a ray that carries ever more
+    double press;    // what a normal force costs, beside what its slack earns: bounds forces that nothing else does
+    double endless;  // lambda, beside where iterations start, above which a ray is looked for
     int32_t most;    // iterations
 };
 
 struct JldAnswers {
     double* low;         // (count) proven lower bound, -inf for none
     double* high;        // (count) proven upper bound, +inf for none
-    int32_t* verdict;    // (count) 0 open, 1 both bounds, 2 falls without live load, 3 carries more than its threshold
+    // (count) 0 open, 1 both bounds, 2 falls without live load, 3 carries more than its threshold, 4 carries any load
+    int32_t* verdict;
     int32_t* iterations; // (count) of all tries
     int32_t* tries;      // (count)
     double* forces;      // (count, 3 faces) or null
     double* velocity;    // (count, 3 elements) or null
     double* diagnosis;   // (count, 4) slack, error, margin before opening, gap; or null
+    double* rays;        // (count, faces Q) or null: for lambda = 1, of those that carry any load
 };
 }

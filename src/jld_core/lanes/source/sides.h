@@ -82,10 +82,10 @@ struct Sides<3> {
         }
     }
 
-    // S += A K A', K without the V that a label drops
+    // S += A K A', K without the V that a label drops, and without faces that are out of it
     template <class T>
-    void squared(int f, T keep, T* diagonal, T* off) const {
-        const T none = T{} * keep, one = none + 1.0, P[6] = {one, none, keep, none, none, one};
+    void squared(int f, T keep, T* diagonal, T* off, T in) const {
+        const T none = T{} * keep, P[6] = {in, none, keep * in, none, none, in};
         full<T>(f, P, diagonal, off);
     }
 
@@ -131,20 +131,22 @@ struct Sides<6> {
     const double* side(int f, int which) const { return p.sides + 54 * f + 27 * which; }
     int end(int f, int which) const { return which ? p.high[f] : p.low[f]; }
 
-    void add(int f, const Lane* x, Lane, Lane* out) const {
+    // V and the torsion that go with it count where they are kept
+    void add(int f, const Lane* x, Lane keep, Lane* out) const {
+        const Lane one = x[1] * keep, two = x[2] * keep, twist = x[5] * keep;
         for (int which = 0; which < 2; ++which)
             if (end(f, which) >= 0) {
                 const double* b = side(f, which);
                 Lane* o = out + 6 * end(f, which);
                 for (int r = 0; r < 6; ++r) {
-                    Lane sum = b[3 * r] * x[0] + b[3 * r + 1] * x[1] + b[3 * r + 2] * x[2];
-                    if (r >= 3) sum += b[9 + 3 * r] * x[3] + b[10 + 3 * r] * x[4] + b[11 + 3 * r] * x[5];
+                    Lane sum = b[3 * r] * x[0] + b[3 * r + 1] * one + b[3 * r + 2] * two;
+                    if (r >= 3) sum += b[9 + 3 * r] * x[3] + b[10 + 3 * r] * x[4] + b[11 + 3 * r] * twist;
                     o[r] += sum;
                 }
             }
     }
 
-    void jump(int f, const Lane* u, Lane, Lane* out) const {
+    void jump(int f, const Lane* u, Lane keep, Lane* out) const {
         for (int c = 0; c < 6; ++c) out[c] = splat(0.0);
         for (int which = 0; which < 2; ++which)
             if (end(f, which) >= 0) {
@@ -156,6 +158,7 @@ struct Sides<6> {
                         if (r >= 3) out[3 + c] += b[9 + 3 * r + c] * o[r];
                     }
             }
+        out[1] *= keep, out[2] *= keep, out[5] *= keep;
     }
 
     // A x of one side, x in the axes of the face
@@ -184,7 +187,7 @@ struct Sides<6> {
                     for (int c = 0; c <= r; ++c) d[at(r, c)] += by * own[c];
                 }
             }
-            const Lane couple[3] = {o.im[0], o.im[1], o.iT};
+            const Lane couple[3] = {o.im[0], o.im[1], o.iT * o.keep};
             for (int r = 3; r < 6; ++r)
                 for (int c = 3; c <= r; ++c)
                     for (int k = 0; k < 3; ++k) d[at(r, c)] += couple[k] * (b[9 + 3 * r + k] * b[9 + 3 * c + k]);
@@ -201,18 +204,20 @@ struct Sides<6> {
                 to[6 * r + c] = sum;
             }
         }
-        const Lane couple[3] = {o.im[0], o.im[1], o.iT};
+        const Lane couple[3] = {o.im[0], o.im[1], o.iT * o.keep};
         for (int r = 3; r < 6; ++r)
             for (int c = 3; c < 6; ++c)
                 for (int k = 0; k < 3; ++k) to[6 * r + c] += couple[k] * (high[9 + 3 * r + k] * low[9 + 3 * c + k]);
     }
 
     template <class T>
-    void squared(int f, T, T* diagonal, T* off) const {
+    void squared(int f, T keep, T* diagonal, T* off, T in) const {
+        const T slide = keep * in, by[6] = {in, slide, slide, in, in, slide};
         auto entry = [&](const double* x, const double* y, int r, int c) {
-            double sum = x[3 * r] * y[3 * c] + x[3 * r + 1] * y[3 * c + 1] + x[3 * r + 2] * y[3 * c + 2];
+            T sum = by[0] * (x[3 * r] * y[3 * c]);
+            for (int k = 1; k < 3; ++k) sum += by[k] * (x[3 * r + k] * y[3 * c + k]);
             if (r >= 3 && c >= 3)
-                for (int k = 0; k < 3; ++k) sum += x[9 + 3 * r + k] * y[9 + 3 * c + k];
+                for (int k = 0; k < 3; ++k) sum += by[3 + k] * (x[9 + 3 * r + k] * y[9 + 3 * c + k]);
             return sum;
         };
         for (int which = 0; which < 2; ++which)

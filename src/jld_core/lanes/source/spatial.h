@@ -8,6 +8,8 @@ namespace jld {
 
 struct SpatialFace {
     static constexpr bool BOWED = false;
+    static constexpr bool drops(int resultant) { return resultant == 1 || resultant == 2 || resultant == 5; }
+    static constexpr bool bends(int pair) { return pair != 2; }
     static constexpr int Q = 6, P = 3, ROWS = 6, CONES = 1, SIDES = 27;
     Lane a[3], b[3], h[3], keep;
     Lane F[6], t, s[6], z[6], lack[6], S[3], Z[3];
@@ -16,9 +18,13 @@ struct SpatialFace {
     Lane is[6], k[4], m[2], im[2], iT, sT, sv, iv, ic, it, tau, fall, g, upper, lower, first, last;
     Lane c[7], second[6], turned2[3], pull[3], dF[6], dt, ds[6], dz[6], dS[3], dZ[3];
 
-    void put(int lane, const double* row, double kept, const double* forces, const double* jumps, double space,
+    void put(int lane, const double* row, double kept, const double* from, const double* turns, double space,
              double push) {
-        for (int f = 0; f < 6; ++f) lanes_of(F[f])[lane] = forces[f];
+        double forces[6], jumps[6];
+        for (int f = 0; f < 6; ++f) {
+            const double by = drops(f) ? kept : 1.0;
+            forces[f] = by * from[f], jumps[f] = by * turns[f], lanes_of(F[f])[lane] = forces[f];
+        }
         double size = std::sqrt(forces[1] * forces[1] + forces[2] * forces[2]);
         double slip = std::sqrt(jumps[1] * jumps[1] + jumps[2] * jumps[2]);
         double bound = size + space, pressed = slip + push;
@@ -44,7 +50,8 @@ struct SpatialFace {
     void copy(const SpatialFace& from, int source, int lane) {
         auto move = [&](Lane& to, const Lane& x) { lanes_of(to)[lane] = lanes_of(x)[source]; };
         for (int k = 0; k < 3; ++k) move(a[k], from.a[k]), move(b[k], from.b[k]), move(h[k], from.h[k]);
-        for (int k = 0; k < 6; ++k) move(F[k], from.F[k]);
+        for (int k = 0; k < 6; ++k) move(F[k], from.F[k]), move(s[k], from.s[k]);
+        move(keep, from.keep);
     }
 
     Lane short_of(const Iteration& o, int row) const { return o.lag * (lack[row] + o.margin); }
@@ -106,10 +113,10 @@ struct SpatialFace {
 
     // columns of N, t and the two directions of V, in the axes of the face, and their weights in H^-1
     void pivots(Lane columns[4][6], Lane* weight) const {
-        Lane none = splat(0.0), along = sv * tau;
-        const Lane normal[6] = {splat(1.0), e1 * along, e2 * along, m[0], m[1], -sT * fall};
-        const Lane bound[6] = {none, e1 * sv, e2 * sv, none, none, -sT * b[2]};
-        const Lane one[6] = {none, e1, e2, none, none, none}, other[6] = {none, -e2, e1, none, none, none};
+        Lane none = splat(0.0), x = e1 * keep, y = e2 * keep, along = sv * tau, twist = -sT * keep;
+        const Lane normal[6] = {splat(1.0), x * along, y * along, m[0], m[1], twist * fall};
+        const Lane bound[6] = {none, x * sv, y * sv, none, none, twist * b[2]};
+        const Lane one[6] = {none, x, y, none, none, none}, other[6] = {none, -y, x, none, none, none};
         for (int j = 0; j < 6; ++j)
             columns[0][j] = normal[j], columns[1][j] = bound[j], columns[2][j] = one[j], columns[3][j] = other[j];
         weight[0] = g, weight[1] = it, weight[2] = iv, weight[3] = ic;
@@ -146,7 +153,7 @@ struct SpatialFace {
             late[r] = z[r] * is[r] * short_of(o, r);
         }
         o.gap += S[0] * Z[0] + S[1] * Z[1] + S[2] * Z[2];
-        jump[0] -= o.margin;
+        jump[0] -= o.press;
         Lane off[7] = {jump[0], jump[1] - Z[1], jump[2] - Z[2], jump[3], jump[4], jump[5], b[2] * (z[4] + z[5]) - Z[0]};
         Lane lag[7];
         for (int j = 0; j < 7; ++j) lag[j] = splat(0.0);
