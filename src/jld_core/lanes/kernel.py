@@ -50,8 +50,8 @@ TRIES: Final = (
     library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
-"""Settings of the passes over what is still open, planar: what runs away is tried for a ray, the rest for a state at the
-edge. Source: measured, see benchmarks/lanes.py."""
+"""Settings of the passes over what is still open, planar: what runs away is tried for a ray, the rest for a state at
+the edge. Source: measured, see benchmarks/lanes.py."""
 
 SPATIAL_TRIES: Final = tuple(
     library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7} | more)
