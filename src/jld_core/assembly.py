@@ -166,8 +166,8 @@ class Assembly(Shown):
     close gaps and overlaps, length. sink: element that stands for what a search leaves out (docs of `space.void`), −1
     in all that is solved. warnings: what is possible and hardly meant, a sentence each. cases: the load
     cases of a scene that has several; dead and live are then those of the first, and what solves asks for
-    `by_case`. nominal: where strengths are the low values of materials, the nominal ones. In a notebook it shows
-    what is modelled.
+    `by_case`. touching: pairs of supports that share a face, which are of one block. nominal: where strengths are the
+    low values of materials, the nominal ones. In a notebook it shows what is modelled.
     """
 
     name: str
@@ -184,6 +184,7 @@ class Assembly(Shown):
     sink: int = -1
     warnings: tuple[str, ...] = ()
     cases: tuple[LoadCase, ...] = ()
+    touching: tuple[tuple[int, int], ...] = ()
     nominal: Strengths | None = None
 
     def __repr__(self) -> str:
@@ -272,6 +273,7 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
         live=assembly.live[rows],
         labels=assembly.labels[kept],
         cases=cases,
+        touching=tuple((int(place[a]), int(place[b])) for a, b in assembly.touching),
         sink=-1,
     )
     return left, kept
@@ -280,11 +282,12 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
 def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:
     """(n,) the block of each element, numbered by their first elements: what inner faces join.
 
-    labels: (m,) True dry. joined: (k,) and (k,) elements that are of one block whatever the labels. An element glued to
-    a support belongs to the support's block.
+    labels: (m,) True dry. joined: (k,) and (k,) elements that are of one block whatever the labels, besides supports
+    that touch. An element glued to a support belongs to the support's block.
     """
-    inner = ~np.asarray(labels, dtype=bool)
-    one, other = assembly.interfaces.a[inner], assembly.interfaces.b[inner]
+    inner, touching = ~np.asarray(labels, dtype=bool), np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
+    one = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])
+    other = np.concatenate([assembly.interfaces.b[inner], touching[:, 1]])
     if joined is not None:
         one, other = np.concatenate([one, joined[0]]), np.concatenate([other, joined[1]])
     return components(len(assembly.elements), one, other)

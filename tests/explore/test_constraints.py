@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from cases import grid_document
+from jld_core.assembly import blocks_of as assembly_blocks
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
-from jld_explore.space import SearchSpace, counts, feasible, from_string, reasons_against, search_space
+from jld_explore.space import SearchSpace, blocks_of, counts, feasible, from_string, reasons_against, search_space
 
 ROWS = ["abc", "#.#"]  # faces: c0r0-c1r0, c0r0-c0r1, c1r0-c2r0, c2r0-c2r1
 CELL = 1400 * 9.81 * 0.1**3
@@ -80,6 +81,10 @@ def test_touching_supports_are_one_block() -> None:
     assert feasible(space, batch(space, *texts)).tolist() == [False, True, True]
     apart = space_of(["abc", "#.#"], candidates="all+supports")
     assert feasible(apart, batch(apart, "c0r0-c1r0", "c0r0-c1r0 c0r0-c0r1")).all()
+    # in pictures and files as in counts
+    for one in (space, apart):
+        rows = batch(one, *texts[:2])
+        assert np.array_equal(blocks_of(one.graph, rows), [assembly_blocks(one.assembly, row) for row in rows])
 
 
 def test_fixed_labels_bind() -> None:

@@ -64,6 +64,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         live_points=cases[0].live_points,
         moved=geometry.moved,
         cases=cases if scene.loads.cases is not None else (),
+        touching=geometry.touching,
     )
     return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
 

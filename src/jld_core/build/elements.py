@@ -62,14 +62,16 @@ class Geometry:
     """Elements and interfaces of a scene, and what had to be done to them; neither materials nor loads change them.
 
     elements: without weights. entries: the scene's own entry for each. given: the scene's own entry for each interface,
-    None where it was found. moved: farthest that a corner moved to close gaps and overlaps, length. warnings: what was
-    found near enough to be meant as contact, and is none.
+    None where it was found. touching: pairs of supports that share a face, whatever interfaces the scene states. moved:
+    farthest that a corner moved to close gaps and overlaps, length. warnings: what was found near enough to be meant as
+    contact, and is none.
     """
 
     elements: Elements
     entries: list[Element]
     interfaces: Interfaces
     given: list[Contact | None]
+    touching: tuple[tuple[int, int], ...]
     moved: float = 0.0
     warnings: tuple[str, ...] = ()
 

@@ -59,7 +59,10 @@ def planar_geometry(scene: Scene) -> Geometry:
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = planar_interfaces([contacts[k] for k in kept], thickness)
-    return Geometry(elements, entries, interfaces, [given[k] for k in kept], moved, warnings)
+    supports = np.flatnonzero(elements.support).tolist()
+    touching = {(supports[c.a], supports[c.b]) for c in find_planar_contacts([outlines[k] for k in supports])}
+    own = [given[k] for k in kept]
+    return Geometry(elements, entries, interfaces, own, tuple(sorted(touching)), moved, warnings)
 
 
 def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:

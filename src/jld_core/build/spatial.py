@@ -59,7 +59,10 @@ def spatial_geometry(scene: Scene) -> Geometry:
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = spatial_interfaces([contacts[k] for k in kept])
-    return Geometry(elements, entries, interfaces, [given[k] for k in kept], moved, warnings)
+    grounded = elements.support[pairs[0]] & elements.support[pairs[1]]
+    between = find_spatial_contacts(facets, (pairs[0][grounded], pairs[1][grounded]))
+    touching = tuple(sorted({(contact.a, contact.b) for contact in between}))
+    return Geometry(elements, entries, interfaces, [given[k] for k in kept], touching, moved, warnings)
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:

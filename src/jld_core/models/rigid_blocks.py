@@ -114,6 +114,7 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
         live=moved[1],
         labels=labels[kept],
         live_points=(),
+        touching=(),
     )
 
 

@@ -43,7 +43,9 @@ class Layouts:
     @cached_property
     def cells(self) -> Ints:
         """(n, k) free elements in each block, at the row of its smallest element, 0 elsewhere."""
-        found = _cells(self.assembly, self.graph, self.labellings)
+        rows, count = self.blocks.shape
+        place = self.blocks[:, self.assembly.elements.free] + count * np.arange(rows)[:, None]
+        found = np.bincount(place.ravel(), minlength=rows * count).reshape(rows, count).T
         if self.assembly.sink >= 0:
             # what is left out is no block
             found[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
@@ -265,23 +267,3 @@ def _values(
     parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph, shapes) for low in starts)
     found = [[count.of(part) for count in wanted] for part in parts]
     return {count.name: np.concatenate(column) for count, column in zip(wanted, zip(*found, strict=True), strict=True)}
-
-
-def _cells(assembly: Assembly, graph: Connectivity, labellings: Bits) -> Ints:
-    """(n, k) free elements in each block, at the row of its smallest element; labellings (k, m).
-
-    Joins blocks face by face in small integers: for many rows ten times faster than `blocks_of`.
-    """
-    count, width = len(graph.start), len(labellings)
-    kind = np.uint8 if count <= 256 else np.uint16 if count <= 65536 else np.uint32
-    block = np.repeat(np.arange(count, dtype=kind)[:, None], width, axis=1)
-    inner = np.ascontiguousarray(~labellings.T)
-    always = np.ones(width, dtype=bool)
-    joints = [(a, b, always) for a, b in graph.touching]
-    for a, b, joined in [*joints, *zip(graph.a, graph.b, inner, strict=True)]:
-        low, high = np.minimum(block[a], block[b]), np.maximum(block[a], block[b])
-        high[~joined] = low[~joined]
-        if np.any(low != high):
-            np.copyto(block, low, where=block == high)
-    place = block[assembly.elements.free].astype(np.int64) * width + np.arange(width)
-    return np.bincount(place.ravel(), minlength=count * width).reshape(count, width)

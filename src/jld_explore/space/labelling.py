@@ -16,10 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry import find_planar_contacts
 from jld_core.lanes import Graph
 
 Packed = NDArray[np.uint8]
@@ -92,7 +90,7 @@ class Connectivity:
 def connectivity(assembly: Assembly) -> Connectivity:
     """The element graph of an assembly, with the supports that touch one another."""
     faces, count = assembly.interfaces, len(assembly.elements)
-    touching = touching_supports(assembly)
+    touching = np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     own = np.arange(count)
     every = np.arange(len(faces))
     open_arcs = np.full(count + 2 * len(touching), len(faces))
@@ -102,27 +100,6 @@ def connectivity(assembly: Assembly) -> Connectivity:
     order = np.argsort(target, kind="stable")
     start = np.searchsorted(target[order], own)
     return Connectivity(faces.a, faces.b, touching, source[order], face[order], start)
-
-
-def touching_supports(assembly: Assembly) -> Ints:
-    """Pairs (t, 2) of supports that share a face, from their geometry; corners and edges alone do not count.
-
-    Found with the same tolerances as the assembly's own interfaces, which leave out pairs of supports.
-    """
-    elements = assembly.elements
-    supports = np.flatnonzero(elements.support & (np.arange(len(elements)) != assembly.sink))
-    shapes = [elements.shape[i] for i in supports]
-    if assembly.dimension == 2:
-        found = {(c.a, c.b) for c in find_planar_contacts(shapes)}
-    else:
-        from jld_core.geometry.polyhedra import facets_of
-        from jld_core.geometry.spatial_contacts import find_spatial_contacts, near_pairs
-
-        lower, upper = elements.lower[supports], elements.upper[supports]
-        pairs = near_pairs(lower, upper, tolerances.FACE * (upper - lower).max(axis=1))
-        facets = facets_of(shapes, [elements.faces[i] for i in supports])
-        found = {(c.a, c.b) for c in find_spatial_contacts(facets, pairs)}
-    return supports[np.array(sorted(found), dtype=np.int64).reshape(-1, 2)]
 
 
 def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:

@@ -128,7 +128,7 @@ def _image(
     moved = (elements.centroid - centre) @ matrix.T + centre
     kind = _kinds(assembly)
     to = _nearest(moved, elements.centroid, kind, kind, reach)
-    if to is None or not _same_corners(elements.shape, elements.shape, to, matrix, centre, reach):
+    if to is None or not _same_corners(elements.shape, to, matrix, centre, reach):
         return "its elements are not mapped onto elements of the same shape"
     if not _same_loads(assembly, to, matrix):
         return "its loads are not mapped onto themselves"
@@ -152,7 +152,7 @@ def _image(
     if not np.array_equal(names[number_to], pair_to):
         return "its interfaces are not mapped onto interfaces"
     face_to = _nearest(moved, faces.origin, number_to, number, reach)
-    if face_to is None or not _same_corners(faces.polygon, faces.polygon, face_to, matrix, centre, reach):
+    if face_to is None or not _same_corners(faces.polygon, face_to, matrix, centre, reach):
         return "its interfaces are not mapped onto interfaces"
     sign = np.where(faces.a[face_to] == to[faces.a], 1.0, -1.0)[:, None]
     if abs(faces.normal @ matrix.T - sign * faces.normal[face_to]).max(initial=0.0) > 10.0 * tolerances.SYMMETRY:
@@ -181,14 +181,7 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
     return np.asarray(to, dtype=np.int64) if fits else None
 
 
-def _same_corners(
-    shapes: tuple[Floats, ...],
-    others: tuple[Floats, ...],
-    to: Ints,
-    matrix: Floats,
-    centre: Floats,
-    reach: float,
-) -> bool:
+def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
     """Whether each moved shape has the corners of the one it falls on, in any order."""
     corners = np.array([len(s) for s in shapes])
     if np.any(corners != corners[to]):
@@ -196,7 +189,7 @@ def _same_corners(
     for size in np.unique(corners):
         group = np.flatnonzero(corners == size)
         moved = (np.array([shapes[i] for i in group]) - centre) @ matrix.T + centre
-        there = np.array([others[i] for i in to[group]])
+        there = np.array([shapes[i] for i in to[group]])
         near = np.linalg.norm(moved[:, :, None] - there[:, None], axis=3) <= 2.0 * reach
         if not (near.any(axis=1).all() and near.any(axis=2).all()):
             return False
