@@ -1,6 +1,5 @@
 """Scene → Assembly: elements, interfaces, materials, loads.
 
-- `Geometry`: elements and interfaces, before materials and loads
 - `Resultant`: what a set of generalised forces adds up to
 - `Settlement`: a movement of supports, known up to its size
 - `build_assembly`: Scene → Assembly
@@ -14,12 +13,11 @@
 from __future__ import annotations
 
 from jld_core.build.assemble import build_assembly, build_geometry, build_robust
-from jld_core.build.elements import Geometry, faces_of_pairs
+from jld_core.build.elements import faces_of_pairs
 from jld_core.build.plausibility import Resultant, resultant
 from jld_core.build.settlements import Settlement, settlements_of
 
 __all__ = [
-    "Geometry",
     "Resultant",
     "Settlement",
     "build_assembly",

@@ -3,13 +3,10 @@
 - `Faces`: faces of polyhedra
 - `Facets`: plane facets of all elements, as arrays
 - `Kinds`: outlines numbered by their shape as they come: each is compared with one of every kind so far
-- `NearMiss`: two faces that nearly touch and are not joined
 - `Outline`: one block's boundary
-- `Overlap`: two elements that share an area or a volume
 - `PlanarContact`: a straight contact of two polygons
 - `Region`: a plane area
 - `Snapped`: paths after snapping
-- `SnappedSolids`: solids after snapping
 - `SpatialContact`: a plane contact of two polyhedra
 - `Surface`: a closed surface
 - `area_vector`: of a plane polygon, along its normal
@@ -30,7 +27,6 @@
 - `planar_interfaces`: frames and sizes of straight contacts
 - `reach_of`: distance within which corners of blocks of an assembly are one
 - `rectangle_torsion_length`: c_T of rectangles
-- `refuse_overlaps`: the complaint about all overlaps, with depth and place
 - `region_of`: a polygon of shapely → Region
 - `shape_numbers`: number of the shape of each entry, from 1 by first appearance
 - `snap_paths`: close gaps between open and closed paths
@@ -49,7 +45,7 @@
 from __future__ import annotations
 
 from jld_core.geometry.congruence import Kinds, congruent, shape_numbers
-from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps, words_of
+from jld_core.geometry.misfits import words_of
 from jld_core.geometry.outlines import Outline, outline_of, reach_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
@@ -62,7 +58,7 @@ from jld_core.geometry.planar_contacts import (
 from jld_core.geometry.polygons import rectangle_torsion_length
 from jld_core.geometry.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
 from jld_core.geometry.snapping import Snapped, merge_points, snap_paths, snap_polygons, straight
-from jld_core.geometry.snapping_solids import SnappedSolids, snap_solids
+from jld_core.geometry.snapping_solids import snap_solids
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     find_spatial_contacts,
@@ -78,13 +74,10 @@ __all__ = [
     "Faces",
     "Facets",
     "Kinds",
-    "NearMiss",
     "Outline",
-    "Overlap",
     "PlanarContact",
     "Region",
     "Snapped",
-    "SnappedSolids",
     "SpatialContact",
     "Surface",
     "area_vector",
@@ -105,7 +98,6 @@ __all__ = [
     "planar_interfaces",
     "reach_of",
     "rectangle_torsion_length",
-    "refuse_overlaps",
     "region_of",
     "shape_numbers",
     "snap_paths",

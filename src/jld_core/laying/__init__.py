@@ -1,10 +1,8 @@
 """How blocks are laid: which way they come, in which order, and what stands while they do.
 
-- `GROUP`: blocks moved together at the most, where single ones fail
 - `Blocks`: k blocks of a labelling, numbered by their first element
 - `Layability`: whether labellings of one assembly can be laid, and by which labels not
 - `Laying`: how a labelling is laid, block by block
-- `Lock`: labels that no labelling has that can be laid
 - `Step`: one step of laying
 - `blocks_of_labelling`: the blocks of a labelling as bodies → `Blocks`
 - `laying_order`: an order of laying by translations, with the props that its stages need → `Laying` of `Step`s
@@ -14,15 +12,13 @@
 from __future__ import annotations
 
 from jld_core.laying.blocks import Blocks, blocks_of_labelling
-from jld_core.laying.constraint import Layability, Lock
-from jld_core.laying.order import GROUP, Laying, Step, laying_order, locked_blocks
+from jld_core.laying.constraint import Layability
+from jld_core.laying.order import Laying, Step, laying_order, locked_blocks
 
 __all__ = [
-    "GROUP",
     "Blocks",
     "Layability",
     "Laying",
-    "Lock",
     "Step",
     "blocks_of_labelling",
     "laying_order",

@@ -14,7 +14,6 @@
 - `equilibrium_matrix`: A_eq
 - `load_vectors`: b and b_λ
 - `local_hulls`: convex hulls of faces in their own frames
-- `planar_yield`: the yield sets of a planar assembly
 - `require_materials`: refuse labellings whose material is missing
 - `scaling_of`: the scales of an assembly
 - `spatial_yield`: the yield sets of a spatial assembly
@@ -27,7 +26,7 @@ from jld_core.mechanics.bending import InnerBending, local_hulls
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.mechanics.scaling import Scaling, scaling_of
-from jld_core.mechanics.yield_planar import PlanarYield, planar_yield
+from jld_core.mechanics.yield_planar import PlanarYield
 from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge, YieldSet, require_materials
 from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield, yield_set
 
@@ -46,7 +45,6 @@ __all__ = [
     "equilibrium_matrix",
     "load_vectors",
     "local_hulls",
-    "planar_yield",
     "require_materials",
     "scaling_of",
     "spatial_yield",

@@ -14,20 +14,13 @@ from jld_core.mechanics.yield_set import RowPattern
 
 
 @dataclass(frozen=True)
-class Frictional:
+class Frictional(Strengths):
     """Strengths of m faces under either label, scaled: shear (|V|, in space |V| + |mT|) ≤ c + μN, docs/method.md (2.6).
 
     friction, cohesion: μ and c of dry faces. inner_friction, shear: μ and c = τA of inner ones. tension: σtA of inner
     ones, no more than c / μ. crush_dry, crush_inner: σcA (inf where none). All but μ over the force scale.
     """
 
-    friction: Floats
-    tension: Floats
-    shear: Floats
-    crush_dry: Floats
-    crush_inner: Floats
-    cohesion: Floats
-    inner_friction: Floats
     pattern: RowPattern
 
     @cached_property
@@ -82,21 +75,21 @@ class Frictional:
         return replace(self, friction=none, inner_friction=none, cohesion=none, shear=none)
 
 
-def scaled_strengths(strengths: Strengths, unit: Floats) -> dict[str, Floats]:
-    """The fields of `Frictional` but for `pattern`; unit: (m,) area over the force scale.
+def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
+    """Strengths as `Frictional` has them; unit: (m,) area over the force scale.
 
     A material the scene does not name becomes a face without strength: `require_materials` has refused the
     labellings that would need it.
     """
-    return {
-        "friction": np.nan_to_num(strengths.friction, nan=0.0),
-        "tension": np.nan_to_num(strengths.tension, nan=0.0) * unit,
-        "shear": np.nan_to_num(strengths.shear, nan=0.0) * unit,
-        "crush_dry": _bounded(strengths.crush_dry, unit),
-        "crush_inner": _bounded(strengths.crush_inner, unit),
-        "cohesion": strengths.cohesion * unit,
-        "inner_friction": strengths.inner_friction.copy(),
-    }
+    return Strengths(
+        friction=np.nan_to_num(strengths.friction, nan=0.0),
+        tension=np.nan_to_num(strengths.tension, nan=0.0) * unit,
+        shear=np.nan_to_num(strengths.shear, nan=0.0) * unit,
+        crush_dry=_bounded(strengths.crush_dry, unit),
+        crush_inner=_bounded(strengths.crush_inner, unit),
+        cohesion=strengths.cohesion * unit,
+        inner_friction=strengths.inner_friction.copy(),
+    )
 
 
 def _bounded(strength: Floats, unit: Floats) -> Floats:

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import Assembly
+from jld_core.assembly import Assembly, Strengths
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
 from jld_core.mechanics.hull import bow_of_hull, hull_rows
 from jld_core.mechanics.scaling import Scaling
@@ -159,20 +159,14 @@ class PlanarYield(Frictional):
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
     """Planar yield sets of all faces of an assembly, both labels, and their row pattern."""
     sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
-    return PlanarYield(**sets, pattern=_planar_rows(**sets))
+    return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
 
-def _planar_rows(
-    friction: Floats,
-    tension: Floats,
-    shear: Floats,
-    crush_dry: Floats,
-    crush_inner: Floats,
-    cohesion: Floats,
-    inner_friction: Floats,
-) -> RowPattern:
+def _planar_rows(sets: Strengths) -> RowPattern:
     """Rows per face: ±m against N, ±V against N; ±m against σc where an inner σc is given; then, where a dry σc is
     given, the cones N² ≤ N_c (N ∓ m)."""
+    friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
+    crush_inner, inner_friction = sets.crush_inner, sets.inner_friction
     count = len(friction)
     every = np.arange(count)
     zero, one = np.zeros(count), np.ones(count)
@@ -214,9 +208,9 @@ def _planar_rows(
         h_inner.append(inner)
         row_face.append(faces)
         linear += len(faces)
-    crushed = np.flatnonzero(np.isfinite(crush_dry))
+    crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
     none = np.zeros(crushed.size)
-    limit = crush_dry[crushed]
+    limit = sets.crush_dry[crushed]
     size = np.maximum(1.0, limit)
     for turn, sign in enumerate((1.0, -1.0)):
         # with w = N − sign·m and c = N_c: N² ≤ c·w ⇔ ‖(2N, c − w)‖ ≤ c + w

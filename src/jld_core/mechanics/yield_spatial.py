@@ -212,10 +212,8 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
         problem = f"face {assembly.pair(odd[0])} is no rectangle"
         raise InputError("compressive_strength of dry faces", problem, "rectangles only")
     sets = scaled_strengths(strengths, faces.area / scaling.force)
-    bending = bending_of(faces, point, inner_bending, np.isfinite(sets["crush_inner"]))
-    return SpatialYield(
-        **sets, point=point, bending=bending, pattern=spatial_rows(**sets, point=point, bending=bending)
-    )
+    bending = bending_of(faces, point, inner_bending, np.isfinite(sets.crush_inner))
+    return SpatialYield(**vars(sets), point=point, bending=bending, pattern=spatial_rows(sets, point, bending))
 
 
 def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "paper") -> FrictionSet:

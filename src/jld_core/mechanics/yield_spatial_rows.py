@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
+from jld_core.assembly import Strengths
 from jld_core.mechanics.bending import Bending
 from jld_core.mechanics.yield_set import RowPattern
 
@@ -96,38 +97,27 @@ class _Sheet:
         )
 
 
-def spatial_rows(
-    friction: Floats,
-    tension: Floats,
-    shear: Floats,
-    crush_dry: Floats,
-    crush_inner: Floats,
-    cohesion: Floats,
-    inner_friction: Floats,
-    point: Bools,
-    bending: Bending,
-) -> RowPattern:
+def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
     """Rows of m spatial faces, columns as in A_eq, then the extra variables.
 
-    Arguments: as in SpatialYield. Extra columns: t per face with moments, a bound on shear; then p, q, a, b
-    per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against c + μN of either label;
-    inner σc per hull edge; p, q ≤ N ∓ m. Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b,
-    which say N³ ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
+    sets: scaled; point, bending: as in SpatialYield. Extra columns: t per face with moments, a bound on shear; then
+    p, q, a, b per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against c + μN of
+    either label; inner σc per hull edge; p, q ≤ N ∓ m. Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N,
+    N² ≤ √N_c a b, which say N³ ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
     """
-    sheet = _Sheet(len(friction))
-    crushed = np.flatnonzero(np.isfinite(crush_dry))
-    _bending_rows(sheet, tension, crush_dry, point, bending)
+    sheet = _Sheet(len(sets.friction))
+    crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
+    _bending_rows(sheet, sets.tension, sets.crush_dry, point, bending)
     plane, points = np.flatnonzero(~point), np.flatnonzero(point)
     bound = sheet.fresh(len(plane))
-    _torsion_rows(sheet, plane, bound, (friction, cohesion), (inner_friction, shear))
-    _inner_crush_rows(sheet, crush_inner, bending)
+    _torsion_rows(sheet, plane, bound, (sets.friction, sets.cohesion), (sets.inner_friction, sets.shear))
+    _inner_crush_rows(sheet, sets.crush_inner, bending)
     some = _Crush(crushed, *(sheet.fresh(crushed.size) for _ in range(4)))
     _effective_rows(sheet, some)
     linear = sheet.rows
-    cones = _shear_cones(sheet, plane, bound, points, friction, cohesion, shear + inner_friction) + _crush_cones(
-        sheet, some, crush_dry
-    )
-    return sheet.pattern(linear, (3,) * cones)
+    shearing = sets.shear + sets.inner_friction
+    cones = _shear_cones(sheet, plane, bound, points, sets.friction, sets.cohesion, shearing)
+    return sheet.pattern(linear, (3,) * (cones + _crush_cones(sheet, some, sets.crush_dry)))
 
 
 @dataclass(frozen=True)

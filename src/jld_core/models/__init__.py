@@ -10,8 +10,6 @@
 - `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
 - `point_contact_assembly`: the assembly of concave contact
 - `prove_condensed`: proof by rigid blocks, cracked on demand
-- `prove_effective_area`: proof at a fixed point of effective areas
-- `prove_zero_dilation`: collapse without dilation, by an analysis that exists
 - `rigid_blocks`: elements joined through inner faces
 - `sensitivities`: how λ changes with strengths and weight
 - `solve`: λ of one labelling, with a two-sided bracket
@@ -24,12 +22,12 @@
 from __future__ import annotations
 
 from jld_core.limit import SolveOptions
-from jld_core.models.effective_area import areas_under, change, frozen_areas, prove_effective_area
+from jld_core.models.effective_area import areas_under, change, frozen_areas
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
-from jld_core.models.zero_dilation import prove_zero_dilation, solve_zero_dilation, zero_dilation
+from jld_core.models.zero_dilation import solve_zero_dilation, zero_dilation
 from jld_core.models.zero_dilation_search import Scheme
 
 __all__ = [
@@ -43,8 +41,6 @@ __all__ = [
     "limit_analysis",
     "point_contact_assembly",
     "prove_condensed",
-    "prove_effective_area",
-    "prove_zero_dilation",
     "rigid_blocks",
     "sensitivities",
     "solve",

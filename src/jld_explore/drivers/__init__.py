@@ -3,9 +3,7 @@
 - `DRIVERS`: drivers by name
 - `MEMORY`: labellings the surrogate learns from
 - `REACH`: faces up to which the exact driver is taken unasked
-- `Anneal`: chains that follow mechanisms, ever colder
 - `BufferedRandom`: random choices, drawn in blocks
-- `Conflict`: labels that no labelling worth finding has together
 - `Driver`: one strategy of search
 - `DriverOptions`: what a driver takes besides, described
 - `Enumeration`: all classes, in one order
@@ -32,12 +30,10 @@
 
 from __future__ import annotations
 
-from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver, DriverOptions
 from jld_explore.drivers.choice import REACH, bound_of_all, driver_for, what_would_prove
 from jld_explore.drivers.enumeration import Enumeration, Tally, size_up_to
 from jld_explore.drivers.exact import (
-    Conflict,
     Exact,
     Formula,
     PossibleBlocks,
@@ -56,9 +52,7 @@ __all__ = [
     "DRIVERS",
     "MEMORY",
     "REACH",
-    "Anneal",
     "BufferedRandom",
-    "Conflict",
     "Driver",
     "DriverOptions",
     "Enumeration",

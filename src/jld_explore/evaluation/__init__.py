@@ -22,7 +22,6 @@
 - `Proofs`: what one solve leaves behind
 - `RecordedEvaluator`: workers with a record
 - `Records`: evaluations, proofs and conflicts on disk
-- `Run`: labellings under evaluation
 - `Sent`: labellings on their way
 - `Vertex`: what was found at a vertex
 - `WorkerSpec`: what a worker needs
@@ -40,7 +39,6 @@
 - `on_cluster`: workers of a scheduler, on other machines
 - `places`: place of each status
 - `proofs_of`: what a finished solve proves of others
-- `record_type`: layout of one record
 - `settled`: how each record was settled
 - `standing`: what sorts evaluations
 - `statuses`: status of each record
@@ -71,10 +69,10 @@ from jld_explore.evaluation.ranking import (
 )
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records
-from jld_explore.evaluation.rows import record_type, settled, statuses
+from jld_explore.evaluation.rows import settled, statuses
 from jld_explore.evaluation.undisturbed import disturb
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
-from jld_explore.evaluation.workers import MakeEvaluator, Run, Workers, WorkerSpec, batch_size
+from jld_explore.evaluation.workers import MakeEvaluator, Workers, WorkerSpec, batch_size
 
 __all__ = [
     "BOUND",
@@ -99,7 +97,6 @@ __all__ = [
     "Proofs",
     "RecordedEvaluator",
     "Records",
-    "Run",
     "Sent",
     "Vertex",
     "WorkerSpec",
@@ -117,7 +114,6 @@ __all__ = [
     "on_cluster",
     "places",
     "proofs_of",
-    "record_type",
     "settled",
     "standing",
     "statuses",

@@ -2,7 +2,6 @@
 
 - `CaseSolver`: solves labellings of one assembly under each of its load cases, on templates that are built once
 - `Exploration`: a finished search
-- `ExplorationView`: how it shows itself in a notebook
 - `Page`: the page of a search, which a notebook shows in a frame
 - `assembly`: what `jld check` prints
 - `asset`: text of a file of the front end
@@ -39,7 +38,7 @@ from jld_explore.report.folder import (
     write_text,
 )
 from jld_explore.report.front import on_front
-from jld_explore.report.notebook import ExplorationView, Page, show_page
+from jld_explore.report.notebook import Page, show_page
 from jld_explore.report.page import asset, asset_names, filled
 from jld_explore.report.page_data import loads_of, page_data, solution_of
 from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
@@ -50,7 +49,6 @@ from jld_explore.report.words import assembly
 __all__ = [
     "CaseSolver",
     "Exploration",
-    "ExplorationView",
     "Page",
     "assembly",
     "asset",

@@ -8,7 +8,6 @@
 - `Count`: one count of labellings
 - `Layouts`: labellings (k, m) of an assembly, as counts look at them
 - `Limits`: all limits of a search over an assembly
-- `Measure`: how large a block is, over its free elements, scene units
 - `Range`: inclusive bounds, rounding allowed for
 - `SearchSpace`: what may be labelled
 - `Sized`: things with a size by every measure
@@ -71,7 +70,7 @@ from jld_explore.space.labelling import (
     to_strings,
     unpack,
 )
-from jld_explore.space.limits import CELLS, EXEMPT, MEASURES, SHAPED, Limits, Measure, Range, Sized, block_sizes
+from jld_explore.space.limits import CELLS, EXEMPT, MEASURES, SHAPED, Limits, Range, Sized, block_sizes
 from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
 from jld_explore.space.shapes import BlockShapes
@@ -86,7 +85,6 @@ __all__ = [
     "Count",
     "Layouts",
     "Limits",
-    "Measure",
     "Range",
     "SearchSpace",
     "Sized",
