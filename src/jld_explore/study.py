@@ -41,7 +41,6 @@ from jld_explore.evaluation import (
     WorkerSpec,
     evaluator_of,
     is_small,
-    kernel_settles,
 )
 from jld_explore.space import SearchSpace, unpack
 
@@ -193,12 +192,13 @@ class Study:
         faces, budget, driver = len(self.assembly.interfaces), self.settings.budget, self.driver
         template = Template(self.assembly) if self.certificates else None
         settings = EvaluatorSettings(self.settings.model, prove=self.certificates)
+        recipe = WorkerSpec.of(self.assembly, settings, self._make)
         workers = Workers(
-            WorkerSpec.of(self.assembly, settings, self._make),
+            recipe,
             self.settings.jobs,
             faces,
             quick=template is not None and is_small(template),
-            lanes=self._make is evaluator_of and kernel_settles(self.assembly, settings),
+            lanes=self._make is evaluator_of and settings.in_lanes and recipe.evaluator().settles,
         )
         front = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
         recorded = RecordedEvaluator(

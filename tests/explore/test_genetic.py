@@ -9,6 +9,7 @@ from jld_core.build import build_assembly
 from jld_core.limit import Status
 from jld_core.scene import load_scene
 from jld_explore.drivers import Genetic
+from jld_explore.drivers.genetic import crowding_of
 from jld_explore.evaluation import FAILED, ORDER, Evaluation, Evaluator, EvaluatorSettings, objectives, places, standing
 from jld_explore.space import search_space
 from paths import SCENES
@@ -33,6 +34,21 @@ def test_best_of_the_flagship_within_500() -> None:
         assert best <= BEST * (1.0 + 1e-6)
         reached += best >= BEST * (1.0 - 1e-6)
     assert reached >= 2
+
+
+def test_crowding_is_the_library_s_on_every_front_at_once() -> None:
+    from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
+
+    rng = np.random.default_rng(0)
+    values = np.column_stack([rng.normal(size=60).round(1), rng.integers(5, size=60), np.ones(60)])
+    front = rng.integers(6, size=60).astype(float)
+    found = crowding_of(values, front)
+    for name in np.unique(front):
+        own = front == name
+        expected = calc_crowding_distance(values[own])
+        # which of several that are equal counts as the end of a front is anybody's
+        assert np.sort(found[own]) == pytest.approx(np.sort(expected))
+    assert crowding_of(values[:0], front[:0]).shape == (0,)
 
 
 def test_what_has_no_number_ranks_below_all_that_have() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from jld_core.lanes import Lanes, build, chosen, library
 from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore.drivers import BufferedRandom, make_driver, operators
-from jld_explore.evaluation import Evaluator, EvaluatorSettings, kernel_settles
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.report import results_table
 from jld_explore.space import blocks_of, feasible, search_space
 from jld_explore.study import ExploreSettings, Study
@@ -62,13 +63,24 @@ def test_all_at_once_is_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -
 
 def test_kernel_is_asked_where_it_settles() -> None:
     wall, pressed = (build_assembly(parse_scene(grid_document(*CASES[name][:1]))) for name in ("wall", "beam"))
-    assert kernel_settles(wall, SETTINGS)
-    assert kernel_settles(pressed, SETTINGS)
-    assert not kernel_settles(wall, EvaluatorSettings(prove=True))
-    assert not kernel_settles(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation")))
+    assert Evaluator(wall, SETTINGS).settles
+    assert Evaluator(pressed, SETTINGS).settles
+    assert not Evaluator(wall, EvaluatorSettings(prove=True)).settles
+    assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles
     rows, options = CASES["crushable wall"]
-    assert kernel_settles(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS)
+    assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles
     assert 0.8 <= Lanes(LimitAnalysis(wall).template).settles <= 1.0
+
+
+def test_a_twin_answers_alike_by_the_same_kernel() -> None:
+    wall = build_assembly(parse_scene(grid_document(*CASES["wall"][:1])))
+    one = Evaluator(wall, SETTINGS)
+    other = one.twin()
+    assert other._batch is one._batch
+    rows = np.random.default_rng(0).random((20, len(wall.interfaces))) < 0.5
+    assert [replace(e, seconds=0.0) for e in one.evaluate_all(rows)] == [
+        replace(e, seconds=0.0) for e in other.evaluate_all(rows)
+    ]
 
 
 def study(folder: Path, jobs: int, budget: int) -> Study:

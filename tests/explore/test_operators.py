@@ -181,6 +181,21 @@ def test_register_admits_each_class_once() -> None:
     assert len(register.admit(tools.draw(500, rng(5)), most=2)) <= 2
 
 
+def test_only_limits_kept_in_the_making_make_rows_sure() -> None:
+    rows = ["aabb", "aabb", "aabb", "####"]
+    assert operators(space_of(rows, block_cells=[2, 4])).sure
+    others: tuple[dict[str, Any], ...] = (
+        {"blocks": [3, 5]},
+        {"convex_blocks": True},
+        {"assemble": "standing"},
+        {"block_extent": [None, 0.2]},
+        {"shapes": [None, 3]},
+        {"segmentation": False},
+    )
+    for search in others:
+        assert not operators(space_of(rows, block_cells=[2, 4], **search)).sure
+
+
 def test_spatial_cubes() -> None:
     cells = [(x, y, z) for z in range(2) for y in range(2) for x in range(3)]
     elements = [box(f"c{x}{y}{z}", (x, y, z), (x + 1, y + 1, z + 1)) for x, y, z in cells]

@@ -8,7 +8,8 @@ from cases import grid_document
 from jld_core.build import build_assembly
 from jld_core.scene import parse_scene
 from jld_explore.drivers import MEMORY, Enumeration, Surrogate
-from jld_explore.space import SearchSpace, search_space
+from jld_explore.drivers.pool import Pool
+from jld_explore.space import SearchSpace, keys, search_space
 
 
 def space_of(rows: list[str]) -> SearchSpace:
@@ -49,3 +50,20 @@ def test_the_best_and_the_last_are_kept() -> None:
     assert model.share(np.array([worth.max(), -1.0])).tolist() == [1.0 - 0.5 / MEMORY, 0.0]
     last = rows[-MEMORY // 2 :]
     assert np.corrcoef(model.guess(last), worth[-MEMORY // 2 :])[0, 1] > 0.9
+
+
+def test_a_pool_guesses_as_if_it_remembered_nothing() -> None:
+    """What is alike is kept from one guess to the next, while what is remembered changes."""
+    space = space_of(["aaa", "aaa", "aaa", "###"])
+    rows = Enumeration(space).ask(2 * MEMORY)
+    worth = np.random.default_rng(0).normal(size=len(rows))
+    model = Surrogate(space)
+    pool = Pool(space, model)
+    for low in range(0, len(rows), 48):
+        part = rows[low : low + 48]
+        pool.add(part, keys(part))
+        model.learn(part[::2], worth[low : low + 48 : 2])
+        assert np.array_equal(pool.guess(), model.guess(pool.rows))
+        pool.keep(np.arange(0, len(pool), 3))
+        assert pool.names.tolist() == keys(pool.rows)
+        assert np.array_equal(pool.guess(), model.guess(pool.rows))

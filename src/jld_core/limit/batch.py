@@ -36,11 +36,13 @@ class BatchAnswers:
 
 
 class Batch:
-    """The kernel for one limit analysis. lanes: the kernel itself."""
+    """The kernel for one limit analysis, for any number of threads at once. lanes: the kernel itself. load: λ in scene
+    units for each scaled one."""
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         opening = analysis.interior.opening()
         self._gap, self._floor = analysis.gap, analysis.floor
+        self.load = analysis.template.scaling.load
         velocity = None if opening is None else opening.velocity
         self.lanes = Lanes(analysis.template, velocity, zero=analysis.floor)
 

@@ -1,4 +1,4 @@
-"""A genetic search: the library's selection, sorting and crowding, our operators, and a guess at what is worth it.
+"""A genetic search: the library's sorting into fronts, our operators, and a guess at what is worth it.
 
 Two or three objectives are NSGA-II: larger λ, and the counts of the scene's front; one objective looks at λ alone. Far
 more children are made than evaluated: new ones wait in a **pool**, and of those there the surrogate picks the
@@ -19,9 +19,10 @@ from pydantic import Field
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.base import Aim, DriverOptions
+from jld_explore.drivers.pool import Pool
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
-from jld_explore.evaluation import Envelope, Evaluation, front_counts, objectives, places
+from jld_explore.evaluation import Envelope, Evaluation, objectives, places
 from jld_explore.space import SearchSpace
 
 CROSSING: Final = 0.5
@@ -36,10 +37,10 @@ GREED: Final = 0.5
 PATIENCE: Final = 8
 """Evaluations without progress, for each face that can change, after which a population has settled."""
 
-GENERATION: Final = 32
+GENERATION: Final = 48
 """Children evaluated together."""
 
-POOL: Final = 300
+POOL: Final = 200
 """Children in the pool, at the most."""
 
 _PER_KEY: Final = 1.5
@@ -49,8 +50,8 @@ _SIZES: Final = (32, 48)
 _BELOW: Final = -1e300
 """Worth of labellings without a number, for each place in the order of their statuses: below all numbers."""
 
-_SAME: Final = 6
-"""Digits of λ that tell progress from rounding."""
+_SAME: Final = 2.0**20
+"""Parts of λ that tell progress from rounding."""
 
 
 class GeneticOptions(DriverOptions):
@@ -71,8 +72,6 @@ class Genetic(Searcher):
     ahead: ClassVar[int] = 1
 
     def __init__(self, space: SearchSpace, seed: int, population: int | None = None, aim: Aim = "front") -> None:
-        from pymoo.operators.selection.tournament import TournamentSelection
-        from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
         from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
 
         super().__init__(space, seed, GENERATION)
@@ -82,11 +81,10 @@ class Genetic(Searcher):
         counts = len(space.search.front.axes)
         self.aims = 1 + counts if aim == "front" else 1
         self._generator = np.random.default_rng([seed, 1])
-        self._selection: Any = TournamentSelection(func_comp=self._winners)
         self._surrogate = Surrogate(space)
         self._sort: Any = NonDominatedSorting().do
-        self._crowd: Any = calc_crowding_distance
-        self._pool, self._counts = self._none, np.empty((0, counts))
+        self._pool = Pool(space, self._surrogate)
+        self._strangers = self._none
         self._front = Envelope(counts)
         self._pending: list[tuple[Bits, Floats, Ints]] = []
         self._proposed = self._told = 0
@@ -98,9 +96,9 @@ class Genetic(Searcher):
         self._rows, self._place, self._values = (
             self._none,
             np.empty(0, dtype=np.int64),
-            np.empty((0, 1 + self._counts.shape[1])),
+            np.empty((0, 1 + len(self.space.search.front.axes))),
         )
-        self._leaders: list[tuple[str, ...]] = []
+        self._leaders: set[bytes] = set()
         self._idle = 0
 
     @property
@@ -112,22 +110,31 @@ class Genetic(Searcher):
         """The next generation; those before anything of a population is known are drawn at random."""
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:
-            self.register.forget(self._pool)
-            self._pool, self._counts = self._none, self._counts[:0]
+            self._forget(np.arange(len(self._pool)))
+            self._pool.keep(np.empty(0, dtype=np.int64))
             self._begin()
         rows = self._generation() if len(self._rows) > 1 else self.fresh(self.draw, self.size)
         self._proposed += len(rows)
         return rows
 
     def _generation(self) -> Bits:
-        immigrants = self.register.admit(self.draw(max(1, round(IMMIGRANTS * self.size))))
-        children = self.register.admit(self._children(self.operators.offspring_factor * self.size))
-        self._pool = np.concatenate([self._pool, children])
-        self._counts = np.concatenate([self._counts, front_counts(self.space, children)])
+        strangers = self._immigrants(max(1, round(IMMIGRANTS * self.size)))
+        proposed = np.concatenate([strangers, self._children(self.operators.offspring_factor * self.size)])
+        rows, names, places = self.register.admitted(proposed, sure=self.operators.sure)
+        own = int(np.searchsorted(places, len(strangers)))
+        immigrants = rows[:own]
+        self._pool.add(rows[own:], names[own:])
         wanted = self.size - len(immigrants)
         if len(self._pool) < wanted:  # all that this family can have is known by now
             immigrants = np.concatenate([immigrants, self.fresh(self.draw, wanted - len(self._pool))])
         return np.concatenate([self._chosen(wanted), immigrants])
+
+    def _immigrants(self, count: int) -> Bits:
+        """Random labellings, of which some generations' are drawn together."""
+        if len(self._strangers) < count:
+            self._strangers = np.concatenate([self._strangers, self.draw(max(self.size, count))])
+        given, self._strangers = self._strangers[:count], self._strangers[count:]
+        return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Keep what is known for the next generation."""
@@ -151,7 +158,8 @@ class Genetic(Searcher):
         self._values = np.concatenate([self._values, values[own]])
         self._survive()
         first = self._values[(self._rank == 0) & (self._place == 0), : self.aims]
-        leaders = sorted({tuple(f"{x:.{_SAME}g}" for x in row) for row in first.tolist()})
+        part, exponent = np.frexp(first)
+        leaders = {row.tobytes() for row in np.ldexp(np.round(part * _SAME), exponent)}
         self._idle = 0 if leaders != self._leaders else self._idle + int(own.sum())
         self._leaders = leaders
 
@@ -163,15 +171,16 @@ class Genetic(Searcher):
         fronts = self._sort(values, n_stop_if_ranked=self.population) if len(good) else []
         for number, front in enumerate(fronts):
             rank[good[front]] = number
-            crowding[good[front]] = self._crowd(values[front])
+        ranked = good[np.concatenate(fronts)] if fronts else good
+        crowding[ranked] = crowding_of(self._values[ranked, : self.aims], rank[ranked])
         kept = np.lexsort((-crowding, rank))[: self.population]
         self._rows, self._place, self._values = self._rows[kept], self._place[kept], self._values[kept]
         self._rank, self._crowding = rank[kept], crowding[kept]
 
     def _children(self, count: int) -> Bits:
         crossed = round(CROSSING * count)
-        # the library's tournament looks at the number of parents alone, and compares them by our rule
-        couples = self._selection.do(None, self._rows, count, 2, to_pop=False, random_state=self._generator)
+        rivals = self._generator.integers(len(self._rows), size=(2 * count, 2))
+        couples = self._winners(rivals).reshape(count, 2)
         first, second = self._rows[couples[:, 0]], self._rows[couples[:, 1]]
         # a mirror image is as good a parent: which one decides what the joints meet
         group = self.space.group
@@ -181,32 +190,56 @@ class Genetic(Searcher):
 
     def _chosen(self, wanted: int) -> Bits:
         """Take the most promising out of the pool; of the others the most promising stay."""
-        guess = self._surrogate.guess(self._pool)
+        guess = self._pool.guess()
         order = np.argsort(-guess, kind="stable")
         taken = order[: wanted if self.aims == 1 else -(-wanted // 2)]
         order = order[len(taken) :]
         if self.aims > 1:
             # how much more than the best known with as good a count
-            gain = guess - self._surrogate.share(self._front.best(self._counts))
+            gain = guess - self._surrogate.share(self._front.best(self._pool.counts))
             second = order[np.argsort(-gain[order], kind="stable")[: wanted - len(taken)]]
-            taken, order = np.concatenate([taken, second]), order[~np.isin(order, second)]
-        rows = self._pool[taken]
-        self.register.forget(self._pool[order[POOL:]])
-        stay = np.sort(order[:POOL])
-        self._pool, self._counts = self._pool[stay], self._counts[stay]
+            left = np.ones(len(guess), dtype=bool)
+            left[second] = False
+            taken, order = np.concatenate([taken, second]), order[left[order]]
+        rows = self._pool.rows[taken]
+        self._forget(order[POOL:])
+        self._pool.keep(np.sort(order[:POOL]))
         return rows
 
-    def _winners(self, _: Any, pairs: Ints, **__: Any) -> Ints:
-        """Winner of each pair (k, 2): fewer violations, then lower rank, then less crowded; (k, 1)."""
+    def _forget(self, places: Ints) -> None:
+        """Let those at some places of the pool come again."""
+        self.register.forget(self._pool.names[places].tolist())
+
+    def _winners(self, pairs: Ints) -> Ints:
+        """Winner of each pair (k, 2): fewer violations, then lower rank, then less crowded; (k,)."""
         first, second = pairs[:, 0], pairs[:, 1]
-        better = np.zeros(len(pairs))
         # the more parents are chosen by λ alone the sooner the best is found, the fewer the wider the front
         alone = self._generator.random(len(pairs)) < GREED
-        value, rank = self._values[:, 0], self._rank
-        for one, two in (
-            (self._place[first], self._place[second]),
-            (np.where(alone, value[first], rank[first]), np.where(alone, value[second], rank[second])),
-            (self._crowding[second], self._crowding[first]),
-        ):
-            better = np.where(better == 0.0, (one > two) * 1.0 - (one < two), better)
-        return np.where(better > 0.0, second, first)[:, None]
+        value, rank, place = self._values[:, 0], self._rank, self._place
+        worse = [
+            place[first] - place[second],
+            np.where(alone, value[first] - value[second], rank[first] - rank[second]),
+        ]
+        less = np.where(worse[0] != 0, worse[0], worse[1])
+        less = np.where(less != 0.0, less, self._crowding[second] > self._crowding[first])
+        return np.asarray(np.where(less > 0.0, second, first))
+
+
+def crowding_of(values: Floats, front: Floats) -> Floats:
+    """How far the neighbours of each lie from one another on its front, (k,), infinite at the ends.
+
+    values: (k, c); front: (k,) number of each one's front. Equal ones beside others are crowded out: 0. Source: Deb et
+    al. 2002, section III.B; the library's is for one front, and takes as long for each as this for all.
+    """
+    found = np.zeros(len(values))
+    for column in values.T if len(values) else ():
+        order = np.lexsort((column, front))
+        own, name = column[order], front[order]
+        begins = np.append(True, name[1:] != name[:-1])
+        first, last = np.flatnonzero(begins), np.flatnonzero(np.append(begins[1:], True))
+        gap = np.diff(own)
+        before, after = np.append(np.inf, gap), np.append(gap, np.inf)
+        before[first] = after[last] = np.inf
+        width = np.repeat(own[last] - own[first], last - first + 1)
+        found[order] += np.divide(before + after, width, out=np.zeros(len(own)), where=width > 0.0)
+    return found / max(1, values.shape[1])

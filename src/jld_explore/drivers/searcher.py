@@ -7,12 +7,12 @@ space smaller than the budget ends completely known whatever the driver.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators import BufferedRandom, Operators, operators
@@ -32,23 +32,33 @@ class Register:
         self.space = space
         self.seen: set[bytes] = set()
 
-    def admit(self, rows: Bits, most: int | None = None) -> Bits:
-        """The first `most` new classes among the feasible of rows (k, m), canonical; registers them."""
-        rows = canonical(rows, self.space.group)
-        named = keys(rows)
-        # known classes are most of what a search that converges proposes: they are not checked again
-        unknown = list(
-            {key: number for number, key in reversed(list(enumerate(named))) if key not in self.seen}.values()
-        )
-        unknown.sort()
-        good = feasible(self.space, rows[unknown])
-        kept = [number for number, fine in zip(unknown, good.tolist(), strict=True) if fine][:most]
-        self.seen.update(named[number] for number in kept)
-        return rows[kept]
+    def admit(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> Bits:
+        """The first `most` new classes among the feasible of rows (k, m), canonical; registers them.
 
-    def forget(self, rows: Bits) -> None:
-        """Take back classes (k, m) that were admitted and never asked, so that they may come again."""
-        self.seen.difference_update(keys(rows))
+        sure: they are known to be feasible (see `Operators.sure`).
+        """
+        return self.admitted(rows, most, sure=sure)[0]
+
+    def admitted(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> tuple[Bits, list[bytes], Ints]:
+        """The same, with the keys of those admitted, and which of the k rows each was, ascending."""
+        rows = canonical(rows, self.space.group)
+        fresh: dict[bytes, int] = {}
+        # known classes are most of what a search that converges proposes: they are not checked again
+        for number, key in enumerate(keys(rows)):
+            if key not in self.seen:
+                fresh.setdefault(key, number)
+        named, places = list(fresh), np.fromiter(fresh.values(), dtype=np.int64, count=len(fresh))
+        if not sure:
+            good = feasible(self.space, rows[places])
+            places = places[good]
+            named = [key for key, fine in zip(named, good.tolist(), strict=True) if fine]
+        named, places = named[:most], places[:most]
+        self.seen.update(named)
+        return rows[places], named, places
+
+    def forget(self, names: Iterable[bytes]) -> None:
+        """Take back classes by their keys that were admitted and never asked, so that they may come again."""
+        self.seen.difference_update(names)
 
 
 class Searcher(Driver):
@@ -95,13 +105,14 @@ class Searcher(Driver):
         """Up to `size` new labellings, canonical and registered; fewer where new ones have become rare."""
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
-        """Up to `count` new classes out of what `make` proposes; make takes how many to propose."""
+        """Up to `count` new classes out of what `make` proposes by the operators; make takes how many to propose."""
         found = self._none
         tries = PATIENCE * max(count, _ROUND)
         while len(found) < count and tries > 0:
             wanted = max(_ROUND, count - len(found))
             tries -= wanted
-            found = np.concatenate([found, self.register.admit(make(wanted), count - len(found))])
+            admitted = self.register.admit(make(wanted), count - len(found), sure=self.operators.sure)
+            found = np.concatenate([found, admitted])
         return found
 
     def draw(self, count: int) -> Bits:

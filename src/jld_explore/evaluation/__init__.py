@@ -32,7 +32,6 @@
 - `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
 - `is_small`: whether a solve takes less than to send it
-- `kernel_settles`: whether nearly all labellings are the kernel's to settle
 - `may_meet`: whether a labelling is not proven to carry less than is required
 - `meets`: whether it carries what is required
 - `objectives`: what is minimised
@@ -51,7 +50,7 @@ from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
 from jld_explore.evaluation.cluster import on_cluster
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
-from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings, kernel_settles
+from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
 from jld_explore.evaluation.leaving_out import LeavingOutEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
@@ -107,7 +106,6 @@ __all__ = [
     "evaluator_of",
     "front_counts",
     "is_small",
-    "kernel_settles",
     "may_meet",
     "meets",
     "objectives",

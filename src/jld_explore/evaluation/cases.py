@@ -23,10 +23,22 @@ _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
 class CasesEvaluator:
     """Evaluates labellings of one assembly under all its load cases, as `Evaluator` does under one."""
 
-    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: CasesEvaluator | None = None) -> None:
         self.assembly, self.settings = assembly, settings
         self._required = assembly.required.tolist()
-        self._each = [Evaluator(case, settings) for case in assembly.by_case]
+        if like is None:
+            self._each = [Evaluator(case, settings) for case in assembly.by_case]
+        else:
+            self._each = [one.twin() for one in like._each]
+
+    def twin(self) -> CasesEvaluator:
+        """See `Evaluator.twin`."""
+        return CasesEvaluator(self.assembly, self.settings, self)
+
+    @property
+    def settles(self) -> bool:
+        """See `Evaluator.settles`."""
+        return all(one.settles for one in self._each)
 
     def evaluate_all(
         self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
@@ -124,10 +136,22 @@ class RobustEvaluator:
     An evaluation is that at low values; the last of its `cases` is λ at the nominal ones, NaN where there is none.
     """
 
-    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: RobustEvaluator | None = None) -> None:
         self.assembly, self.settings = assembly, settings
-        self._low = evaluator_of(replace(assembly, nominal=None), settings)
-        self._nominal = evaluator_of(assembly.at_nominal, settings)
+        if like is None:
+            self._low = evaluator_of(replace(assembly, nominal=None), settings)
+            self._nominal = evaluator_of(assembly.at_nominal, settings)
+        else:
+            self._low, self._nominal = like._low.twin(), like._nominal.twin()
+
+    def twin(self) -> RobustEvaluator:
+        """See `Evaluator.twin`."""
+        return RobustEvaluator(self.assembly, self.settings, self)
+
+    @property
+    def settles(self) -> bool:
+        """See `Evaluator.settles`."""
+        return self._low.settles and self._nominal.settles
 
     def evaluate_all(
         self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit import Batch, Proof, SolveOptions, Status, relative_width
+from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status, relative_width
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.certificates import Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
@@ -35,23 +36,35 @@ class EvaluatorSettings:
         return self.model.modular and not self.prove
 
 
-def kernel_settles(assembly: Assembly, settings: EvaluatorSettings) -> bool:
-    """Whether nearly all labellings are the kernel's to settle, so that one process does what several would."""
-    if not settings.in_lanes:
-        return False
-    batches = [Batch.of(limit_analysis(case, settings.model)) for case in assembly.by_case]
-    return all(batch is not None and batch.worthwhile for batch in batches)
-
-
 class Evaluator:
-    """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order."""
+    """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order.
 
-    def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
+    like: another of the same assembly and settings, whose kernel is taken. An evaluator is for one thread at a time; a
+    kernel is for all.
+    """
+
+    def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: Evaluator | None = None) -> None:
         self.assembly, self.settings = assembly, settings
-        self._analysis = limit_analysis(assembly, settings.model)
         self._prove = settings.prove and settings.model.modular
         self._force_method: ForceMethod | None = None
-        self._batch = Batch.of(self._analysis) if settings.in_lanes else None
+        if like is not None:
+            self._batch = like._batch
+        else:
+            self._batch = Batch.of(self._analysis) if settings.in_lanes else None
+
+    @cached_property
+    def _analysis(self) -> LimitAnalysis:
+        """What solves one labelling at a time, made when it is first needed."""
+        return limit_analysis(self.assembly, self.settings.model)
+
+    def twin(self) -> Evaluator:
+        """Another one, for another thread: it answers alike, and is made in no time where the kernel settles all."""
+        return Evaluator(self.assembly, self.settings, self)
+
+    @property
+    def settles(self) -> bool:
+        """Whether nearly all labellings are the kernel's to settle, so that one process does what several would."""
+        return self._batch is not None and self._batch.worthwhile
 
     def evaluate_all(
         self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
@@ -80,7 +93,7 @@ class Evaluator:
             return [None] * len(labellings)
         start = time.perf_counter()
         answers = self._batch.prove(labellings)
-        scale = self._analysis.template.scaling.load
+        scale = self._batch.load
         low, high = (scale * answers.low).tolist(), (scale * answers.high).tolist()
         each = (time.perf_counter() - start) / max(len(labellings), 1)
         found: list[Evaluation | None] = []

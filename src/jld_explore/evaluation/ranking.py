@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, Evaluation
 from jld_explore.space import SearchSpace, count_named, values_of
@@ -102,18 +102,23 @@ class Envelope:
         # the best first: what comes later matters only where it counts better than all before
         order = np.lexsort((*counts.T, -values))
         values, counts = values[order], counts[order]
-        kept: list[int] = []
-        for row in range(len(values)):
-            if not (counts[kept] <= counts[row]).all(axis=1).any():
-                kept.append(row)
+        kept = ~np.triu(_as_good(counts, counts), 1).any(axis=0)
         self.values, self.counts = values[kept], counts[kept]
 
     def best(self, counts: Floats) -> Floats:
         """(k,) for counts (k, c); −inf where nothing is known."""
         if not len(self.values):
             return np.full(len(counts), -np.inf)
-        as_good = (self.counts[None] <= counts[:, None]).all(axis=2)
-        return np.asarray(np.where(as_good, self.values[None], -np.inf).max(axis=1))
+        as_good = _as_good(self.counts, counts)
+        return np.asarray(np.where(as_good, self.values[:, None], -np.inf).max(axis=0))
+
+
+def _as_good(counts: Floats, others: Floats) -> Bools:
+    """(a, b) where counts (a, c) are none worse than others (b, c)."""
+    found = np.ones((len(counts), len(others)), dtype=bool)
+    for one, other in zip(counts.T, others.T, strict=True):
+        found &= one[:, None] <= other[None]
+    return found
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:

@@ -62,7 +62,7 @@ class RecordedEvaluator:
 
     def send(self, labellings: Bits, waiting: Bits | None = None) -> Sent:
         """Begin to evaluate what is not on record. waiting: (j, m) labellings that wait as well."""
-        found = [self._recalled(labels) for labels in labellings]
+        found = self._recalled(labellings)
         missing = _missing(found)
         run = None
         if missing.size:
@@ -80,7 +80,7 @@ class RecordedEvaluator:
             for part, evaluations in sent.run:
                 self.records.append(labellings[missing[part]], weights[part].tolist(), evaluations)
                 self.solved += len(evaluations)
-                for position, evaluation in zip(missing[part], evaluations, strict=True):
+                for position, evaluation in zip(missing[part].tolist(), evaluations, strict=True):
                     found[position] = evaluation
                 self._report(evaluations)
                 if self._deadline is not None and time.perf_counter() >= self._deadline:
@@ -90,7 +90,7 @@ class RecordedEvaluator:
 
     def settle(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
         """Record what needed no solve, labellings (k, m); of those on record, what the record says."""
-        stored = [self.records.find(labels) for labels in labellings]
+        stored = self.records.find_all(labellings)
         new = _missing(stored)
         if new.size:
             weights = orbit_sizes(labellings[new], self._group)
@@ -99,9 +99,14 @@ class RecordedEvaluator:
         self._report(told)
         return told
 
-    def _recalled(self, labels: Bits) -> Evaluation | None:
-        found = self.records.find(labels)
-        return replace(found, proofs=self.records.proofs(labels)) if found is not None and self._proofs else found
+    def _recalled(self, labellings: Bits) -> list[Evaluation | None]:
+        found = self.records.find_all(labellings)
+        if not self._proofs:
+            return found
+        return [
+            None if one is None else replace(one, proofs=self.records.proofs(labels))
+            for one, labels in zip(found, labellings, strict=True)
+        ]
 
 
 def _missing(found: list[Evaluation | None]) -> Ints:

@@ -41,6 +41,7 @@ from jld_explore.evaluation.rows import (
     record_type,
     rows_of,
 )
+from jld_explore.space import keys
 
 RECORDS_FILE: Final = "records.sqlite3"
 SYNC: Final = 0.2
@@ -157,8 +158,12 @@ class Records:
 
     def find(self, labelling: Bits) -> Evaluation | None:
         """What is known of a labelling (m,), its proofs apart; None where nothing is."""
-        position = self._index.get(np.packbits(labelling).tobytes())
-        return None if position is None else evaluation_of(self._table[position])
+        return self.find_all(labelling[None])[0]
+
+    def find_all(self, labellings: Bits) -> list[Evaluation | None]:
+        """The same of labellings (k, m)."""
+        places = [self._index.get(key) for key in keys(labellings)]
+        return [None if place is None else evaluation_of(self._table[place]) for place in places]
 
     def proofs(self, labelling: Bits) -> Proofs:
         """What the solve of a labelling (m,) on record proved about others."""

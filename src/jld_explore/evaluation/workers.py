@@ -52,6 +52,9 @@ _THREADS: Final = 2
 """Threads of one process that are of use: what is not within a solver waits for its turn."""
 
 _own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
+_last: Final[
+    dict[str, Any]
+] = {}  # the evaluator of this process made last, by its recipe, for threads to make theirs of
 
 
 MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
@@ -72,6 +75,21 @@ class WorkerSpec:
         # what an evaluator answers with is part of what it is
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
+
+    def evaluator(self) -> Any:
+        """The evaluator that this thread keeps: a twin of one that this process has already, where there can be one."""
+        if getattr(_own, "digest", None) != self.digest:
+            known = _last.get(self.digest)
+            if known is None:
+                make, assembly, settings = pickle.loads(self.content)
+                made = make(assembly, settings)
+                _last.clear()
+                if hasattr(made, "twin"):
+                    _last[self.digest] = made
+            else:
+                made = known.twin()
+            _own.evaluator, _own.digest = made, self.digest
+        return _own.evaluator
 
 
 def batch_size(faces: int, asked: int) -> int:
@@ -96,10 +114,7 @@ def evaluate_batch(
     """
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    if getattr(_own, "digest", None) != recipe.digest:
-        make, assembly, settings = pickle.loads(recipe.content)
-        _own.evaluator, _own.digest = make(assembly, settings), recipe.digest
-    return number, _own.evaluator.evaluate_all(labellings, floors, waiting, deadline)
+    return number, recipe.evaluator().evaluate_all(labellings, floors, waiting, deadline)
 
 
 class Workers:

@@ -43,7 +43,8 @@ def unpack(packed: Packed, faces: int) -> Bits:
 def keys(labellings: Bits) -> list[bytes]:
     """One hashable key for each row of labellings (k, m); keys sort as the rows do."""
     packed = pack(labellings)
-    return [row.tobytes() for row in packed]
+    content, width = packed.tobytes(), packed.shape[1]
+    return [content[n : n + width] for n in range(0, len(content), width)] if width else [b""] * len(packed)
 
 
 def to_string(labelling: Bits) -> str:

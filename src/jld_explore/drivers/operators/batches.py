@@ -25,6 +25,13 @@ NEAR: Final = 0.5
 _ROUNDS: Final = 2
 """Passes over all pairs in which parts that are too small are joined to others."""
 
+_WIDTH: Final = np.array([0.05, 0.05, 0.2, 0.2])
+_LEAST: Final = np.array([0.0, 0.95, 0.25, 0.55])
+"""Keys of a child of two, from the least up: inside both, between the blocks of both; inside, between those of one."""
+
+_KEPT: Final = np.array([0.2, 0.7])
+"""Least keys of what stays as it is: inside a block, and between two."""
+
 Names = NDArray[Any]
 
 
@@ -62,11 +69,18 @@ class Batches:
         """Keys of one child of each couple: what both have stays, and between them one is followed in a patch, the
         other outside; or either at random."""
         one, two = first[:, self._face], second[:, self._face]
-        noise, count = rng.random(one.shape), len(one)
-        scattered = rng.random(one.shape) < rng.random((count, 1))
-        patch = np.where(rng.random((count, 1)) < 0.7, self._patch(count, rng), scattered)
-        apart = np.where(np.where(patch, one, two), 0.55, 0.25) + 0.2 * noise
-        return np.asarray(np.where(one == two, np.where(one, 0.95, 0.0) + 0.05 * noise, apart))
+        count = len(one)
+        patch = np.empty(one.shape, dtype=bool)
+        whole = rng.random(count) < 0.7
+        patch[whole] = self._patch(int(np.count_nonzero(whole)), rng)
+        scattered = np.flatnonzero(~whole)
+        patch[scattered] = rng.random((len(scattered), one.shape[1])) < rng.random((len(scattered), 1))
+        # inside both, between the blocks of both, and where they differ: inside or between those of the one followed
+        kind = ((one & patch) | (two & ~patch)).view(np.uint8) + 2 * (one ^ two).view(np.uint8)
+        keys = rng.random(one.shape)
+        keys *= _WIDTH.take(kind)
+        keys += _LEAST.take(kind)
+        return keys
 
     def vary(self, parents: Bits, rng: np.random.Generator) -> Floats:
         """Keys of one change of each parent at a random joint: the blocks beside it are cut anew, now and then
@@ -74,49 +88,71 @@ class Batches:
         cut, count = parents[:, self._face], len(parents)
         name = blocks_of(self.space.graph, parents)[:, self.graph.first]
         rows = np.arange(count)
-        joint = np.argmax(np.where(cut, rng.random(cut.shape), -1.0), axis=1)
+        lot = rng.random(cut.shape)
+        lot *= cut
+        joint = np.argmax(lot, axis=1)
         turn = rng.random(count) < 0.5
         here = np.where(turn, self._q[joint], self._p[joint])
         there = np.where(turn, self._p[joint], self._q[joint])
         old, new = name[rows, here][:, None], name[rows, there][:, None]
-        keys = np.where(cut, 0.75, 0.25) + 0.1 * (rng.random(cut.shape) - 0.5)
-        kind = rng.random((count, 1))
-        inside = self._region(name, (name == old) | (name == new), rng)
-        loose = np.clip(rng.random(cut.shape) - rng.random((count, 1)) + NEAR, 0.0, 1.0)
-        moving = self._moving(name, cut, old, new, joint, here, kind[:, 0] < 0.75)
-        mp, mq = moving[:, self._p], moving[:, self._q]
-        joined = (mp & (mq | (name[:, self._q] == new))) | (mq & (name[:, self._p] == new))
-        moved = np.where(joined, 0.01, np.where(mp | mq, 0.9, keys))
-        recut = np.where(inside[:, self._p] & inside[:, self._q], loose, keys)
-        return np.asarray(np.where(kind < 0.5, recut, moved))
+        keys = rng.random(cut.shape)
+        keys *= 0.1
+        keys += _KEPT.take(cut.view(np.uint8))
+        kind = rng.random(count)
+        some = np.flatnonzero(kind < 0.5)
+        own = name[some]
+        inside = self._region(own, (own == old[some]) | (own == new[some]), rng)
+        row, pair = np.nonzero(inside[:, self._p] & inside[:, self._q])
+        loose = rng.random(len(row)) - rng.random(len(some))[row] + NEAR
+        keys[some[row], pair] = np.clip(loose, 0.0, 1.0)
+        some = np.flatnonzero(kind >= 0.5)
+        moving = self._moving(name[some], cut[some], old[some], new[some], joint[some], here[some], kind[some] < 0.75)
+        row, pair = np.nonzero(moving[:, self._p] | moving[:, self._q])
+        p, q = self._p[pair], self._q[pair]
+        mp, mq = moving[row, p], moving[row, q]
+        row = some[row]
+        joined = (mp & (mq | (name[row, q] == new[row, 0]))) | (mq & (name[row, p] == new[row, 0]))
+        keys[row, pair] = np.where(joined, 0.01, 0.9)
+        return keys
 
     def _region(self, name: Ints, inside: Bools, rng: np.random.Generator) -> Bools:
         """(k, atoms) two blocks, and in two rows of five a third one that touches them."""
-        rows = np.arange(len(name))
-        touching = inside[:, self._p] != inside[:, self._q]
-        pair = np.argmax(np.where(touching, rng.random(touching.shape), -1.0), axis=1)
+        rows = np.flatnonzero(rng.random(len(name)) < 0.4)
+        touching = inside[rows][:, self._p] != inside[rows][:, self._q]
+        pair = np.argmax(touching * rng.random(touching.shape), axis=1)
         outer = np.where(inside[rows, self._p[pair]], self._q[pair], self._p[pair])
-        third = name == name[rows, outer][:, None]
-        more = touching.any(axis=1) & (rng.random(len(name)) < 0.4)
-        return np.asarray(inside | (third & more[:, None]))
+        third = name[rows] == name[rows, outer][:, None]
+        inside[rows] |= third & touching.any(axis=1)[:, None]
+        return inside
 
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
         """(k, atoms) what crosses a joint: one atom, or those along the straight line of the joint."""
-        p, q = name[:, self._p], name[:, self._q]
-        along = cut & (self._line == self._line[joint][:, None])
-        sides = [along & (p == old) & (q == new), along & (q == old) & (p == new)]
+        moving = np.zeros(name.shape, dtype=bool)
+        moving[np.arange(len(name)), here] = True
+        rows = np.flatnonzero(~single)
+        p, q = name[rows][:, self._p], name[rows][:, self._q]
+        along = cut[rows] & (self._line == self._line[joint[rows]][:, None])
+        sides = [along & (p == old[rows]) & (q == new[rows]), along & (q == old[rows]) & (p == new[rows])]
         line = sum(side.astype(np.float32) @ end for side, end in zip(sides, self._ends, strict=True))
-        alone = np.zeros(name.shape, dtype=bool)
-        alone[np.arange(len(name)), here] = True
-        return np.asarray(np.where(single[:, None], alone, line > 0.0))
+        moving[rows] = np.asarray(line > 0.0)
+        return moving
 
     def _patch(self, count: int, rng: np.random.Generator) -> Bools:
         """(k, pairs) the pairs on one side of a random plane, or in a box around a random pair."""
         centre = self._middle[rng.integers(len(self._middle), size=count)]
-        away = self._middle - centre[:, None]
-        side = np.einsum("kpd,kd->kp", away, rng.normal(size=centre.shape)) > 0.0
-        near = abs(away).max(axis=2) <= 0.6 * self._span * rng.random((count, 1))
-        return np.asarray(np.where(rng.random((count, 1)) < 0.5, side, near))
+        planes = np.flatnonzero(rng.random(count) < 0.5)
+        found = np.ones((count, len(self._middle)), dtype=bool)
+        reach = 0.6 * self._span * rng.random((count, 1))
+        reach[planes] = np.inf
+        side = np.zeros((len(planes), len(self._middle)))
+        for place, own, normal in zip(
+            self._middle.T, centre.T, rng.normal(size=(centre.shape[1], len(planes))), strict=True
+        ):
+            away = place - own[:, None]
+            found &= abs(away) <= reach
+            side += away[planes] * normal[:, None]
+        found[planes] = side > 0.0
+        return found
 
     def read(self, keys: Floats, threshold: float | Floats = NEAR) -> Bits:
         """Labellings (≤ k, m) of keys (k, pairs); threshold: one, or (k, 1), for all pairs."""

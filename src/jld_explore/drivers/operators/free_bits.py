@@ -23,6 +23,7 @@ class FreeBits:
     """Operators on the labellings of a search space that allows slits."""
 
     offspring_factor = 2
+    sure = False
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space

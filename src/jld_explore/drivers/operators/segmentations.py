@@ -26,7 +26,7 @@ from jld_explore.space import SearchSpace, blocks_of
 _TREES: Final = 6
 """Spanning trees tried for one set of keys."""
 
-_BROOD: Final = 8
+_BROOD: Final = 4
 """Children made for each that is evaluated, where they are made in batches."""
 
 _SPARE: Final = 2
@@ -47,6 +47,9 @@ class Operators(Protocol):
 
     offspring_factor: int
     """Children that are cheap enough to be made for each one that is evaluated."""
+
+    sure: bool
+    """Whether every row is feasible as it is made, since there are no limits but those that are kept in the making."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
         """Random labellings."""
@@ -86,6 +89,7 @@ class Segmentations:
         self.keys = len(self.graph.pairs)
         whole = self.sound and self.keys > 0 and not any(self.graph.walls)
         self._batches = Batches(space, self.graph, self.limits) if whole else None
+        self.sure = whole and not space.limits.on_counts and not space.limits.on_shapes and space.laying is None
         self.offspring_factor = _BROOD if whole else FreeBits.offspring_factor
         self._corner: list[list[float]] = self.graph.sized.corner.tolist()
         self._every = list(range(len(self.graph)))
