@@ -165,7 +165,8 @@ class Genetic(Searcher):
 
     def _survive(self) -> None:
         """Keep the best of the population, with their ranks and crowding."""
-        rank, crowding = self._place + float(len(self._place)), np.zeros(len(self._place))
+        rank: Floats = self._place + float(len(self._place))
+        crowding = np.zeros(len(self._place))
         good = np.flatnonzero(self._place == 0)
         values = self._values[good, : self.aims]
         fronts = self._sort(values, n_stop_if_ranked=self.population) if len(good) else []
@@ -242,4 +243,5 @@ def crowding_of(values: Floats, front: Floats) -> Floats:
         before[first] = after[last] = np.inf
         width = np.repeat(own[last] - own[first], last - first + 1)
         found[order] += np.divide(before + after, width, out=np.zeros(len(own)), where=width > 0.0)
-    return found / max(1, values.shape[1])
+    found /= max(1, values.shape[1])
+    return found

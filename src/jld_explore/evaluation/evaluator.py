@@ -47,6 +47,7 @@ class Evaluator:
         self.assembly, self.settings = assembly, settings
         self._prove = settings.prove and settings.model.modular
         self._force_method: ForceMethod | None = None
+        self._batch: Batch | None
         if like is not None:
             self._batch = like._batch
         else:
