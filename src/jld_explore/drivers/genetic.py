@@ -165,7 +165,7 @@ class Genetic(Searcher):
 
     def _survive(self) -> None:
         """Keep the best of the population, with their ranks and crowding."""
-        rank: Floats = self._place + float(len(self._place))
+        rank = np.asarray(self._place + len(self._place), dtype=np.float64)
         crowding = np.zeros(len(self._place))
         good = np.flatnonzero(self._place == 0)
         values = self._values[good, : self.aims]
