@@ -15,9 +15,10 @@ from typing import Literal
 import numpy as np
 from studies.families import random_wall
 
+from benchmarks.by_scheme import zero_dilation
 from benchmarks.gilbert import Smoothing, smoothed
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene
-from jld_core.models import Scheme, zero_dilation
+from jld_core.models import Scheme
 
 ROOT = Path(__file__).resolve().parent
 WALLS = ("ferris_tinloi_1", "ferris_tinloi_2", "ferris_tinloi_4")

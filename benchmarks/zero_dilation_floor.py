@@ -14,10 +14,11 @@ from pathlib import Path
 from studies.families import halved_bond
 from studies.scenes import leonardo_flat_arch
 
+from benchmarks.by_scheme import solve_zero_dilation
 from jld_core import LimitAnalysis, Scene, build_assembly, load_scene, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.models import SolveOptions, solve_zero_dilation
+from jld_core.models import SolveOptions
 from jld_explore.drivers.random import Random
 from jld_explore.space import search_space
 

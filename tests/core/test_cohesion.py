@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.by_scheme import solve_zero_dilation
 
 import cases_spatial
 import reference_spatial
@@ -21,7 +22,6 @@ from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, InputError, LimitAnalysis, SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_core.limit import result_of
 from jld_core.mechanics import scaling_of, yield_set
-from jld_core.models import solve_zero_dilation
 from jld_core.views import quantities
 from jld_explore.drivers import Exact
 from jld_explore.explore import ExploreSettings, explore

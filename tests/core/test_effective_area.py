@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.by_scheme import solve_zero_dilation
 
 import cases_spatial
 from jld_core import Assembly, InputError, LimitAnalysis, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.mechanics import PrescribedFriction
-from jld_core.models import areas_under, change, frozen_areas, solve_zero_dilation
+from jld_core.models import areas_under, change, frozen_areas
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 from paths import SCENES

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.by_scheme import solve_zero_dilation
 
 import cases_spatial
 from balances import flow_rule, work_balance
 from cases import CASES, grid_assembly
 from jld_core import LimitAnalysisResult, build_assembly, load_scene, parse_scene, solve
 from jld_core.limit import Movement, face_jumps, face_motions
-from jld_core.models import solve_zero_dilation
 from paths import SCENES
 
 

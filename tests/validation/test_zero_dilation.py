@@ -10,6 +10,7 @@ import json
 
 import numpy as np
 import pytest
+from benchmarks.by_scheme import solve_zero_dilation, zero_dilation
 from benchmarks.gilbert import Smoothing, smoothed
 from studies.families import random_wall
 
@@ -24,7 +25,7 @@ from jld_core import (
     build_assembly,
     load_scene,
 )
-from jld_core.models import Scheme, solve_zero_dilation, zero_dilation
+from jld_core.models import Scheme
 from nondilatant import block, certify
 from paths import SCENES
 

@@ -14,9 +14,7 @@
 - `sensitivities`: how λ changes with strengths and weight
 - `solve`: λ of one labelling, with a two-sided bracket
 - `solve_labelling`: proof of one labelling under the options asked for
-- `solve_zero_dilation`: collapse without dilation in one call
 - `worth_condensing`: whether blocks are better taken as rigid
-- `zero_dilation`: collapse without dilation, by an analysis that exists
 """
 
 from __future__ import annotations
@@ -27,7 +25,6 @@ from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
-from jld_core.models.zero_dilation import solve_zero_dilation, zero_dilation
 from jld_core.models.zero_dilation_search import Scheme
 
 __all__ = [
@@ -45,7 +42,5 @@ __all__ = [
     "sensitivities",
     "solve",
     "solve_labelling",
-    "solve_zero_dilation",
     "worth_condensing",
-    "zero_dilation",
 ]

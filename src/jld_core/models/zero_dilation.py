@@ -16,15 +16,10 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
-
-from jld_core import tolerances
 from jld_core.arrays import Bits
-from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, result_of
+from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
 from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_range import load_range
@@ -85,29 +80,3 @@ def prove_zero_dilation(
         proof = proof_of(associative, analysis, pair, search.solves)
     proof.seconds = time.perf_counter() - start
     return proof
-
-
-def zero_dilation(
-    analysis: LimitAnalysis,
-    labels: Bits | None = None,
-    scheme: Scheme | None = None,
-    *,
-    associative: Proof | None = None,
-    stands: bool = True,
-) -> LimitAnalysisResult:
-    """The result of `prove_zero_dilation`; labels: (m,) True dry, default the assembly's own."""
-    start = time.perf_counter()
-    labels = analysis.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    scheme = scheme or Scheme()
-    proof = prove_zero_dilation(analysis, labels, scheme, associative=associative, stands=stands)
-    options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
-    elapsed = time.perf_counter() - start
-    return result_of(analysis.template, labels, options, proof, assemble=analysis.seconds, elapsed=elapsed)
-
-
-def solve_zero_dilation(
-    assembly: Assembly, labels: Bits | None = None, *, gap: float = tolerances.GAP, **options: Any
-) -> LimitAnalysisResult:
-    """Zero-dilation limit analysis of one labelling in one call; options: fields of `Scheme`. See `zero_dilation`."""
-    own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    return zero_dilation(LimitAnalysis(assembly, gap=gap, reference=own), own, Scheme(**options))
