@@ -15,6 +15,7 @@ from jld_core.threads import one_thread
 from jld_explore.drivers import (
     DRIVERS,
     Driver,
+    Enumeration,
     Exact,
     bound_of_all,
     certify,
@@ -162,7 +163,9 @@ def choose_driver(space: SearchSpace, settings: ExploreSettings) -> tuple[Driver
     wanted = settings.driver
     if isinstance(wanted, str) and wanted not in DRIVERS:
         raise InputError("--driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
-    known = size_up_to(space, settings.small) if settings.small else None
+    # who chooses a search wants the size for its progress at the most
+    quick = isinstance(wanted, str) and wanted != Enumeration.name
+    known = size_up_to(space, settings.small, quick=quick) if settings.small else None
     if known == 0:
         raise _nothing_to_search()
     if isinstance(wanted, Driver):

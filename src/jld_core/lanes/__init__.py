@@ -1,34 +1,54 @@
 """Labellings in the lanes of a register: a compiled interior point over many labellings of one assembly.
 
+- `CARRIED`: fate of a labelling whose forces were seen to carry more
 - `CARRIES`: answer of a labelling that carries more than was asked
 - `FALLS`: answer of a labelling that stands for no λ ≥ 0
 - `LOCKED`: answer of a labelling that carries any load
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
+- `SHRINKING`: how labellings are shrunk to what makes them too weak
 - `Graph`: blocks of many labellings
 - `Joining`: parts joined in the order of keys
 - `LaneAnswers`: what is proven of many labellings
 - `Lanes`: the kernel for one template
+- `Shrinking`: how labellings are shrunk to what makes them too weak
+- `Shrunk`: what shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each …
 - `chosen`: the kernel in use
 - `described`: the kernel in use, in words
 - `fits`: whether the kernel knows rows of a shape
 """
 
-from jld_core.lanes.kernel import CARRIES, FALLS, LOCKED, OPEN, PROVEN, LaneAnswers, Lanes
+from jld_core.lanes.kernel import (
+    CARRIED,
+    CARRIES,
+    FALLS,
+    LOCKED,
+    OPEN,
+    PROVEN,
+    SHRINKING,
+    LaneAnswers,
+    Lanes,
+    Shrinking,
+    Shrunk,
+)
 from jld_core.lanes.library import chosen, described
 from jld_core.lanes.parts import Graph, Joining
 from jld_core.lanes.rows import fits
 
 __all__ = [
+    "CARRIED",
     "CARRIES",
     "FALLS",
     "LOCKED",
     "OPEN",
     "PROVEN",
+    "SHRINKING",
     "Graph",
     "Joining",
     "LaneAnswers",
     "Lanes",
+    "Shrinking",
+    "Shrunk",
     "chosen",
     "described",
     "fits",

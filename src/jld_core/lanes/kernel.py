@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ PROVEN: Final = 1
 FALLS: Final = 2
 CARRIES: Final = 3
 LOCKED: Final = 4
+CARRIED: Final = 2
+"""Fate of a labelling that was to be shrunk, and whose forces were seen to carry more than its threshold."""
 
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
@@ -103,6 +105,41 @@ class LaneAnswers:
     velocity: Floats | None = None
     diagnosis: Floats | None = None
     rays: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Shrinking:
+    """How labellings are shrunk to what makes them too weak.
+
+    neighbours: of each labelling that falls, the same with one face of its conflict undecided from the start. tries:
+    single faces tried in vain before a conflict is taken as it is. inner: what the cost of an inner face is multiplied
+    by in the order in which faces are freed. balance: error of equilibrium with which forces that carry more end a
+    relaxation.
+    """
+
+    neighbours: int = 0
+    tries: int = 2
+    inner: float = 1.0
+    balance: float = 1e-6
+
+
+SHRINKING: Final = Shrinking()
+
+
+@dataclass(frozen=True)
+class Shrunk:
+    """What shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each labelling before
+    its neighbours.
+
+    labelling: (r,) which of the k it is of. fate: (r,) OPEN (or never begun), PROVEN (refuted) or CARRIED. decided:
+    (r, m) faces that matter. velocity: (r, q·free) of the mechanism. relaxations: (r,) solved.
+    """
+
+    labelling: Ints
+    fate: NDArray[np.uint8]
+    decided: Bools
+    velocity: Floats
+    relaxations: NDArray[np.int32]
 
 
 class Lanes:
@@ -243,6 +280,36 @@ class Lanes:
             velocity = back
         return LaneAnswers(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
+    def shrink(
+        self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0
+    ) -> Shrunk:
+        """Labellings (k, m), True dry, each with as few faces decided as still keep λ at a threshold (k,).
+
+        free: (m,) faces that may take either label. thresholds: scaled λ. seed: of the faces that neighbours do
+        without. What is said to refute is a hint, to be weighed by who uses it.
+        """
+        count, wide = len(labellings), 1 + how.neighbours
+        labels, matters = (np.ascontiguousarray(array, dtype=np.uint8) for array in (labellings, free))
+        least = np.ascontiguousarray(thresholds, dtype=float)
+        fate, relaxations = np.zeros(count * wide, dtype=np.uint8), np.zeros(count * wide, dtype=np.int32)
+        conflict = np.zeros((count * wide, self.faces), dtype=np.uint8)
+        velocity = np.zeros((count * wide, self.size))
+        asked = library.Shrinking(
+            count,
+            *(_pointer(array) for array in (labels, matters, least)),
+            how.neighbours,
+            how.tries,
+            how.inner,
+            how.balance,
+            seed,
+            *(_pointer(array) for array in (fate, conflict, velocity, relaxations)),
+        )
+        if self._library.jld_lanes_shrink(self._problem(), self._tries[0], asked):
+            raise MemoryError("the kernel's workspace")
+        back = np.empty_like(velocity)
+        back[:, self._ends] = velocity
+        return Shrunk(np.arange(count).repeat(wide), fate, conflict.astype(bool), back, relaxations)
+
     def _problem(self) -> library.Problem:
         p, start = self.pattern, self._start
         lists = (p.column_start, p.row, p.pair_start, p.pair, p.left_start, p.left, p.left_column)
@@ -270,6 +337,9 @@ class Lanes:
         )
 
 
-def _pointer(array: NDArray[np.int32] | Floats | None) -> object:
-    kind = ctypes.c_double if array is None or array.dtype == np.float64 else ctypes.c_int32
+_KINDS: Final[dict[str, Any]] = {"float64": ctypes.c_double, "int32": ctypes.c_int32, "uint8": ctypes.c_uint8}
+
+
+def _pointer(array: NDArray[np.int32] | NDArray[np.uint8] | Floats | None) -> object:
+    kind = ctypes.c_double if array is None else _KINDS[array.dtype.name]
     return ctypes.POINTER(kind)() if array is None else array.ctypes.data_as(ctypes.POINTER(kind))

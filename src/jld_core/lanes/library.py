@@ -92,6 +92,29 @@ class Try(ctypes.Structure):
     )
 
 
+_bytes = ctypes.POINTER(ctypes.c_uint8)
+
+
+class Shrinking(ctypes.Structure):
+    """`JldShrinking`: labellings to be shrunk to what makes them too weak, and where that goes."""
+
+    _fields_ = (
+        ("count", ctypes.c_int64),
+        ("labels", _bytes),
+        ("free", _bytes),
+        ("thresholds", _doubles),
+        ("neighbours", ctypes.c_int32),
+        ("tries", ctypes.c_int32),
+        ("inner", ctypes.c_double),
+        ("balance", ctypes.c_double),
+        ("seed", ctypes.c_uint64),
+        ("fate", _bytes),
+        ("conflict", _bytes),
+        ("velocity", _doubles),
+        ("relaxations", _int32s),
+    )
+
+
 class Answers(ctypes.Structure):
     """`JldAnswers`: where results go."""
 
@@ -189,6 +212,8 @@ def library(variant: str) -> ctypes.CDLL:
         _doubles,
         ctypes.POINTER(Answers),
     )
+    loaded.jld_lanes_shrink.restype = ctypes.c_int32
+    loaded.jld_lanes_shrink.argtypes = tuple(ctypes.POINTER(kind) for kind in (Problem, Try, Shrinking))
     i32, i64, data = ctypes.c_int32, ctypes.c_int64, ctypes.c_void_p
     loaded.jld_blocks.restype = loaded.jld_parts.restype = i32
     loaded.jld_blocks.argtypes = (i32, i32, data, i32, data, data, i64, data, data)

@@ -12,6 +12,7 @@
 - `Condense`: when blocks are taken as rigid: auto, on or off
 - `Contacts`: how dry faces touch: convex or concave
 - `DualBound`: why no labelling that agrees on some faces reaches a λ
+- `Fallen`: what became of a labelling, or of a neighbour of it, that was shrunk
 - `Friction`: associative or zero-dilation
 - `Governing`: what is known of the governing factor
 - `Known`: what is known of one load case
@@ -64,7 +65,7 @@ from jld_core.limit.mechanism import (
 from jld_core.limit.movements import Movements
 from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
-from jld_core.limit.relaxation import DualBound, Relaxation
+from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, element_velocities, governing_result, number, result_of
 from jld_core.limit.settlement import Settled, Thrust, reactions, settle
@@ -83,6 +84,7 @@ __all__ = [
     "Condense",
     "Contacts",
     "DualBound",
+    "Fallen",
     "Friction",
     "Governing",
     "Known",

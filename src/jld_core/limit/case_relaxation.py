@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.lanes import SHRINKING, Shrinking
 from jld_core.limit.block_relaxation import BlockRelaxation, Choice
-from jld_core.limit.relaxation import DualBound, Relaxation
+from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
 """Part by which bounds are raised, and thresholds lowered, so that nothing is lost by putting them into other units."""
@@ -64,6 +66,32 @@ class CaseRelaxation:
         # the case that refuted most is asked first
         self._order.sort(key=lambda case: -counts[case])
         return found
+
+    def shrink(
+        self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0
+    ) -> list[Fallen]:
+        """See `Relaxation.shrink`, with governing factors: each labelling under the first case that refutes it."""
+        found: list[Fallen] = []
+        left, carried = np.arange(len(labellings)), np.ones(len(labellings), dtype=bool)
+        counts = [0] * len(self._cases)
+        for case in self._order:
+            if not left.size:
+                break
+            unit = self._units[case]
+            fallen: set[int] = set()
+            for one in self._cases[case].shrink(labellings[left], free, thresholds[left] / unit, how, seed):
+                labelling = int(left[one.labelling])
+                if one.bound is None:
+                    carried[labelling] &= one.carries or not one.drawn
+                    continue
+                bound = one.bound * unit
+                found.append(replace(one, labelling=labelling, bound=bound + abs(bound) * _ROUNDING))
+                if one.drawn:
+                    fallen.add(labelling)
+            counts[case] = len(fallen)
+            left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
+        self._order.sort(key=lambda case: -counts[case])
+        return found + [Fallen(k, True, free, None, bool(carried[k])) for k in left.tolist()]
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Governing factor that no labelling exceeds that agrees where decided; inf where none was found."""

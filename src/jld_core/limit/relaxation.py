@@ -17,7 +17,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.lanes import CARRIES, OPEN, Lanes, chosen, fits
+from jld_core.lanes import CARRIED, CARRIES, OPEN, PROVEN, SHRINKING, Lanes, Shrinking, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.program import ConicProgram
@@ -45,6 +45,22 @@ class DualBound:
     excess: float
     cost: Floats
     bound: float
+
+
+@dataclass(frozen=True)
+class Fallen:
+    """What became of a labelling, or of a neighbour of it, that was shrunk.
+
+    labelling: which of those asked. drawn: that one itself. decided: (m,) faces that matter. bound: scaled λ that no
+    labelling exceeds that has its labels there, −inf where none stands; None where nothing refuted it. carries: its
+    forces were seen to carry more.
+    """
+
+    labelling: int
+    drawn: bool
+    decided: Bools
+    bound: float | None
+    carries: bool = False
 
 
 class Relaxation:
@@ -115,6 +131,31 @@ class Relaxation:
             for k, one in zip(left.tolist(), others, strict=True):
                 found[k] = one
         return found
+
+    def shrink(
+        self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0
+    ) -> list[Fallen]:
+        """Labellings (k, m) with as few faces decided as still keep λ at thresholds (k,), and neighbours of them; where
+        the kernel solves many at a time.
+
+        free: (m,) faces that may take either label. thresholds: scaled λ. how, seed: as `Lanes.shrink` takes them.
+        Whatever the kernel refuted is weighed here.
+        """
+        assert self._lanes is not None
+        raw = self._lanes.shrink(labellings, free, thresholds, how, seed)
+        self.solves += int(raw.relaxations.sum())
+        begun = np.flatnonzero(raw.relaxations)
+        of = raw.labelling[begun]
+        left = np.arange(len(begun))[raw.fate[begun] == PROVEN]
+        undecided = free & ~raw.decided[begun]
+        found: list[DualBound | None] = [None] * len(begun)
+        self._weigh_all(raw.velocity[begun[left]], left, labellings[of], undecided, thresholds[of], found)
+        drawn = begun % (len(raw.fate) // max(len(labellings), 1)) == 0
+        rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
+        return [
+            Fallen(k, own, faces, None if one is None else one.bound, fate == CARRIED)
+            for k, own, faces, one, fate in rows
+        ]
 
     def _weigh_all(
         self,

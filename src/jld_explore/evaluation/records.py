@@ -248,10 +248,17 @@ class Records:
 
     def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
         """Write a conflict: (m,) faces decided, (m,) their labels, no labelling with which has a λ above the bound."""
-        masks = np.packbits(decided).tobytes(), np.packbits(labels).tobytes()
-        row = (*masks, bound, _checksum("", bound, *masks))
+        self.add_conflicts(decided[None], labels[None], [bound])
+
+    def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float]) -> None:
+        """The same of conflicts (k, m), together: a transaction each would take longer than finding them."""
+        rows = []
+        for on, values, bound in zip(np.packbits(decided, axis=1), np.packbits(labels, axis=1), bounds, strict=True):
+            masks = on.tobytes(), values.tobytes()
+            rows.append((*masks, bound, _checksum("", bound, *masks)))
         with self._told(), self._transaction():
-            self._file.execute("INSERT INTO conflicts (decided, labels, bound, checksum) VALUES (?, ?, ?, ?)", row)
+            wording = "INSERT INTO conflicts (decided, labels, bound, checksum) VALUES (?, ?, ?, ?)"
+            self._file.executemany(wording, rows)
 
     # --- the bound --------------------------------------------------------------------------------------
 

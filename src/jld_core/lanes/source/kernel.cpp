@@ -1,10 +1,12 @@
 // The C interface: labellings in, bounds out.
+#include <algorithm>
 #include <cstring>
 
 #include "edge.h"
 #include "parts.h"
 #include "proof.h"
 #include "ray.h"
+#include "shrink.h"
 
 namespace jld {
 
@@ -220,6 +222,20 @@ int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t 
             jld::Run<jld::PlanarFace<3, true>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        else return 2;
+        return 0;
+    } catch (const std::bad_alloc&) {
+        return 1;
+    }
+}
+
+int32_t jld_lanes_shrink(const JldProblem* problem, const JldTry* how, const JldShrinking* asked) {
+    try {
+        if (problem->freedoms == 6) jld::Shrink<jld::SpatialFace>(*problem, *how, *asked).run();
+        else if (problem->bows && problem->pairs == 2) jld::Shrink<jld::PlanarFace<2, true>>(*problem, *how, *asked).run();
+        else if (problem->bows && problem->pairs == 3) jld::Shrink<jld::PlanarFace<3, true>>(*problem, *how, *asked).run();
+        else if (problem->pairs == 2) jld::Shrink<jld::PlanarFace<2>>(*problem, *how, *asked).run();
+        else if (problem->pairs == 3) jld::Shrink<jld::PlanarFace<3>>(*problem, *how, *asked).run();
         else return 2;
         return 0;
     } catch (const std::bad_alloc&) {

@@ -49,6 +49,23 @@ struct JldTry {
     int32_t most;    // iterations
 };
 
+// Labellings that are too weak, each to be shrunk to what makes it so. Results have 1 + neighbours rows for each.
+struct JldShrinking {
+    int64_t count;
+    const uint8_t* labels;     // (count, faces) 0 inner, 1 dry
+    const uint8_t* free;       // (faces) 1 where a face may take either label
+    const double* thresholds;  // (count) scaled lambda
+    int32_t neighbours;        // labellings of one face less begun from each that gives a conflict
+    int32_t tries;             // single faces tried in vain
+    double inner;              // what the cost of an inner face is multiplied by in the order of freeing
+    double balance;            // error of equilibrium with which forces that carry more end it
+    uint64_t seed;
+    uint8_t* fate;             // (rows) 0 open or not begun, 1 refuted, 2 carries more
+    uint8_t* conflict;         // (rows, faces) 1 where decided in the end
+    double* velocity;          // (rows, 3 elements) what refutes
+    int32_t* relaxations;      // (rows)
+};
+
 struct JldAnswers {
     double* low;         // (count) proven lower bound, -inf for none
     double* high;        // (count) proven upper bound, +inf for none

@@ -50,10 +50,11 @@ class Conflicts:
         self._known = [Conflict(np.flatnonzero(on), labels[on], float(bound)) for on, labels, bound in rows]
         self._records = records
 
-    def add(self, conflict: Conflict) -> None:
-        """Take a new one."""
-        self._known.append(conflict)
-        if self._records is not None:
-            decided, labels = np.zeros((2, self._faces), dtype=bool)
-            decided[conflict.faces], labels[conflict.faces] = True, conflict.labels
-            self._records.add_conflict(decided, labels, conflict.bound)
+    def add(self, conflicts: Sequence[Conflict]) -> None:
+        """Take new ones."""
+        self._known += conflicts
+        if self._records is not None and conflicts:
+            decided, labels = np.zeros((2, len(conflicts), self._faces), dtype=bool)
+            for row, conflict in enumerate(conflicts):
+                decided[row, conflict.faces], labels[row, conflict.faces] = True, conflict.labels
+            self._records.add_conflicts(decided, labels, [conflict.bound for conflict in conflicts])

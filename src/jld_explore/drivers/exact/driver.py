@@ -272,8 +272,7 @@ class Exact(Driver):
                     return proposed
                 continue
             caught = self._hunt.step(threshold / self._scale)
-            for conflict in caught.conflicts:
-                self._conflicts.add(conflict)
+            self._conflicts.add(caught.conflicts)
             self._heartbeat()
             if caught.exhausted:
                 self._lower(target, threshold)
@@ -302,7 +301,7 @@ class Exact(Driver):
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
-        self._conflicts.add(conflict)
+        self._conflicts.add([conflict])
         self._formula.forbid(conflict.faces, conflict.labels)
 
     def _offer(self, labels: Bits) -> Bits:

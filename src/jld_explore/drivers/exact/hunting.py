@@ -13,17 +13,18 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools
+from jld_core.lanes import Shrinking
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict, Shrinkings
-
-_WIDTH: Final = 32
-"""Shrinkings side by side where the kernel solves many at once."""
+from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict, conflict_of
 
 _DRAWN: Final = 8
 """Labellings drawn together at the most."""
 
 _NEIGHBOURS: Final = 3
 """Neighbours of each labelling that are shrunk too."""
+
+_TRIES: Final = 4
+"""Single faces tried in vain before a conflict is taken as it is."""
 
 _DRY: Final = 0.3
 """Share of faces that a labelling had better have dry, at random: long blocks are what is hard to refute."""
@@ -42,53 +43,69 @@ class Hunt:
     """Conflicts of one formula after the other. free: (m,) faces that may take either label. seed: of preferences."""
 
     def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
-        self._pool = Shrinkings(relaxation, free)
+        self._relaxation, self._free = relaxation, free
         self._rng = np.random.default_rng([seed, 2])
         self._many = relaxation.many
         self._formula: Formula | None = None
         self._known: set[tuple[bytes, bytes]] = set()
-        self._most = 1
 
     def begin(self, formula: Formula) -> None:
         """Go on with another formula; what was begun with the last one is forgotten."""
-        self._pool.clear()
         self._formula = formula
-        self._known, self._most = set(), 1
+        self._known = set()
 
     def step(self, threshold: float) -> Catch:
-        """One relaxation of each labelling at hand. threshold: scaled λ, not lower than before in this formula."""
+        """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula."""
         formula, caught = self._formula, Catch()
         assert formula is not None
         # few at first: where one conflict rules out nearly all, the others were drawn in vain
-        room = min(_DRAWN, self._most, _WIDTH - len(self._pool)) if self._many else 1 - len(self._pool)
-        for _ in range(room):
+        room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
+        drawn: list[Bits] = []
+        while len(drawn) < room:
             labels = formula.next(preferred=self._preferred())
             if labels is None:
                 break
             # not drawn again while it is at hand; the conflict that it gives says all that this does, and more
             formula.forbid(np.arange(len(labels)), labels)
-            self._pool.begin(labels, threshold)
-        if not len(self._pool):
-            caught.exhausted = True
-            return caught
-        for finished in self._pool.step():
-            conflict = finished.conflict
-            if conflict is None:
-                if finished.drawn:
-                    caught.unrefuted.append(finished.labels)
-                continue
-            name = conflict.faces.tobytes(), conflict.labels.tobytes()
-            if name in self._known:
-                continue
-            self._known.add(name)
-            self._most += 1
-            caught.conflicts.append(conflict)
-            formula.forbid(conflict.faces, conflict.labels)
-            if finished.drawn and self._many and self._most > _DRAWN:
-                count = min(_NEIGHBOURS, len(conflict.faces))
-                for face in self._rng.choice(conflict.faces, count, replace=False).tolist():
-                    self._pool.begin(finished.labels, threshold, face)
+            drawn.append(labels)
+        caught.exhausted = not drawn
+        if drawn and self._many:
+            self._shrink(np.array(drawn), threshold, caught)
+        elif drawn:
+            self._shrink_one(drawn[0], threshold, caught)
         return caught
+
+    def _shrink(self, drawn: Bits, threshold: float, caught: Catch) -> None:
+        """Conflicts of labellings (k, m) and of their neighbours, all in one call."""
+        how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES)
+        seed = int(self._rng.integers(2**32))
+        for one in self._relaxation.shrink(drawn, self._free, np.full(len(drawn), threshold), how, seed):
+            labels = drawn[one.labelling]
+            if one.bound is not None:
+                faces = np.flatnonzero(one.decided)
+                self._take(Conflict(faces, labels[faces], min(one.bound, threshold)), caught)
+            elif one.drawn:
+                if one.carries:
+                    caught.unrefuted.append(labels)
+                else:
+                    # what the kernel leaves open is worth another route, since else it has to be evaluated
+                    self._shrink_one(labels, threshold, caught)
+
+    def _shrink_one(self, labels: Bits, threshold: float, caught: Catch) -> None:
+        found = conflict_of(self._relaxation, labels, self._free, threshold)
+        if found is None:
+            caught.unrefuted.append(labels)
+        else:
+            self._take(found, caught)
+
+    def _take(self, conflict: Conflict, caught: Catch) -> None:
+        """Rule out what a conflict does, unless that was done before."""
+        assert self._formula is not None
+        name = conflict.faces.tobytes(), conflict.labels.tobytes()
+        if name not in self._known:
+            self._known.add(name)
+            caught.conflicts.append(conflict)
+            self._formula.forbid(conflict.faces, conflict.labels)
 
     def _preferred(self) -> Bits | None:
         """Labels (m,) that a drawn labelling had better have."""

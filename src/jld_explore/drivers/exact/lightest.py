@@ -144,7 +144,7 @@ class Lightest(Driver):
                 break
             conflict = conflict_of(self._relaxation, labels, self._free, self._threshold / self._scale)
             if conflict is not None:
-                self._conflicts.add(conflict)
+                self._conflicts.add([conflict])
                 self._formula.forbid(conflict.faces, conflict.labels)
                 continue
             self._formula.forbid(np.arange(len(labels)), labels)

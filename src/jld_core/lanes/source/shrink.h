@@ -1,0 +1,258 @@
+// Whole shrinkings: labellings that are too weak, with fewer and fewer faces decided, one relaxation after the other in
+// the lane that is free next. A relaxation ends early where its forces carry more than matters; a motion that refutes is
+// waited for to the end, since one that is stopped as soon as it does frees fewer faces and makes for more conflicts.
+#pragma once
+#include <deque>
+#include <memory>
+
+#include "proof.h"
+
+namespace jld {
+
+enum Fate : uint8_t { LEFT_OPEN = 0, REFUTED = 1, CARRIED = 2 };
+
+struct Job {
+    int64_t row;
+    const uint8_t* labels;
+    double threshold;
+    bool drawn;
+    std::vector<uint8_t> asked;    // (faces) as the kernel labels them: 0 inner, 1 dry, 2 undecided
+    std::vector<uint8_t> tried;    // (faces) tried alone
+    std::vector<double> cost;      // (faces) of the mechanism at hand
+    std::vector<double> velocity;  // its own
+    double excess = 0.0;
+    bool refuted = false;
+    int alone = -1, vain = 0, relaxations = 0;
+};
+
+template <class Face>
+struct Shrink {
+    static constexpr int Q = Face::Q;
+    const JldProblem& p;
+    const JldTry& how;
+    const JldShrinking& s;
+    Sides<Q> sides;
+    const Shared<Q> shared;
+    Work<Face> work, ready;
+    std::vector<Store<Face>> sheet;  // faces as inner and as dry ones
+    std::vector<std::unique_ptr<Job>> jobs;
+    std::deque<Job*> queue;
+    Job* in_lane[W];
+    Job* parked[W];
+    int age[W], waiting = 0, busy = 0;
+    Store<Lane> u, v, cost;
+    double gate = 0.0;  // margin of the motion that opens all, whatever the label
+
+    Shrink(const JldProblem& problem, const JldTry& settings, const JldShrinking& asked)
+        : p(problem), how(settings), s(asked), sides{problem}, shared(problem), work(problem), ready(problem), sheet(2, Store<Face>(problem.faces)),
+          u(Q * problem.elements), v(Q * problem.elements), cost(problem.faces) {
+        std::vector<uint8_t> labels(p.faces);
+        for (int label = 0; label < 2; ++label) {
+            labels.assign(p.faces, label);
+            for (int i = 0; i < W; ++i) work.put(p, i, labels.data(), how);
+            sheet[label] = work.face;
+        }
+        if (!p.opening) return;
+        for (size_t k = 0; k < v.size(); ++k) v[k] = splat(p.opening[k]);
+        Lane least = splat(1e300);
+        for (int f = 0; f < p.faces; ++f) {
+            Lane jump[Q], margin, spent;
+            sides.jump(f, v.data(), splat(1.0), jump);
+            for (auto& faces : sheet) faces[f].dissipation(jump, margin, spent), least = smaller(least, margin);
+        }
+        gate = lanes_of(least)[0];
+    }
+
+    Job* begin(int64_t row, const uint8_t* labels, double threshold, bool drawn) {
+        jobs.emplace_back(new Job{row, labels, threshold, drawn, {}, {}, {}, {}});
+        Job* job = jobs.back().get();
+        job->asked.assign(labels, labels + p.faces), job->tried.assign(p.faces, 0), job->cost.resize(p.faces);
+        queue.push_back(job);
+        return job;
+    }
+
+    void fill(int lane) {
+        in_lane[lane] = nullptr;
+        if (queue.empty()) return;
+        Job* job = queue.front();
+        queue.pop_front();
+        in_lane[lane] = job, age[lane] = 0, ++busy, ++job->relaxations;
+        work.put(p, lane, job->asked.data(), how);
+    }
+
+    void run() {
+        for (int64_t k = 0; k < s.count; ++k) {
+            const uint8_t* labels = s.labels + k * p.faces;
+            begin(k * (1 + s.neighbours), labels, s.thresholds[k], true);
+        }
+        Interior<Face> interior(p, how, work);
+        for (int i = 0; i < W; ++i) fill(i);
+        while (busy) {
+            Measures m;
+            interior.step(m);
+            for (int i = 0; i < W; ++i)
+                if (in_lane[i]) look(i, m);
+            // nobody waits for what may be decided now
+            if (waiting && queue.empty()) settle();
+            for (int i = 0; i < W; ++i)
+                if (!in_lane[i]) fill(i);
+        }
+    }
+
+    void look(int i, Measures& m) {
+        Job* job = in_lane[i];
+        ++age[i];
+        double gap = lanes_of(m.gap)[i], balance = lanes_of(m.balance)[i], jumps = lanes_of(m.jumps)[i];
+        double load = lanes_of(work.load)[i], dual = lanes_of(m.dual)[i], speed = lanes_of(m.speed)[i];
+        double size = std::fabs(load) > 1e-4 ? std::fabs(load) : 1e-4;
+        bool carries = load > job->threshold && balance <= s.balance;
+        bool solved = gap <= 2.0 * how.target * size && balance <= 5e-11 && jumps <= how.jumps * (1.0 + speed);
+        bool falls = dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
+        bool lost = !(gap < 1e30) || !(speed < 1e30) || age[i] >= how.most;
+        if (carries) {
+            leave(i);
+            advance(job, false, CARRIED);
+        } else if (solved || falls || lost) {
+            ready.copy(work, i, waiting);
+            parked[waiting++] = job;
+            leave(i);
+            if (waiting == W) settle();
+        }
+    }
+
+    void leave(int lane) { in_lane[lane] = nullptr, --busy; }
+
+    // What parked motions spend at the least, face by face, and what that would be more of without a label.
+    void measure(Lane& least, Lane& total) {
+        least = splat(1e300), total = splat(0.0);
+        for (int f = 0; f < p.faces; ++f) {
+            Lane jump[Q], m[2], d[2], dry = splat(0.0), free = splat(0.0);
+            sides.jump(f, u.data(), splat(1.0), jump);
+            for (int label = 0; label < 2; ++label) {
+                sheet[label][f].dissipation(jump, m[label], d[label]);
+                d[label] = select(m[label] >= 0.0, d[label], splat(1e300));
+            }
+            for (int i = 0; i < waiting; ++i) {
+                uint8_t label = parked[i]->asked[f];
+                lanes_of(dry)[i] = label == 1, lanes_of(free)[i] = label == 2;
+            }
+            Lane either = larger(d[0], d[1]), own = select(dry > 0.0, d[1], d[0]), margin = select(dry > 0.0, m[1], m[0]);
+            own = select(free > 0.0, either, own), margin = select(free > 0.0, smaller(m[0], m[1]), margin);
+            least = select(margin >= least, least, margin);
+            total += own;
+            cost[f] = either - own;
+        }
+    }
+
+    void settle() {
+        const size_t n = u.size();
+        Proof<Face> proof(p, how, shared, ready);
+        proof.motion();
+        for (size_t k = 0; k < n; ++k) u[k] = proof.best[k];
+        Lane fastest = splat(0.0), least, total;
+        for (size_t k = 0; k < n; ++k) fastest = larger(fastest, absolute(u[k]));
+        Lane by = 1.0 / select(fastest > 0.0, fastest, splat(1.0));
+        for (size_t k = 0; k < n; ++k) u[k] *= by;
+        measure(least, total);
+        for (int round = 0; round < 3 && gate > 0.0; ++round) {
+            Mask lacks = least < 1e-16;
+            bool any = false;
+            for (int i = 0; i < waiting; ++i) any |= lanes_of(least)[i] < 1e-16;
+            if (!any) break;
+            Lane share = select(lacks & (least > -1.0), (1.0 + round) * (2e-16 - least) / gate, splat(0.0));
+            for (size_t k = 0; k < n; ++k) u[k] += share * p.opening[k];
+            measure(least, total);
+        }
+        Lane work_done = splat(0.0), heavy = splat(0.0), own = splat(0.0);
+        double weight = 0.0;
+        fastest = splat(0.0);
+        for (size_t k = 0; k < n; ++k) {
+            Lane fast = absolute(u[k]);
+            work_done += p.live[k] * u[k], own += p.dead[k] * u[k], heavy += std::fabs(p.dead[k]) * fast;
+            fastest = larger(fastest, fast), weight += std::fabs(p.dead[k]);
+        }
+        total -= own;
+        Lane noise = p.noise * (heavy + absolute(total) + 1e-3 * weight * fastest);
+        const int done = waiting;
+        waiting = 0;
+        Job* all[W];
+        for (int i = 0; i < done; ++i) all[i] = parked[i];
+        for (int i = 0; i < done; ++i) {
+            Job* job = all[i];
+            double spent = lanes_of(total)[i] + lanes_of(noise)[i], works = lanes_of(work_done)[i];
+            double excess = job->threshold * works - spent;
+            if (!(lanes_of(least)[i] >= 0.0 && spent < 1e200 && works >= 0.0 && excess > 0.0)) {
+                advance(job, false, LEFT_OPEN);
+                continue;
+            }
+            job->excess = excess;
+            job->velocity.resize(n);
+            for (size_t k = 0; k < n; ++k) job->velocity[k] = lanes_of(u[k])[i];
+            for (int f = 0; f < p.faces; ++f) job->cost[f] = lanes_of(cost[f])[i];
+            advance(job, true, REFUTED);
+        }
+    }
+
+    // What is asked next, once it is known whether the last relaxation refuted.
+    void advance(Job* job, bool refuted, Fate fate) {
+        const bool whole = job->refuted || refuted, together = job->alone < 0;
+        if (!whole) return finish(job, fate);
+        if (!refuted) {
+            if (together) return finish(job, REFUTED);  // the mechanism before still stands
+            job->asked[job->alone] = job->labels[job->alone];
+            ++job->vain;
+        }
+        job->refuted = true, job->alone = -1;
+        std::vector<std::pair<double, int>> order;
+        order.reserve(p.faces);
+        for (int f = 0; f < p.faces; ++f)
+            if (s.free[f] && job->asked[f] != 2) order.emplace_back(job->cost[f] * (job->labels[f] ? 1.0 : s.inner), f);
+        std::sort(order.begin(), order.end());
+        if (refuted) {
+            double spare = job->excess;
+            bool freed = false;
+            for (auto& [_, f] : order) {
+                if (!(job->cost[f] < spare)) break;
+                spare -= job->cost[f], job->asked[f] = 2, freed = true;
+            }
+            job->excess = spare;
+            if (freed) return queue.push_back(job);
+        }
+        if (job->vain < s.tries)
+            for (auto& [_, f] : order)
+                if (!job->tried[f]) {
+                    job->tried[f] = 1, job->asked[f] = 2, job->alone = f;
+                    return queue.push_back(job);
+                }
+        finish(job, REFUTED);
+    }
+
+    void finish(Job* job, Fate fate) {
+        s.fate[job->row] = fate;
+        s.relaxations[job->row] = job->relaxations;
+        uint8_t* decided = s.conflict + job->row * p.faces;
+        for (int f = 0; f < p.faces; ++f) decided[f] = s.free[f] && job->asked[f] != 2;
+        if (fate == REFUTED) {
+            std::memcpy(s.velocity + job->row * u.size(), job->velocity.data(), 8 * u.size());
+            if (job->drawn && s.neighbours) spawn(job, decided);
+        }
+        job->asked = {}, job->tried = {}, job->cost = {}, job->velocity = {};
+    }
+
+    // The same labelling with one face of its conflict undecided from the start.
+    void spawn(const Job* job, const uint8_t* conflict) {
+        std::vector<int> inside;
+        for (int f = 0; f < p.faces; ++f)
+            if (conflict[f]) inside.push_back(f);
+        uint64_t state = s.seed + 0x9e3779b97f4a7c15ull * (job->row + 1);
+        for (int k = 0; k < s.neighbours && !inside.empty(); ++k) {
+            state ^= state << 13, state ^= state >> 7, state ^= state << 17;
+            size_t at = (state >> 11) % inside.size();
+            Job* next = begin(job->row + 1 + k, job->labels, job->threshold, false);
+            next->asked[inside[at]] = 2;
+            inside.erase(inside.begin() + at);
+        }
+    }
+};
+
+}  // namespace jld
