@@ -12,9 +12,10 @@ from cases import CASES, grid_assembly
 from cases_spatial import box, scene
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.lanes import Shrinking
 from jld_core.limit import LimitAnalysis, Relaxation, Status
 from jld_core.scene import parse_scene
-from jld_explore.drivers import conflict_of
+from jld_explore.drivers import Conflict, conflict_of
 
 OPEN = 6
 """Faces left undecided: 64 labellings each."""
@@ -91,6 +92,16 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     threshold = float(np.quantile(finite, 0.9)) if finite.size else 1.0
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:40]]
     conflicts = [c for c in found if c is not None]
+    if relaxation.many:
+        whole = relaxation.shrink(rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), Shrinking(neighbours=2))
+        refuted = {one.labelling for one in whole if one.drawn and one.bound is not None}
+        # what it leaves open is for the other route
+        assert refuted and refuted <= {k for k, one in enumerate(found) if one is not None}
+        assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
+        for one in whole:
+            if one.bound is not None:
+                faces = np.flatnonzero(one.decided)
+                conflicts.append(Conflict(faces, rows[one.labelling][faces], min(one.bound, threshold)))
     assert conflicts
     assert np.mean([len(c.faces) for c in conflicts]) < 0.8 * m
     ruled_out = 0
