@@ -11,6 +11,7 @@ measures that section alone.
 from __future__ import annotations
 
 import json
+import math
 import sys
 import tempfile
 import time
@@ -19,8 +20,10 @@ from typing import Any, Final
 from unittest.mock import patch
 
 import numpy as np
+from studies.scenes import corner
 
 from benchmarks.common import RESULTS, table, write
+from benchmarks.scenes import cubes, vault
 from jld_core import Scene, build_assembly, load_scene, parse_scene
 from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
 from jld_explore import ExploreSettings, explore
@@ -135,6 +138,25 @@ def halved(path: Path) -> Scene:
     return parse_scene(document)
 
 
+def winds() -> Scene:
+    """The wall of 6 × 8 cells in blocks of up to three, pushed from either side, nine tenths as hard from the right."""
+    document = wall(6, 8, 3, 2e4).model_dump(mode="json", exclude_defaults=True)
+    left, right = ({"name": name, "live": [{"body": [push, 0]}]} for name, push in (("left", 1), ("right", -0.9)))
+    return parse_scene(document | {"loads": {"cases": [left, right]}})
+
+
+def in_space() -> dict[str, Scene]:
+    """Spatial scenes by name."""
+    found = {}
+    for name, scene in (
+        ("3 × 3 × 3 cubes, blocks of 1–4, 20 kPa", cubes(3)),
+        ("corner of five courses, blocks of 1–4, 0.2 MPa", corner(5, math.radians(225.0), None)),
+    ):
+        document = scene.model_dump(mode="json", exclude_defaults=True)
+        found[name] = parse_scene(document | {"search": {"block_cells": [1, 4]}})
+    return {**found, "barrel vault, 21 voussoirs, blocks of 1–3, 20 kPa": vault()}
+
+
 def scenes() -> dict[str, tuple[Scene, float, str]]:
     """Scenes by name, with the seconds each may take and the time asked for."""
     flagship = Path(__file__).parent.parent / "scenes" / "flat_beam_arch.json"
@@ -145,8 +167,10 @@ def scenes() -> dict[str, tuple[Scene, float, str]]:
     }
     found["beam on bearings (flagship), blocks of 2–6"] = (load_scene(flagship), LONG, "600 s")
     found["flagship, cells halved, blocks of 4–24"] = (halved(flagship), LONG, "600 s, to 10 %")
+    found["6 × 8, s = 3, 20 kPa, two cases"] = (winds(), SECONDS, "twice one")
     found["wall of 88 faces, 6 × 9, s = 4, 20 kPa"] = (wall(6, 9, 4, 2e4), LONG, "600 s")
     found["flat arch, 67 faces, σc = 5 MPa, blocks of 2–6"] = (arch(), LONG, "600 s, to 5 %")
+    found |= {name: (scene, LONG, "600 s") for name, scene in in_space().items()}
     return found
 
 

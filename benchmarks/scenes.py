@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -123,5 +125,31 @@ def cubes(side: int = 3, inner: float = 2e4) -> Scene:
                 "inner": {"tensile_strength": inner, "shear_strength": inner},
             },
             "loads": {"live": [{"element": f"c00{side - 1}", "force": [1, 0.3, 0]}]},
+        }
+    )
+
+
+def vault(across: int = 9, deep: int = 3, inner: float = 2e4) -> Scene:
+    """A barrel vault over 0.4 m, 0.1 m thick, from 20° to 160°, its springings supports, in blocks of up to three
+    voussoirs of 0.15 m, under a force on the edge of its haunch; inner: σt = τ, Pa."""
+    angles = np.radians(np.linspace(20.0, 160.0, across + 1))
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    elements = []
+    for k, y in itertools.product(range(across), range(deep)):
+        ends = ((0.6, 0.7), (0.15 * y, 0.15 * (y + 1)), (float(angles[k]), float(angles[k + 1])))
+        corners = [[-r * math.cos(at), far, r * math.sin(at)] for r, far, at in itertools.product(*ends)]
+        own = {"id": f"v{k}y{y}", "vertices": corners, "faces": faces, "support": k in (0, across - 1)}
+        elements.append(own)
+    return parse_scene(
+        {
+            "name": f"barrel vault of {across} × {deep} voussoirs",
+            "elements": elements,
+            "materials": {
+                "density": 1400,
+                "dry": {"friction_coefficient": 0.75},
+                "inner": {"tensile_strength": inner, "shear_strength": inner},
+            },
+            "loads": {"live": [{"element": f"v{across // 4}y0", "force": [0, 0, -10]}]},
+            "search": {"block_cells": [1, 3]},
         }
     )
