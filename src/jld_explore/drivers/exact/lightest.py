@@ -24,8 +24,8 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflicts import Conflicts, key_of
 from jld_explore.drivers.exact.driver import ExactOptions
 from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.hunting import Hunt
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
-from jld_explore.drivers.exact.shrinking import conflict_of
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, Records, may_meet, meets
 from jld_explore.space import Range, SearchSpace, canonical, count_named, values_of
@@ -67,6 +67,8 @@ class Lightest(Driver):
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
             self._free &= np.isin(np.arange(len(self._free)), list(joined))
+        if covered:
+            self._hunt = Hunt(self._relaxation, self._free, seed)
         self._genetic = Genetic(space, seed)
         self._left = search * int(space.candidates.sum())
         self._searching = True
@@ -74,6 +76,7 @@ class Lightest(Driver):
         self._conflicts = Conflicts(len(space.fixed))
         self._formula: Formula | None = None
         self._passed: list[Bits] = []
+        self._waiting = np.empty((0, len(space.fixed)), dtype=bool)
         self._done = False
         self._deadline: float | None = None
         self._heartbeat: Callable[[], None] = lambda: None
@@ -133,26 +136,27 @@ class Lightest(Driver):
             if len(found):
                 return found
         self._searching = False
-        while not self._done and not (self._deadline is not None and time.perf_counter() >= self._deadline):
+        while not len(self._waiting) and not self._done and not self._late:
             if self._formula is None:
                 self._begin()
-            assert self._formula is not None
-            labels = self._formula.next()
+            caught = self._hunt.step(self._threshold / self._scale)
+            self._conflicts.add(caught.conflicts)
             self._heartbeat()
-            if labels is None:
-                self._done = True
-                break
-            conflict = conflict_of(self._relaxation, labels, self._free, self._threshold / self._scale)
-            if conflict is not None:
-                self._conflicts.add([conflict])
-                self._formula.forbid(conflict.faces, conflict.labels)
-                continue
-            self._formula.forbid(np.arange(len(labels)), labels)
-            labels = np.asarray(canonical(labels[None], self.space.group)[0])
-            self._passed.append(labels)
-            if np.packbits(labels).tobytes() not in self._known:
-                return labels[None]
-        return np.empty((0, len(self.space.fixed)), dtype=bool)
+            self._done = caught.exhausted
+            self._waiting = np.concatenate([self._waiting, *(self._offer(labels) for labels in caught.unrefuted)])
+        given = self._waiting[:limit]
+        self._waiting = self._waiting[len(given) :]
+        return given
+
+    @property
+    def _late(self) -> bool:
+        return self._deadline is not None and time.perf_counter() >= self._deadline
+
+    def _offer(self, labels: Bits) -> Bits:
+        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
+        row = np.asarray(canonical(labels[None], self.space.group))
+        self._passed.append(row[0])
+        return row[:0] if np.packbits(row[0]).tobytes() in self._known else row
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:
@@ -187,3 +191,4 @@ class Lightest(Driver):
                 self._formula.forbid(conflict.faces, conflict.labels)
         for labels in self._passed:
             self._formula.forbid(np.arange(len(labels)), labels)
+        self._hunt.begin(self._formula)
