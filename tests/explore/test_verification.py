@@ -63,6 +63,11 @@ SCENES: dict[str, dict[str, Any]] = {
     ),
     "crushing": grid_document(["aaa", "###"], crush_dry=1e5, crush_inner=1e5, tension=2e3, shear=2e3),
     "slits": grid_document(["aa", "aa", "##"], segmentation=False, candidates="all+supports", tension=2e3, shear=2e3),
+    # a block of one cell on a support has an inner face, and is too small all the same
+    "bonded": grid_document(["aa", "aa", "##"], candidates="all+supports", block_cells=[2, 3], tension=2e3, shear=2e3),
+    "bonded slits": grid_document(
+        ["aa", "aa", "##"], segmentation=False, candidates="all+supports", block_cells=[2, 3], tension=2e3, shear=2e3
+    ),
     "cases": {**grid_document(["aaa", "aaa", "###"], block_cells=[1, 2]), "loads": {"cases": CASES}},
     "space": {**SPATIAL, "search": {"block_cells": [1, 2]}},
 }
@@ -145,7 +150,9 @@ def test_balances_are_those_of_the_search_to_rounding(name: str) -> None:
             assert float(found.spent) == pytest.approx(expected, abs=1e-12 * max(size, 1.0))
 
 
-@pytest.mark.parametrize("name", ["weak", "counts", "equal blocks", "extent", "kept", "slits"])
+@pytest.mark.parametrize(
+    "name", ["weak", "counts", "equal blocks", "extent", "kept", "slits", "bonded", "bonded slits"]
+)
 def test_no_rule_rules_out_a_labelling_of_the_space(name: str) -> None:
     """Whatever numbers a certificate gives: a clause that is accepted holds for every labelling there is."""
     scene = parse_scene(SCENES[name])

@@ -72,6 +72,10 @@ class Labellings:
             for element in pair:
                 self._around[element].append(face)
         self._support = elements.support.tolist()
+        self._touching: dict[int, list[int]] = {e: [] for e in range(len(elements))}
+        for a, b in assembly.touching:
+            self._touching[a].append(b)
+            self._touching[b].append(a)
         self.beginning: list[Clause] = [[-(face + 1)] if dry else [face + 1] for face, dry in self.fixed.items()]
         low, high = self.search.dry_faces
         counted = [face for face, (a, b) in enumerate(self._ends) if not (self._support[a] or self._support[b])]
@@ -131,11 +135,12 @@ class Labellings:
                 return [-(face + 1) for face in joined]
         return None
 
-    def too_small(self, around: Sequence[int]) -> Clause | None:
-        """Not all faces around these free elements dry: what is inside breaks a limit. None where not so."""
-        members = set(around)
-        known = members and all(0 <= e < len(self._support) and not self._support[e] for e in members)
-        if not known:
+    def too_small(self, within: Sequence[int]) -> Clause | None:
+        """Not all faces around these elements dry: what is free inside breaks a limit. None where not so."""
+        members = set(within)
+        known = all(0 <= e < len(self._support) for e in members) and not all(self._support[e] for e in members)
+        # supports that touch are of one block without a face between them
+        if not known or any(other not in members for e in members for other in self._touching[e]):
             return None
         border = {f for e in members for f in self._around[e] if len(members.intersection(self._ends[f])) == 1}
         for size, (low, _), slack in self._sizes(members):
@@ -147,13 +152,12 @@ class Labellings:
         return all(0 <= face < len(self._ends) for face in faces)
 
     def _joined(self, start: int, faces: Sequence[int]) -> set[int]:
-        """Elements reached from one across some faces."""
+        """Elements reached from one across some faces, and from support to support that touches it."""
         reached, waiting = {start}, [start]
         while waiting:
             at = waiting.pop()
-            for face in faces:
-                a, b = self._ends[face]
-                other = b if a == at else a if b == at else at
+            across = (b if a == at else a for a, b in (self._ends[face] for face in faces) if at in (a, b))
+            for other in (*across, *self._touching[at]):
                 if other not in reached:
                     reached.add(other)
                     waiting.append(other)

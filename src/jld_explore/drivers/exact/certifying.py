@@ -191,8 +191,8 @@ class Certifier:
                 if rules:
                     for rule in rules:
                         clause = self._checker.clause(rule)
-                        if clause is None:
-                            raise ArithmeticError(f"a rule that the check does not know: {rule}")
+                        if clause is None or any((literal < 0) == labels[abs(literal) - 1] for literal in clause):
+                            raise ArithmeticError(f"a rule that the check does not know as broken: {rule}")
                         self._add(clause, rule)
                         solver.add_clause(clause)
                     continue
@@ -270,6 +270,9 @@ class Certifier:
             a, b = ends[face]
             links[a].append((face, b))
             links[b].append((face, a))
+        for a, b in space.assembly.touching:
+            links[a].append((-1, b))
+            links[b].append((-1, a))
         if space.search.segmentation:
             for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
                 path = _path(links, *ends[face])
@@ -278,7 +281,8 @@ class Certifier:
         free = set(space.assembly.elements.free.tolist())
         sized = limits.sized
         for name in np.unique(blocks[space.assembly.elements.free]).tolist():
-            members = frozenset(np.flatnonzero(blocks == name).tolist()) & free
+            block = np.flatnonzero(blocks == name).tolist()
+            members = frozenset(block) & free
             if limits.too_large(sized.one(members)):
 
                 def enough(seen: set[int]) -> bool:
@@ -288,7 +292,7 @@ class Certifier:
                 if enough(set(came)):
                     yield Rule("large", tuple(face for _, face in came.values() if face >= 0))
             elif limits.too_small(sized.one(members)):
-                yield Rule("small", tuple(sorted(members)))
+                yield Rule("small", tuple(block))
 
 
 class _Units:
@@ -328,19 +332,19 @@ def _clause(decided: Bits, labels: Bits) -> list[int]:
 
 
 def _path(links: dict[int, list[tuple[int, int]]], start: int, end: int) -> list[int]:
-    """Faces of a way between two elements, empty where there is none through faces alone."""
+    """Faces of a way between two elements, empty where there is none."""
     came = _reach(links, start, lambda seen: end in seen)
     path, at = [], end
-    while at in came and came[at][1] >= 0:
+    while at in came and at != start:
         at, face = came[at]
         path.append(face)
-    return path
+    return [face for face in path if face >= 0]
 
 
 def _reach(
     links: dict[int, list[tuple[int, int]]], start: int, enough: Callable[[set[int]], bool]
 ) -> dict[int, tuple[int, int]]:
-    """Elements reached through faces until there are enough: where each was reached from, and across what."""
+    """Elements reached until there are enough: where each was reached from, and across what face (-1: touching)."""
     came = {start: (start, -1)}
     waiting = deque([start])
     while waiting:
