@@ -196,6 +196,11 @@ class Assembly(Shown):
         """Equations per element and resultants per interface: 3 planar, 6 spatial."""
         return 3 if self.dimension == 2 else 6
 
+    @property
+    def resultants(self) -> tuple[str, ...]:
+        """Names of the resultants of a face, in their order."""
+        return ("N", "V", "M") if self.dimension == 2 else ("N", "V1", "V2", "M1", "M2", "MT")
+
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
         """This structure under each of its load cases alone, in their order; itself where there is one load only."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,21 +31,21 @@ class Curve:
     joints: Joints
     settings: Settings
     standing: Standing
-    distance: Floats
-    load_factor: Floats
-    unbalanced: Floats
-    broken: Ints
-    faster: Floats
     reach: float
-    collapse: int
     collapse_load: float
-    rate_error: float
     rising: bool
     at_collapse: Floats
     at_end: Floats
     cracked: Floats
-    first_crack: float
-    periods: float
+    distance: Floats = field(default_factory=lambda: np.zeros(0))
+    load_factor: Floats = field(default_factory=lambda: np.zeros(0))
+    unbalanced: Floats = field(default_factory=lambda: np.zeros(0))
+    broken: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    faster: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    collapse: int = 0
+    rate_error: float = 0.0
+    first_crack: float = np.nan
+    periods: float = 0.0
 
     @property
     def stands(self) -> bool:
@@ -113,7 +113,6 @@ def run_experiment(
 
 def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floats, rising: bool = False) -> Curve:
     """A curve without a push: it does not stand, has no strength at all, or nothing in it can give way."""
-    none = np.zeros(0)
     load = 0.0 if standing is Standing.RESTS and not rising else np.nan
     return Curve(
         assembly=specimen.assembly,
@@ -121,19 +120,10 @@ def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floa
         joints=joints,
         settings=specimen.settings,
         standing=standing,
-        distance=none,
-        load_factor=none,
-        unbalanced=none,
-        broken=none.astype(np.int64),
-        faster=np.zeros((0, 2)),
         reach=specimen.system.reach,
-        collapse=0,
         collapse_load=load,
-        rate_error=0.0,
         rising=rising,
         at_collapse=moved,
         at_end=moved,
         cracked=np.zeros(len(specimen.labels)),
-        first_crack=np.nan,
-        periods=0.0,
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Elements, Interfaces
 from jld_core.build import materials
@@ -74,6 +75,13 @@ class Geometry:
     touching: tuple[tuple[int, int], ...]
     moved: float = 0.0
     warnings: tuple[str, ...] = ()
+
+
+def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:
+    """Length up to which gaps and overlaps are closed, 0 for none, and the shortest of the edges, inf without any."""
+    shortest = float(edges[edges > 0.0].min(initial=np.inf))
+    tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
+    return (tolerance if tolerance < np.inf else 0.0), shortest
 
 
 def refuse_twins(ids: list[str]) -> None:

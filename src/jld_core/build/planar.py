@@ -9,7 +9,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements
-from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins
+from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins, snapping
 from jld_core.errors import InputError
 from jld_core.geometry import (
     PlanarContact,
@@ -74,9 +74,8 @@ def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[
     if scene.grid is not None or scene.interfaces is not None:
         return outlines, 0.0
     edges = np.concatenate([np.hypot(*(np.roll(outline, -1, axis=0) - outline).T) for outline in outlines])
-    shortest = float(edges[edges > 0.0].min(initial=np.inf))
-    tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
-    if not 0.0 < tolerance < np.inf:
+    tolerance, shortest = snapping(scene, edges)
+    if not tolerance > 0.0:
         return outlines, 0.0
     snapped = snap_polygons(outlines, tolerance)
     if snapped.collapsed and scene.tolerance is not None:

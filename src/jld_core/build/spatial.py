@@ -7,7 +7,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements
-from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins
+from jld_core.build.elements import Geometry, collect_elements, pair_index, refuse_twins, snapping
 from jld_core.errors import InputError
 from jld_core.geometry import (
     Faces,
@@ -77,10 +77,8 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
         for corners, of_solid in zip(vertices, faces, strict=True)
         for loop in of_solid
     ]
-    every = np.concatenate(edges)
-    shortest = float(every[every > 0.0].min(initial=np.inf))
-    tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
-    if not 0.0 < tolerance < np.inf:
+    tolerance, shortest = snapping(scene, np.concatenate(edges))
+    if not tolerance > 0.0:
         return vertices, 0.0
     snapped = snap_solids(vertices, faces, tolerance)
     if snapped.largest <= tolerances.FACE * shortest:

@@ -72,14 +72,13 @@ class LimitAnalysisResult(Shown):
         """The object that `jld solve --json` prints: plain numbers, None where there is none."""
         assembly = self.assembly
         ids, faces = assembly.elements.ids, assembly.interfaces
-        names = ("N", "V", "M") if assembly.dimension == 2 else ("N", "V1", "V2", "M1", "M2", "MT")
         forces = None
         if self.forces is not None:
             forces = [
                 {
                     "elements": [ids[a], ids[b]],
                     "label": "dry" if dry else "inner",
-                    **{name: float(value) for name, value in zip(names, row, strict=True)},
+                    **{name: float(value) for name, value in zip(assembly.resultants, row, strict=True)},
                 }
                 for a, b, dry, row in zip(faces.a, faces.b, self.labels, self.forces, strict=True)
             ]

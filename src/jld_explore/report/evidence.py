@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
+
+from jld_core.arrays import Bools
 
 PROVEN: Final = "proven"
 FOUND: Final = "found"
@@ -54,6 +57,14 @@ def _value(values: Sequence[Any]) -> Any:
     """Counts as JSON has them: a number, or of several the list."""
     numbers = [value if isinstance(value, float) else int(str(value)) for value in values]
     return numbers if len(numbers) > 1 else numbers[0]
+
+
+def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
+    """The rows of a front without those merely visited, and (k,) which of them are proven."""
+    if COLUMN not in front:
+        return front, np.zeros(len(front), dtype=bool)
+    known = front[front[COLUMN] != VISITED]
+    return known, (known[COLUMN] == PROVEN).to_numpy()
 
 
 def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:

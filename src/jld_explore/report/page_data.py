@@ -102,7 +102,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
             for k in range(len(faces))
         ],
         "edges": _bare_edges(assembly) if planar else [],
-        "resultants": ["N", "V", "M"] if planar else ["N", "V1", "V2", "M1", "M2", "MT"],
+        "resultants": list(assembly.resultants),
     }
 
 

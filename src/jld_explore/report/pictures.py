@@ -26,7 +26,7 @@ from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
-from jld_explore.report.evidence import COLUMN, PROVEN, VISITED
+from jld_explore.report.evidence import known_front
 from jld_explore.space import Count, count_named, cut, from_string, registered
 
 FIRST: Final = registered()[0].name
@@ -67,10 +67,7 @@ def plot_pareto(
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
     counted = count_named(count)
     shown = collapsed(results)
-    best = collapsed(front).sort_values(count, kind="stable")
-    if COLUMN in best:
-        # what was merely visited on the way is no front
-        best = best[best[COLUMN] != VISITED]
+    best, sure = known_front(collapsed(front).sort_values(count, kind="stable"))
     points = best[[count, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.3
     chosen = spread(points, shown[[count, "load_factor"]].to_numpy(dtype=float), (8.6, height - 0.3), layouts)
@@ -87,7 +84,6 @@ def plot_pareto(
             markeredgewidth=0.0, rasterized=many, label="labellings that collapse", zorder=1.0,
         )  # fmt: skip
         steps = "steps-pre" if sense == "max" else "steps-post"
-        sure = (best[COLUMN] == PROVEN).to_numpy() if COLUMN in best else np.zeros(len(best), dtype=bool)
         known = "proven" if sure.all() else "partly proven" if sure.any() else "best found"
         ax.plot(*points.T, color=FRONT, linewidth=1.3, drawstyle=steps, label=f"front, {known}", zorder=2.0)
         for chosen_points, face, words in ((sure, FRONT, "proven"), (~sure, "white", "best found")):

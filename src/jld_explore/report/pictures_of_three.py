@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.views.look import DOTS, FRONT, INK, SOFT
-from jld_explore.report.evidence import COLUMN, PROVEN, VISITED
+from jld_explore.report.evidence import known_front
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.pictures import (
     Gallery,
@@ -65,11 +65,8 @@ def plot_three(
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]
     shown = collapsed(results)
-    best = collapsed(front)
-    if COLUMN in best:
-        best = best[best[COLUMN] != VISITED]
-    best = best.sort_values([first, second, "load_factor"], kind="stable").drop_duplicates([first, second], keep="last")
-    sure = (best[COLUMN] == PROVEN).to_numpy() if COLUMN in best else np.zeros(len(best), dtype=bool)
+    best = known_front(collapsed(front))[0].sort_values([first, second, "load_factor"], kind="stable")
+    best, sure = known_front(best.drop_duplicates([first, second], keep="last"))
     points = best[[first, second, "load_factor"]].to_numpy(dtype=float)
     width, height = 9.6, 4.6
     places = shown[[first, second]].to_numpy(dtype=float)

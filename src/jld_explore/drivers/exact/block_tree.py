@@ -56,6 +56,18 @@ Child = Node | Conflict | None
 
 
 @dataclass(frozen=True)
+class Question:
+    """What is asked of a node: allowed: (p,) blocks left there; threshold: scaled λ that they are to reach; possible,
+    late: as of `BlockTree.step`."""
+
+    node: Node
+    allowed: Bools
+    threshold: float
+    possible: Possible
+    late: Callable[[], bool]
+
+
+@dataclass(frozen=True)
 class Step:
     """The node that was taken; conflicts found; a labelling (m,) with nothing undecided, to be looked at."""
 
@@ -133,7 +145,7 @@ class BlockTree:
         undecided = self._undecided(allowed)
         if not undecided.size:
             return Step(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
-        children = self._branch(node, allowed, undecided, threshold, possible, late)
+        children = self._branch(Question(node, allowed, threshold, possible, late), undecided)
         if children is None:
             self._next = node
             return Step(node)
@@ -178,24 +190,16 @@ class BlockTree:
         holding = (self._held & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))
 
-    def _branch(
-        self,
-        node: Node,
-        allowed: Bools,
-        undecided: Ints,
-        threshold: float,
-        possible: Possible,
-        late: Callable[[], bool],
-    ) -> list[Child] | None:
+    def _branch(self, asked: Question, undecided: Ints) -> list[Child] | None:
         """What follows from either label of the face to decide, inner first; None where time ran out."""
-        inner = np.clip((self._held[undecided] * node.choice.share).sum(axis=1), 0.0, 1.0)
+        inner = np.clip((self._held[undecided] * asked.node.choice.share).sum(axis=1), 0.0, 1.0)
         score = self._expected(undecided, inner)
         order = np.argsort(-score - 1e-9 * (0.5 - abs(inner - 0.5)), kind="stable").tolist()
         sure = self._times[:, undecided].min(axis=0) >= _SURE
         expected = next((place for place in order if sure[place]), None)
         best, best_children = (-1.0 if expected is None else float(score[expected])), None
         for place in [place for place in order if not sure[place]][:_TRIED]:
-            tried = self._tried(node, allowed, int(undecided[place]), inner[place], threshold, possible, late)
+            tried = self._tried(asked, int(undecided[place]), inner[place])
             if tried is None:
                 return None
             children, found = tried
@@ -205,8 +209,7 @@ class BlockTree:
                 best, best_children = found, children
         if best_children is None:
             assert expected is not None
-            place = int(undecided[expected])
-            tried = self._tried(node, allowed, place, inner[expected], threshold, possible, late)
+            tried = self._tried(asked, int(undecided[expected]), inner[expected])
             return None if tried is None else tried[0]
         return best_children
 
@@ -218,25 +221,16 @@ class BlockTree:
         joined, parted = rate[0] * (1.0 - inner), rate[1] * inner
         return np.asarray(np.maximum(joined, _SMALL) * np.maximum(parted, _SMALL))
 
-    def _tried(
-        self,
-        node: Node,
-        allowed: Bools,
-        face: int,
-        inner: float,
-        threshold: float,
-        possible: Possible,
-        late: Callable[[], bool],
-    ) -> tuple[list[Child], float] | None:
+    def _tried(self, asked: Question, face: int, inner: float) -> tuple[list[Child], float] | None:
         """Both children of a node, inner first, and how much they gain together; None where time ran out."""
         children: list[Child] = []
         gains = []
         for label, left in ((False, ~self._parted[face]), (True, ~self._held[face])):
-            if late():
+            if asked.late():
                 return None
-            child = self._child(node, self._settled(allowed & left), face, label, threshold, possible)
-            low = child.choice.bound if isinstance(child, Node) else threshold
-            gain = max(node.choice.bound - low, 0.0)
+            child = self._child(asked, self._settled(asked.allowed & left), face, label)
+            low = child.choice.bound if isinstance(child, Node) else asked.threshold
+            gain = max(asked.node.choice.bound - low, 0.0)
             part = inner if label else 1.0 - inner
             self._effect[int(label), face] += gain / max(part, _PART)
             self._times[int(label), face] += 1.0
@@ -244,14 +238,13 @@ class BlockTree:
             gains.append(max(gain, _SMALL))
         return children, gains[0] * gains[1]
 
-    def _child(
-        self, node: Node, allowed: Bools | None, face: int, label: bool, threshold: float, possible: Possible
-    ) -> Child:
+    def _child(self, asked: Question, allowed: Bools | None, face: int, label: bool) -> Child:
+        node = asked.node
         faces, labels = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
         if allowed is not None:
-            if not possible(faces, labels):
+            if not asked.possible(faces, labels):
                 return None
-            choice = self._relaxation.choose(allowed, threshold, node.choice.bound)
+            choice = self._relaxation.choose(allowed, asked.threshold, node.choice.bound)
             if not choice.refuted:
                 return Node(faces, labels, allowed, choice)
-        return Conflict(faces, labels, threshold)
+        return Conflict(faces, labels, asked.threshold)
