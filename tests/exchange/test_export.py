@@ -8,6 +8,7 @@ import json
 import re
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ from cases import grid_document
 from command import call
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
-from jld_core.geometry import congruent, extrude, union_outlines
+from jld_core.geometry import extrude, union_outlines
+from jld_core.geometry.congruence import alike
+from jld_core.geometry.outlines import Outline
 from jld_explore import ExploreSettings, explore, read_folder
 from paths import SCENES
 
@@ -67,6 +70,12 @@ def test_every_block_is_one_closed_surface_of_its_cells_volume(name: str) -> Non
             total += signed_volume(surface.points, triangles)
         exact = made.assembly.elements.volume[members].sum()
         assert total == pytest.approx(exact, rel=1e-7 if name == "shelf" else 1e-10), block.name
+
+
+def congruent(one: Any, other: Any, *, rotate: bool = True, flip: bool = False) -> bool:
+    """Whether two sets of corners (k, d) are one by a shift, a turn if allowed, and a mirror if allowed."""
+    first, second = (Outline(c - c.mean(axis=0), len(c), 1.0, 1.0, 0) for c in (one, other))
+    return alike(first, second, 5e-6 * float(np.linalg.norm(first.points, axis=1).max()), rotate=rotate, flip=flip)
 
 
 def test_blocks_of_one_shape_share_a_number() -> None:

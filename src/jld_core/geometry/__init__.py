@@ -9,14 +9,15 @@
 - `Snapped`: paths after snapping
 - `SpatialContact`: a plane contact of two polyhedra
 - `Surface`: a closed surface
+- `across`: axes of a plane
 - `area_vector`: of a plane polygon, along its normal
 - `check_overlaps`: refuse polyhedra that share a volume
 - `check_polygons`: refuse polygons that are not simple or cover one another
-- `congruent`: whether two sets of corners are one, moved
 - `extrude`: an area in the plane → a solid
 - `facets_of`: polyhedra → plane facets
 - `find_planar_contacts`: where polygons touch
 - `find_spatial_contacts`: where polyhedra touch
+- `frame`: an orthonormal frame from its first vectors
 - `given_normals`: normals of contacts that are given
 - `merge_points`: points within a tolerance, as one
 - `moment_about`: arm × force, in the plane or in space
@@ -44,7 +45,7 @@
 
 from __future__ import annotations
 
-from jld_core.geometry.congruence import Kinds, congruent, shape_numbers
+from jld_core.geometry.congruence import Kinds, shape_numbers
 from jld_core.geometry.misfits import words_of
 from jld_core.geometry.outlines import Outline, outline_of, reach_of
 from jld_core.geometry.planar_contacts import (
@@ -68,7 +69,7 @@ from jld_core.geometry.spatial_contacts import (
     spatial_interfaces,
 )
 from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_outlines, union_solids
-from jld_core.geometry.vectors import area_vector, moment_about, spun
+from jld_core.geometry.vectors import across, area_vector, frame, moment_about, spun
 
 __all__ = [
     "Faces",
@@ -80,14 +81,15 @@ __all__ = [
     "Snapped",
     "SpatialContact",
     "Surface",
+    "across",
     "area_vector",
     "check_overlaps",
     "check_polygons",
-    "congruent",
     "extrude",
     "facets_of",
     "find_planar_contacts",
     "find_spatial_contacts",
+    "frame",
     "given_normals",
     "merge_points",
     "moment_about",

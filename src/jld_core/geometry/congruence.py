@@ -10,9 +10,7 @@ from scipy.spatial import cKDTree
 
 from jld_core.arrays import Floats
 from jld_core.geometry.outlines import Outline
-
-_SAME: Final = 1e-6
-"""Distance of corners, relative to the shape, within which two sets of corners are one."""
+from jld_core.geometry.vectors import frame
 
 _MOMENTS: Final = 20.0
 """How far squares of lengths of one shape may differ, over reach and radius: 4 where every corner is off by twice the
@@ -64,14 +62,6 @@ def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = T
     return [kinds.number(outline) + 1 for outline in outlines]
 
 
-def congruent(one: Floats, other: Floats, *, rotate: bool = True, flip: bool = False) -> bool:
-    """Whether two sets of corners (k, d) are one by a shift, a turn if allowed, and a mirror if allowed."""
-    one, other = one - one.mean(axis=0), other - other.mean(axis=0)
-    reach = 5.0 * _SAME * float(np.linalg.norm(one, axis=1).max())
-    first, second = (Outline(points, len(points), 1.0, 1.0, 0) for points in (one, other))
-    return alike(first, second, reach, rotate=rotate, flip=flip)
-
-
 def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
     """Whether two outlines are one by a shift, a turn if allowed, and a mirror if allowed."""
     near = abs(one.size - other.size) <= 1e-3 * other.size
@@ -116,23 +106,16 @@ def _turns(one: Outline, other: Outline, reach: float, rotate: bool, flip: bool)
     away = np.linalg.norm(np.cross(corners, corners[first]), axis=1)
     second = int(np.argmax(away))
     gram = float(corners[first] @ corners[second])
-    base = _frame(corners[first], corners[second])
+    base = frame(corners[[first, second]])
     for p in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
         for q in np.flatnonzero(abs(there - radius[second]) <= slack).tolist():
             if p == q or abs(float(images[p] @ images[q]) - gram) > slack * 2.0 * radius[first]:
                 continue
             for sign in signs:
-                matrices.append(_frame(images[p], images[q]).T @ np.diag([1.0, 1.0, sign]) @ base)
+                matrices.append(frame(images[[p, q]]).T @ np.diag([1.0, 1.0, sign]) @ base)
     return matrices if rotate else [m for m in matrices if _is_mirror_along_an_axis(m)]
 
 
 def _is_mirror_along_an_axis(matrix: Floats) -> bool:
     """Whether a matrix only turns axes round, without turning the block: moulds that may be turned over, not round."""
     return bool(abs(abs(matrix) - np.eye(len(matrix))).max() < 1e-6)
-
-
-def _frame(first: Floats, second: Floats) -> Floats:
-    one = first / np.linalg.norm(first)
-    two = second - (second @ one) * one
-    two = two / np.linalg.norm(two)
-    return np.array([one, two, np.cross(one, two)])

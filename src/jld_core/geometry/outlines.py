@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry.vectors import area_vector
+from jld_core.geometry.vectors import across, area_vector
 
 _REACH: Final = 1e-6
 """Distance, relative to the structure, within which corners of congruent blocks fall on one another."""
@@ -136,9 +136,9 @@ def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: f
                 planes.append((normal, float(ring.mean(axis=0) @ normal), [(1.0, ring)]))
     found = []
     for normal, offset, members in planes:
-        across = _across(normal)
+        plane = across(normal)
         sides = [
-            shapely.union_all([shapely.Polygon(ring @ across.T) for sign, ring in members if sign == side])
+            shapely.union_all([shapely.Polygon(ring @ plane.T) for sign, ring in members if sign == side])
             for side in (1.0, -1.0)
         ]
         for here, there in (sides, sides[::-1]):
@@ -147,24 +147,17 @@ def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: f
                     continue
                 for ring in [part.exterior, *part.interiors]:
                     flat = _straightened(shapely.get_coordinates(ring)[:-1], reach)
-                    found.append(flat @ across + offset * normal)
+                    found.append(flat @ plane + offset * normal)
     return found
-
-
-def _across(normal: Floats) -> Floats:
-    other = np.eye(3)[int(np.argmin(abs(normal)))]
-    one = np.cross(normal, other)
-    one = one / np.linalg.norm(one)
-    return np.array([one, np.cross(normal, one)])
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
     """Longest over shortest side of the smallest box with a side in a face of the hull."""
     best, sides_of = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
-        across = _across(normal / np.linalg.norm(normal))
+        plane = across(normal / np.linalg.norm(normal))
         high = float(np.ptp(corners @ normal))
-        box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapely.multipoints(corners @ across.T)))
+        box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapely.multipoints(corners @ plane.T)))
         sides = np.array([high, *(float(np.hypot(*(b - a))) for a, b in pairwise(box[:3]))])
         if np.prod(sides) < best:
             best, sides_of = float(np.prod(sides)), sides

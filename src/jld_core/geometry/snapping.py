@@ -30,16 +30,13 @@ class Snapped:
     """Paths after snapping, in the order they came.
 
     paths: (k, 2) corners each; empty where nothing was left. largest: farthest that any corner moved, length.
-    moved: corners that moved. merged: corners that fell together with another's. inserted: nodes put into edges.
-    collapsed: indices of paths that are no longer an area (closed, fewer than three corners) or a line (open, fewer
-    than two).
+    moved: corners that moved. collapsed: indices of paths that are no longer an area (closed, fewer than three corners)
+    or a line (open, fewer than two).
     """
 
     paths: list[Floats]
     largest: float
     moved: int
-    merged: int
-    inserted: int
     collapsed: tuple[int, ...]
 
 
@@ -60,16 +57,14 @@ def snap_paths(
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
     if not len(paths):
-        return Snapped([], 0.0, 0, 0, 0, ())
+        return Snapped([], 0.0, 0, ())
     corners = np.concatenate([np.asarray(path, dtype=float) for path in paths])
     first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
     node_of = merge_points(corners, tolerance)
     place = corners[_representatives(node_of)]
     rings = [without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
-    merged = len(np.unique(corners, axis=0)) - len(place)
     place = _onto_edges(place, rings, closed, tolerance)
     rings, own = _with_hanging(place, rings, closed, tolerance)
-    inserted = sum(mask.count(False) for mask in own)
     if not keep_nodes:
         rings = [
             _without_straight(place, ring, mask, closed=shut)
@@ -78,9 +73,7 @@ def snap_paths(
     rings = [without_spikes(ring, closed=shut) for ring, shut in zip(rings, closed, strict=True)]
     shift = np.linalg.norm(place[node_of] - corners, axis=1)
     lost = tuple(k for k, ring in enumerate(rings) if len(ring) < (3 if closed[k] else 2))
-    return Snapped(
-        [place[ring] for ring in rings], float(shift.max()), int(np.count_nonzero(shift)), merged, inserted, lost
-    )
+    return Snapped([place[ring] for ring in rings], float(shift.max()), int(np.count_nonzero(shift)), lost)
 
 
 def merge_points(points: Floats, tolerance: float) -> Ints:

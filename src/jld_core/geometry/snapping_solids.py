@@ -30,14 +30,13 @@ _FAR: Final = 4.0
 class SnappedSolids:
     """Solids after snapping, in the order they came; faces keep their numbering.
 
-    vertices: (k, 3) each. largest: farthest that any vertex moved, length. moved: vertices that moved. merged: corners
-    that fell together with another's. planes: planes that faces of more than one direction or solid were put into.
+    vertices: (k, 3) each. largest: farthest that any vertex moved, length. moved: vertices that moved. planes: planes
+    that faces of more than one direction or solid were put into.
     """
 
     vertices: list[Floats]
     largest: float
     moved: int
-    merged: int
     planes: int
 
 
@@ -50,12 +49,11 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
     if not len(vertices):
-        return SnappedSolids([], 0.0, 0, 0, 0)
+        return SnappedSolids([], 0.0, 0, 0)
     points = np.concatenate([np.asarray(v, dtype=float) for v in vertices])
     start = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int64)
     node = merge_points(points, tolerance)
     place = points[np.unique(node, return_index=True)[1]]
-    merged = len(np.unique(points, axis=0)) - len(place)
     loops = [
         np.array([node[start[solid] + index] for index in loop], dtype=np.int64)
         for solid, of_solid in enumerate(faces)
@@ -71,7 +69,6 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
         [moved[a:b] for a, b in itertools.pairwise(start)],
         float(shift.max(initial=0.0)),
         int(np.count_nonzero(shift)),
-        merged,
         int(np.count_nonzero(shared > 1)),
     )
 

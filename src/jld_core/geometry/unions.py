@@ -14,6 +14,7 @@ from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
+from jld_core.geometry.vectors import across
 from jld_core.linalg import components
 
 _NEAR: Final = 1e-6
@@ -119,7 +120,7 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
         full = [loop for loop in (without_spikes(loop, closed=True) for loop in closed) if len(loop) > 2]
         if not full:
             continue
-        frame = _frame(normal)
+        frame = -across(normal)
         local = points @ frame.T
         cut = [(a, b, c) for a, b, c in _triangles(local, full)]
         triangles += cut
@@ -158,7 +159,7 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
         return [(normal, list(facets.loops[plane[0]]))]
-    frame, origin = _frame(normal), facets.origin[plane[0]]
+    frame, origin = -across(normal), facets.origin[plane[0]]
 
     def region(facet: int) -> shapely.Geometry:
         loops = [(loop - origin) @ frame.T for loop in facets.loops[facet]]
@@ -177,14 +178,6 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
             loops = [ring @ frame + origin for ring in (clean.shell, *clean.holes)]
             found.append((sign * normal, loops if sign > 0.0 else [loop[::-1] for loop in loops]))
     return found
-
-
-def _frame(normal: Floats) -> Floats:
-    """(2, 3) axes of a plane, right-handed with its normal."""
-    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    e1 = np.cross(least, normal)
-    e1 /= np.linalg.norm(e1)
-    return np.array([e1, np.cross(normal, e1)])
 
 
 def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:

@@ -26,3 +26,21 @@ def area_vector(corners: Floats) -> Floats:
     # about a corner: far from the origin the plain sum loses digits
     arm = corners - corners[0]
     return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0))
+
+
+def across(normal: Floats) -> Floats:
+    """(2, 3) axes of a plane, right-handed with its unit normal (3,)."""
+    other = np.eye(3)[int(np.argmin(abs(normal)))]
+    one = np.cross(normal, other)
+    one = one / np.linalg.norm(one)
+    return np.array([one, np.cross(normal, one)])
+
+
+def frame(vectors: Floats) -> Floats:
+    """(d, d) rows of a right-handed orthonormal frame that starts with d − 1 given vectors."""
+    first = vectors[0] / np.linalg.norm(vectors[0])
+    if len(first) == 2:
+        return np.array([first, [-first[1], first[0]]])
+    second = vectors[1] - (vectors[1] @ first) * first
+    second = second / np.linalg.norm(second)
+    return np.array([first, second, np.cross(first, second)])

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly, Elements
-from jld_core.geometry import area_vector
+from jld_core.geometry import across, area_vector
 
 SHARED: Final = 1e-6
 """Volume, relative to the smaller block, that a sweep may share with another block: rounding of contacts."""
@@ -143,16 +143,13 @@ def _triangles(face: Floats) -> Floats:
     if len(face) == 3:
         return face[None]
     normal = area_vector(face)
-    across = tangents(normal / np.linalg.norm(normal))[:2]
-    flat = shapely.Polygon((face - face[0]) @ across.T)
+    plane = across(normal / np.linalg.norm(normal))
+    flat = shapely.Polygon((face - face[0]) @ plane.T)
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
-    return np.array([face[0] + shapely.get_coordinates(part)[:3] @ across for part in parts])
+    return np.array([face[0] + shapely.get_coordinates(part)[:3] @ plane for part in parts])
 
 
 def tangents(normal: Floats) -> Floats:
     """Four directions at right angles to a normal."""
-    other = np.eye(3)[np.argmin(abs(normal))]
-    one = np.cross(normal, other)
-    one = one / np.linalg.norm(one)
-    two = np.cross(normal, one)
-    return np.array([one, two, -one, -two])
+    plane = across(normal)
+    return np.concatenate([plane, -plane])

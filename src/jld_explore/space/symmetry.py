@@ -11,6 +11,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
+from jld_core.geometry import frame
 from jld_core.scene import Search
 
 
@@ -76,7 +77,7 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
         away = np.linalg.norm(np.cross(points[rarest], points[anchors[0]]), axis=1)
         limit = 1e-3 * radius.max() * radius[anchors[0]]
         anchors.append(int(rarest[np.flatnonzero(away > limit)[0]]))
-    base = _frame(points[anchors])
+    base = frame(points[anchors])
     places = [np.sort(order[first[place_of[anchor]] : last[place_of[anchor]]]) for anchor in anchors]
     matrices = []
     for images in np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, d - 1):
@@ -84,22 +85,12 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
         if abs(gram).max() > 4.0 * reach * radius.max():
             continue
         for last_sign in (1.0, -1.0):
-            matrix = _frame(points[images]).T @ np.diag([1.0] * (d - 1) + [last_sign]) @ base
+            matrix = frame(points[images]).T @ np.diag([1.0] * (d - 1) + [last_sign]) @ base
             near = np.round(matrix)
             matrix = near if abs(matrix - near).max() < reach / radius.max() else matrix
             if abs(matrix - np.eye(d)).max() > 1e-6:
                 matrices.append(matrix)
     return matrices
-
-
-def _frame(vectors: Floats) -> Floats:
-    """Rows of a right-handed orthonormal frame that starts with the d − 1 given vectors."""
-    first = vectors[0] / np.linalg.norm(vectors[0])
-    if len(first) == 2:
-        return np.array([first, [-first[1], first[0]]])
-    second = vectors[1] - (vectors[1] @ first) * first
-    second = second / np.linalg.norm(second)
-    return np.array([first, second, np.cross(first, second)])
 
 
 def _kinds(assembly: Assembly) -> Ints:
