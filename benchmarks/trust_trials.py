@@ -3,8 +3,9 @@
 Every labelling of a scene is evaluated, those that its limits leave are kept, and the largest λ is held against what
 the exact driver proves, with whatever options the seed draws: blocks listed or not, a tree of blocks or none, hardly
 any search before the proof, stopped on the way and gone on with, two jobs, past solves as certificates, whole fronts,
-and, where the scene has one, a certificate that is written and verified. Scenes draw supports, holes, materials with
-every strength, limits of every kind, kept labels, slits, load cases, and space.
+a load factor required and a count proven, and, where the scene has one, a certificate that is written and verified.
+Scenes draw supports, holes, materials with every strength, limits of every kind, kept labels, slits, layouts that can
+be laid, load cases, and space.
 
 `python -m benchmarks.trust_trials FIRST LAST SECONDS` runs seeds FIRST to LAST − 1, as many as there is time for, and
 adds a row to the results.
@@ -31,7 +32,7 @@ from benchmarks.common import RESULTS, table, write
 from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_floor
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact, certify, check_certifiable
+from jld_explore.drivers import Exact, certify, check_certifiable, make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
 from jld_explore.space import SearchSpace, count_named, feasible, search_space, values_of
 from jld_explore.verification import verify
@@ -40,6 +41,9 @@ SEEDS: Final = (0, 2000)
 
 _MOST: Final = 11
 """Faces that may change, at the most: 2 048 labellings."""
+
+_FEW: Final = 6
+"""Faces below which a scene is drawn again, the oftener the fewer: one or two leave little to be wrong about."""
 
 _CLOSE: Final = 2e-6
 """How near proven and true have to be: twice what counts as proven."""
@@ -72,7 +76,7 @@ def draw(rng: np.random.Generator) -> tuple[dict[str, Any], list[str]]:
     if rng.random() < 0.2 and strength:
         inner["friction_coefficient"] = 0.9 * inner["shear_strength"] / strength
         kinds.append("inner friction")
-    if not spatial and rng.random() < 0.3:
+    if rng.random() < 0.3:
         # crushing of dry faces asks for that of inner ones nowhere
         which = rng.integers(1, 4)
         if which & 1:
@@ -174,6 +178,9 @@ def _limits(rng: np.random.Generator, spatial: bool, kinds: list[str]) -> dict[s
         kinds.append("supports")
     if rng.random() < 0.2:
         found["symmetry"] = "none"
+    if rng.random() < 0.1 and "segmentation" not in found:
+        found["assemble"] = "translation"
+        kinds.append("laid")
     return found
 
 
@@ -187,7 +194,8 @@ def drawn(seed: int) -> tuple[Scene, SearchSpace, list[str], np.random.Generator
             space = search_space(scene, build_assembly(scene))
         except InputError:
             continue
-        if int(space.candidates.sum()) <= _MOST:
+        faces = int(space.candidates.sum())
+        if faces <= _MOST and rng.random() * _FEW < faces:
             return scene, space, kinds, rng, document
 
 
@@ -211,22 +219,28 @@ def trial(seed: int) -> Trial:
         "search": int(rng.choice([0, 1, 10])),
         "aim": "front" if rng.random() < 0.15 else "best",
     }
-    stopped, jobs = rng.random() < 0.25, 2 if rng.random() < 0.05 else 1
+    stopped = int(rng.integers(1, 25)) if rng.random() < 0.25 else None
+    jobs = 2 if rng.random() < 0.1 else 1
     certificates = rng.random() < 0.3 and not space.assembly.cases
     kinds += [
         name
         for name, on in (
             ("front", options["aim"] == "front"),
-            ("stopped", stopped),
+            ("stopped", stopped is not None),
             ("two jobs", jobs > 1),
             ("past solves", certificates),
         )
         if on
     ]
     known = list(every(space))
+    required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
         with tempfile.TemporaryDirectory() as folder:
-            problem = _compare(scene, space, known, options, stopped, jobs, certificates, kinds, Path(folder))
+            if required is not None:
+                kinds.append("required")
+                problem = _compare_required(required, known, jobs, Path(folder))
+            else:
+                problem = _compare(scene, space, known, options, stopped, jobs, certificates, kinds, Path(folder))
     except Exception:
         problem = traceback.format_exc()
     return Trial(seed, faces, tuple(kinds), problem, document if problem else None)
@@ -237,7 +251,7 @@ def _compare(
     space: SearchSpace,
     known: list[tuple[Any, Evaluation]],
     options: dict[str, Any],
-    stopped: bool,
+    stopped: int | None,
     jobs: int,
     certificates: bool,
     kinds: list[str],
@@ -252,9 +266,9 @@ def _compare(
         certified = False
     driver = Exact(space, **options)
     try:
-        if stopped:
-            explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=4))
-        facts = explore(scene, folder / "out", replace(settings, resume=stopped), driver=driver).summary
+        if stopped is not None:
+            explore(scene, folder / "out", settings, driver=Exact(space, **options, programs=stopped))
+        facts = explore(scene, folder / "out", replace(settings, resume=stopped is not None), driver=driver).summary
     except InputError as error:
         if not known and "no labelling" in str(error):
             return ""
@@ -287,6 +301,47 @@ def _compare(
             return f"the best is {best!r}, certified {bound!r}"
     if options["aim"] == "front" and sure and "front" in facts:
         return _fronts(space, values, facts["front"], room)
+    return ""
+
+
+def _required(
+    rng: np.random.Generator, document: dict[str, Any], known: list[tuple[Any, Evaluation]]
+) -> dict[str, Any] | None:
+    """The scene with a load factor required that some labellings have and others do not, or none has."""
+    loads = np.unique([found.load_factor for _, found in known if found.status is Status.COLLAPSE])
+    loads = loads[loads > 1e-3]
+    apart = np.flatnonzero(np.diff(loads) > 1e-3 * loads[1:])
+    if not len(loads):
+        return None
+    choices = [2.0 * loads[-1], *(0.5 * (loads[apart] + loads[apart + 1]))]
+    front = {
+        "count": str(rng.choice(["blocks", "dry_faces", "shapes"])),
+        "sense": str(rng.choice(["min", "max"])),
+    }
+    require = {"load_factor": float(rng.choice(choices))}
+    return {**document, "search": {**document["search"], "front": front, "require": require}}
+
+
+def _compare_required(document: dict[str, Any], known: list[tuple[Any, Evaluation]], jobs: int, folder: Path) -> str:
+    """The best count of what carries enough, proven, against all that does."""
+    scene = parse_scene(document)
+    space = search_space(scene, build_assembly(scene))
+    least, (name, sense) = scene.search.require.load_factor, scene.search.front.axes[0]
+    driver = make_driver("exact", space, 0)
+    asked = explore(scene, folder / "out", ExploreSettings(pictures=False, jobs=jobs, small=0), driver=driver).summary[
+        "require"
+    ]
+    if any(found.status in (Status.UNCERTIFIED, Status.FAILED) for _, found in known):
+        return ""
+    rows = [
+        labels
+        for labels, found in known
+        if found.status is Status.LOCKED or (found.status is Status.COLLAPSE and found.load_factor >= least)
+    ]
+    counts = values_of(count_named(name), space.assembly, np.array(rows)).tolist() if rows else []
+    best = (min(counts) if sense == "min" else max(counts)) if counts else None
+    if asked["best"] != best or not asked["proven"]:
+        return f"the best {name} ({sense}) of λ ≥ {least!r} is {best}, found {asked['best']}, proven {asked['proven']}"
     return ""
 
 
