@@ -221,6 +221,7 @@ class Study:
                 rows = unpack(self.records.rows["labelling"], faces)
                 known = [self.records.find(labels) for labels in rows]
                 driver.restore(rows, [evaluation for evaluation in known if evaluation is not None])
+            driver.employ(self.settings.jobs)
             driver.start(self._deadline, lambda: self._count([]), self.records)
             while True:
                 # the same number of portions are asked ahead whatever the workers do, so answers come in one order

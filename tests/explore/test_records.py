@@ -271,14 +271,15 @@ def test_conflicts_are_those_of_one_proof(tmp_path: Path) -> None:
     records = Records(tmp_path, HEADER, FACES)
     rows = labellings(9)
     assert len(records.conflicts("one scene")[0]) == 0
-    for n in range(3):
-        records.add_conflict(rows[n], rows[n + 1], 0.5 + n)
+    records.add_conflicts(rows[:2], rows[1:3], [0.5, 1.5], [False, True])
+    records.add_conflict(rows[2], rows[3], 2.5)
     records.close()
     records = Records(tmp_path, HEADER, FACES)
-    decided, labels, bounds = records.conflicts("one scene")
+    decided, labels, bounds, closed = records.conflicts("one scene")
     assert np.array_equal(decided, rows[:3])
     assert np.array_equal(labels, rows[1:4])
     assert bounds.tolist() == [0.5, 1.5, 2.5]
+    assert closed.tolist() == [False, True, False]
     assert len(records.conflicts("another scene")[0]) == len(records.conflicts("one scene")[0]) == 0
     records.close()
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from benchmarks.trust_trials import drawn, trial
+from benchmarks.trust_scenes import drawn
+from benchmarks.trust_trials import trial
 
 
 @pytest.mark.parametrize("seed", [1, 4, 6, 10])

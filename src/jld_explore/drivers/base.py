@@ -43,8 +43,8 @@ class Driver(ABC):
     further arguments.
 
     What it proposes depends on its space, its seed and what it was told, never on time or on the number of
-    workers. How asking is cut into portions may decide how far it looks ahead, so a study that is to be
-    repeated asks with the same limits.
+    workers, long proofs in several processes excepted. How asking is cut into portions may decide how far it looks
+    ahead, so a study that is to be repeated asks with the same limits.
     """
 
     remembers: ClassVar[bool] = False
@@ -104,6 +104,9 @@ class Driver(ABC):
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """What the driver adds to the summary. results: the table; complete: it holds every class of the space."""
         return {}
+
+    def employ(self, jobs: int) -> None:  # noqa: B027 – most leave that to whoever evaluates
+        """Told once before the start: how many processes may help a driver that has work of its own."""
 
     def start(  # noqa: B027 – most ask in no time
         self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None

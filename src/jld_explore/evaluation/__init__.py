@@ -22,12 +22,15 @@
 - `Proofs`: what one solve leaves behind
 - `RecordedEvaluator`: workers with a record
 - `Records`: evaluations, proofs and conflicts on disk
+- `Seat`: a process that is given task after task
+- `Seats`: as many of them as there are jobs, or workers of a cluster
 - `Sent`: labellings on their way
 - `Vertex`: what was found at a vertex
 - `WorkerSpec`: what a worker needs
 - `Workers`: a pool of processes
 - `aims`: the number to be made large
 - `batch_size`: labellings per task
+- `client_of_cluster`: the client of the cluster that is used
 - `disturb`: raise an error, or after what is undisturbed
 - `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
@@ -48,7 +51,7 @@ from __future__ import annotations
 
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
-from jld_explore.evaluation.cluster import on_cluster
+from jld_explore.evaluation.cluster import client_of_cluster, on_cluster
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
@@ -69,6 +72,7 @@ from jld_explore.evaluation.ranking import (
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records
 from jld_explore.evaluation.rows import settled, statuses
+from jld_explore.evaluation.seats import Seat, Seats
 from jld_explore.evaluation.undisturbed import disturb
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
 from jld_explore.evaluation.workers import MakeEvaluator, Workers, WorkerSpec, batch_size
@@ -96,12 +100,15 @@ __all__ = [
     "Proofs",
     "RecordedEvaluator",
     "Records",
+    "Seat",
+    "Seats",
     "Sent",
     "Vertex",
     "WorkerSpec",
     "Workers",
     "aims",
     "batch_size",
+    "client_of_cluster",
     "disturb",
     "evaluator_of",
     "front_counts",

@@ -51,3 +51,8 @@ def on_cluster(url: str | None) -> Iterator[None]:
             yield
     finally:
         client.close()
+
+
+def client_of_cluster() -> Any | None:
+    """The client of the cluster whose workers are used, None outside `on_cluster` with a URL."""
+    return getattr(joblib.parallel.get_active_backend()[0], "client", None)

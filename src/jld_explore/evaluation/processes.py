@@ -31,6 +31,8 @@ _AHEAD: Final = 2
 """Tasks for each process that are sent ahead; where a worker dies all of them are suspected."""
 
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
+SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
+"""Environment of a worker: one BLAS thread, since the matrices are small, and jobs are what the cores are for."""
 
 
 class Processes:
@@ -45,12 +47,11 @@ class Processes:
     def submit(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
         """Begin a task."""
         with undisturbed():
-            # one BLAS thread per worker: the matrices are small, and jobs are what the cores are for
             self._executor = get_reusable_executor(
                 max_workers=self.jobs,
-                initializer=_attend,
+                initializer=attend,
                 initargs=(os.getpid(),),
-                env={f"{name}_NUM_THREADS": "1" for name in _THREADS},
+                env=SINGLE_THREADED,
             )
             future: Future[Any] = self._executor.submit(work, *arguments)
         return future
@@ -106,7 +107,7 @@ class Flight:
                 yield result
 
 
-def _attend(parent: int) -> None:
+def attend(parent: int) -> None:
     """Begin a worker: leave Ctrl-C to the parent, and do not outlive it when it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()

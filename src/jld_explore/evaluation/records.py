@@ -26,7 +26,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
 from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
 from jld_explore.evaluation.evaluation import Evaluation
@@ -53,8 +53,10 @@ _PATIENCE: Final = 5.0
 _TOGETHER: Final = 1 << 15
 """Rows read at a time."""
 
-_FORMAT: Final = 2
+_FORMAT: Final = 3
 _BOUND: Final = "bound"
+_CLOSED: Final = {0: "", 1: "closed"}
+"""What a checksum of a conflict is of beside its columns."""
 
 _TABLES: Final = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
@@ -72,7 +74,9 @@ CREATE TABLE proofs (
   dry BLOB NOT NULL, inner BLOB NOT NULL /* of forces a bit, of mechanisms a float64 for each face under that label */,
   checksum INTEGER NOT NULL, PRIMARY KEY (evaluation, number)) WITHOUT ROWID;
 CREATE TABLE conflicts (
-  id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL, checksum INTEGER NOT NULL);
+  id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL,
+  closed INTEGER NOT NULL /* 1 of a cube that conflicts leave nothing of, 0 of what a mechanism proves */,
+  checksum INTEGER NOT NULL);
 """
 
 
@@ -223,42 +227,48 @@ class Records:
 
     # --- conflicts --------------------------------------------------------------------------------------
 
-    def conflicts(self, key: str) -> tuple[Bits, Bits, Floats]:
-        """Conflicts on record: (k, m) faces decided, (k, m) their labels, (k,) bounds.
+    def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Bools]:
+        """Conflicts on record: (k, m) faces decided, (k, m) their labels, (k,) bounds, (k,) True of closed cubes.
 
         key: what they were proven of; those of another key are forgotten.
         """
+        columns = "decided, labels, bound, closed, checksum"
         with self._told():
             known = self._file.execute("SELECT value FROM meta WHERE key = 'conflicts of'").fetchone()
             if known != (json.dumps(key),):
                 with self._transaction():
                     self._file.execute("DELETE FROM conflicts")
                     self._file.execute("INSERT OR REPLACE INTO meta VALUES ('conflicts of', ?)", (json.dumps(key),))
-            found = self._file.execute("SELECT decided, labels, bound, checksum FROM conflicts ORDER BY id").fetchall()
+            found = self._file.execute(f"SELECT {columns} FROM conflicts ORDER BY id").fetchall()
         width = self.type["labelling"].itemsize
         try:
-            if any(_checksum("", bound, decided, labels) != check for decided, labels, bound, check in found):
+            if any(_checksum(_CLOSED[closed], bound, *masks) != check for *masks, bound, closed, check in found):
                 raise ValueError
-            masks = b"".join(part for decided, labels, _, _ in found for part in (decided, labels))
+            masks = b"".join(part for decided, labels, *_ in found for part in (decided, labels))
             packed = np.frombuffer(masks, np.uint8).reshape(len(found), 2, width)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, KeyError):
             raise self._damaged("a conflict is not as it was written") from None
         bits = np.unpackbits(packed, axis=2, count=self.faces).astype(bool)
-        return bits[:, 0], bits[:, 1], np.array([bound for _, _, bound, _ in found], dtype=np.float64)
+        bounds, closed = [row[2] for row in found], [row[3] for row in found]
+        return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(closed, dtype=bool)
 
     def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
         """Write a conflict: (m,) faces decided, (m,) their labels, no labelling with which has a λ above the bound."""
-        self.add_conflicts(decided[None], labels[None], [bound])
+        self.add_conflicts(decided[None], labels[None], [bound], [False])
 
-    def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float]) -> None:
-        """The same of conflicts (k, m), together: a transaction each would take longer than finding them."""
+    def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], closed: Sequence[bool]) -> None:
+        """The same of conflicts (k, m), together: a transaction each would take longer than finding them.
+
+        closed: (k,) whether other conflicts say so together, and no mechanism by itself.
+        """
         rows = []
-        for on, values, bound in zip(np.packbits(decided, axis=1), np.packbits(labels, axis=1), bounds, strict=True):
+        packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)
+        for on, values, bound, whole in zip(*packed, bounds, closed, strict=True):
             masks = on.tobytes(), values.tobytes()
-            rows.append((*masks, bound, _checksum("", bound, *masks)))
+            rows.append((*masks, bound, int(whole), _checksum(_CLOSED[whole], bound, *masks)))
+        columns = "decided, labels, bound, closed, checksum"
         with self._told(), self._transaction():
-            wording = "INSERT INTO conflicts (decided, labels, bound, checksum) VALUES (?, ?, ?, ?)"
-            self._file.executemany(wording, rows)
+            self._file.executemany(f"INSERT INTO conflicts ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
 
     # --- the bound --------------------------------------------------------------------------------------
 

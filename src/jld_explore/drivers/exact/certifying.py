@@ -158,7 +158,7 @@ class Certifier:
     def _take_hints(self, hints: Iterable[Conflict]) -> None:
         group = np.unique(np.argsort(self._space.group, axis=1), axis=0)
         for hint in hints:
-            if hint.bound * self._scale > self.bound:
+            if hint.closed or hint.bound * self._scale > self.bound:
                 continue
             for image in group:
                 decided, labels = self._parted()

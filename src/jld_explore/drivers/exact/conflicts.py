@@ -44,10 +44,15 @@ class Conflicts:
     def __iter__(self) -> Iterator[Conflict]:
         return iter(self._known)
 
+    def __getitem__(self, part: slice) -> list[Conflict]:
+        return self._known[part]
+
     def keep(self, records: Records, key: str) -> None:
         """Take in what is on record under a key, and put there what is added from now on."""
         rows = zip(*records.conflicts(key), strict=True)
-        self._known = [Conflict(np.flatnonzero(on), labels[on], float(bound)) for on, labels, bound in rows]
+        self._known = [
+            Conflict(np.flatnonzero(on), labels[on], float(bound), bool(closed)) for on, labels, bound, closed in rows
+        ]
         self._records = records
 
     def add(self, conflicts: Sequence[Conflict]) -> None:
@@ -57,4 +62,5 @@ class Conflicts:
             decided, labels = np.zeros((2, len(conflicts), self._faces), dtype=bool)
             for row, conflict in enumerate(conflicts):
                 decided[row, conflict.faces], labels[row, conflict.faces] = True, conflict.labels
-            self._records.add_conflicts(decided, labels, [conflict.bound for conflict in conflicts])
+            bounds, closed = [conflict.bound for conflict in conflicts], [conflict.closed for conflict in conflicts]
+            self._records.add_conflicts(decided, labels, bounds, closed)

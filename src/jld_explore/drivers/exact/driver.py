@@ -38,10 +38,10 @@ from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.conflicts import Conflicts, key_of
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.hunting import Hunt
-from jld_explore.drivers.exact.incumbents import Incumbents
+from jld_explore.drivers.exact.hunters import Hunters
+from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
-from jld_explore.drivers.exact.optimum import Best, front, front_of_all
+from jld_explore.drivers.exact.optimum import Best, counts_of, front, front_of_all
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.genetic import Genetic
@@ -53,12 +53,6 @@ _STEP: Final = 0.5 * tolerances.PROVEN
 
 _PATIENCE: Final = (3000, 500)
 """Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
-
-_EACH: Final = 4000
-"""Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
-
-_SHARE: Final = (0.04, 0.15)
-"""Labellings annealed then for each relaxation since, with the kernel and without: some 10 to 15 % of the time."""
 
 
 class ExactOptions(DriverOptions):
@@ -75,7 +69,8 @@ class Exact(Driver):
     more than conflicts of faces. list_blocks: list the blocks there can be, where they are few enough. step_after:
     conflicts after which a bound is lowered in smaller steps, so that a proof too long to finish leaves a narrower gap;
     None for a few seconds' worth.
-    programs: solved at the most before it comes back as for lack of time.
+    programs: solved at the most before it comes back as for lack of time. alone: relaxations after which other
+    processes help, where there are any, 0: it is left to them; None for a second's worth or two.
     """
 
     name = "exact"
@@ -95,6 +90,7 @@ class Exact(Driver):
         list_blocks: bool = True,
         step_after: int | None = None,
         programs: int | None = None,
+        alone: int | None = None,
     ) -> None:
         super().__init__(space, seed)
         if space.void is not None:
@@ -130,15 +126,17 @@ class Exact(Driver):
             self._free &= np.isin(np.arange(len(self._free)), list(joined))
         self._search = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._left = search * int(space.candidates.sum())
-        self._again = math.inf if search == 0 else _EACH
-        self._annealed = 0
         self._incumbents = Incumbents(space, self._count)
         self._conflicts = Conflicts(len(space.fixed))
         self._formula: Formula | None = None
-        self._hunt = None if self._relaxation is None else Hunt(self._relaxation, self._free, seed)
         quick = self._relaxation is not None and self._relaxation.many
         self._ladder = Ladder(step_after or _PATIENCE[not quick])
+        self._turns = Turns(quick=quick, never=search == 0)
         self._passed: list[Bits] = []
+        self._hunters: Hunters | None = None
+        if self._relaxation is not None:
+            proof = self._conflicts, self._passed
+            self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
         self._waiting = self._none
         self._aimed = math.inf
         self._began = 0
@@ -160,7 +158,8 @@ class Exact(Driver):
     @property
     def relaxations(self) -> int:
         """Programs solved for them."""
-        return sum(part.solves for part in (self._relaxation, self._by_blocks) if part is not None)
+        parts = (self._relaxation, self._by_blocks, self._hunters)
+        return sum(part.solves for part in parts if part is not None)
 
     @property
     def bound(self) -> float | None:
@@ -200,6 +199,16 @@ class Exact(Driver):
         if records is not None and self._everything is None:
             self._conflicts.keep(records, key_of(self._templates, self.space, self._blocks))
 
+    def employ(self, jobs: int) -> None:
+        """See `Driver.employ`: they refute parts of the space."""
+        if self._hunters is not None:
+            self._hunters.employ(jobs)
+
+    def close(self) -> None:
+        """See `Driver.close`."""
+        if self._hunters is not None:
+            self._conflicts.add(self._hunters.close().conflicts)
+
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take incumbents (k, m) from a study that is gone on with."""
         self._learn(labellings, evaluations)
@@ -209,6 +218,8 @@ class Exact(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         if self._everything is not None:
             return self._everything.ask(limit)
+        if self._hunters is not None:
+            self._hunters.pump()
         while not len(self._waiting) and self._targets and not self._late:
             if self._left > 0:
                 self._waiting = self._search.ask(self._left if limit is None else min(limit, self._left))
@@ -252,7 +263,7 @@ class Exact(Driver):
     def _pursue(self, target: int | None) -> Bits:
         """Go on with a target: labellings to be evaluated, (k, m), or none when it is settled or time is up."""
         assert self._by_blocks is not None
-        assert self._hunt is not None
+        assert self._hunters is not None
         if self._formula is None:
             if target is None:
                 self._lower(target, self._root())
@@ -271,7 +282,7 @@ class Exact(Driver):
                 if len(proposed):
                     return proposed
                 continue
-            caught = self._hunt.step(threshold / self._scale)
+            caught = self._hunters.step(threshold / self._scale)
             self._conflicts.add(caught.conflicts)
             self._heartbeat()
             if caught.exhausted:
@@ -285,19 +296,10 @@ class Exact(Driver):
             proposed = np.concatenate([self._none, *(self._offer(labels) for labels in caught.unrefuted)])
             if self._ladder.stuck(self.conflicts - self._began, self.found[target].bound, threshold):
                 self._begin(target)
-            if len(proposed) or self._due():
+            self._left = self._turns.due(self.relaxations)
+            if len(proposed) or self._left:
                 return proposed
         return self._none
-
-    def _due(self) -> bool:
-        """Whether annealing is to have another chance."""
-        since = self.relaxations - self._annealed
-        if since < self._again:
-            return False
-        assert self._relaxation is not None
-        self._left = int(since * _SHARE[not self._relaxation.many])
-        self._annealed, self._again = self.relaxations, 2 * self._again
-        return True
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
@@ -347,7 +349,7 @@ class Exact(Driver):
     def _begin(self, target: int | None) -> None:
         """A formula of what is left at the next step down."""
         assert self._by_blocks is not None
-        assert self._hunt is not None
+        assert self._hunters is not None
         if self._formula is not None:
             self._formula.close()
         low = self.least(target)
@@ -360,7 +362,7 @@ class Exact(Driver):
                 self._formula.forbid(conflict.faces, conflict.labels)
         for labels in self._passed:
             self._formula.forbid(np.arange(len(labels)), labels)
-        self._hunt.begin(self._formula)
+        self._hunters.begin(self._formula, target, self._aimed / self._scale)
 
     def _lower(self, target: int | None, bound: float) -> None:
         """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
@@ -379,22 +381,15 @@ class Exact(Driver):
         if self._by_blocks is not None:
             self._by_blocks.abandon()
         if self._formula is not None:
+            assert self._hunters is not None
+            self._hunters.end()
             self._formula.close()
             self._formula = None
         if not self._listed:
             self._listed = True
-            for count in self._counts():
+            assert self._count is not None
+            for count in counts_of(self.space, self._count):
                 low = self._incumbents.best(count)
                 known = low if math.isfinite(low) else math.nan
                 self.found[count] = Best(count, known, best.bound, self._floor)
                 self._targets.append(count)
-
-    def _counts(self) -> list[int]:
-        """Values that the count of the front may take."""
-        assert self._count is not None
-        assert self._count.terms is not None
-        most = self._count.terms(self.space.assembly).most(self.space.assembly)
-        bounds = next((bounds for count, bounds in self.space.limits.on_counts if count is self._count), None)
-        if bounds is None:
-            return list(range(most + 1))
-        return list(range(int(bounds.low or 0), (most if bounds.high is None else min(int(bounds.high), most)) + 1))

@@ -62,6 +62,12 @@ class Formula:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
         return bool(self._solver.solve(assumptions=self._literals(faces, labels)))
 
+    def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
+        """How many labels and blocks unit propagation derives from labels (k,) on faces (k,); None: a contradiction."""
+        wanted = self._literals(faces, labels)
+        possible, found = self._solver.propagate(assumptions=wanted)
+        return len(found) - len(wanted) if possible else None
+
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
     ) -> Bits | None:

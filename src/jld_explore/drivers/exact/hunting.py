@@ -14,6 +14,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools
 from jld_core.lanes import Shrinking
+from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict, conflict_of
 
@@ -32,7 +33,7 @@ _DRY: Final = 0.3
 
 @dataclass
 class Catch:
-    """What a step found: conflicts; labellings (m,) that nothing refutes; exhausted: no labelling is left."""
+    """What was found: conflicts; labellings (m,) that nothing refutes; exhausted: no labelling is left (in a cube)."""
 
     conflicts: list[Conflict] = field(default_factory=list)
     unrefuted: list[Bits] = field(default_factory=list)
@@ -54,15 +55,16 @@ class Hunt:
         self._formula = formula
         self._known = set()
 
-    def step(self, threshold: float) -> Catch:
-        """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula."""
+    def step(self, threshold: float, cube: Cube = EVERYTHING) -> Catch:
+        """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula. cube: labels that
+        those drawn have."""
         formula, caught = self._formula, Catch()
         assert formula is not None
         # few at first: where one conflict rules out nearly all, the others were drawn in vain
         room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
         drawn: list[Bits] = []
         while len(drawn) < room:
-            labels = formula.next(preferred=self._preferred())
+            labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
                 break
             # not drawn again while it is at hand; the conflict that it gives says all that this does, and more

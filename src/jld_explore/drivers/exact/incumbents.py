@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,29 @@ from jld_core.arrays import Bits
 from jld_core.limit import Status
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, values_of
+
+_EACH: Final = 4000
+"""Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
+
+_SHARE: Final = (0.04, 0.15)
+"""Labellings annealed then for each relaxation since, with the kernel and without: some 10 to 15 % of the time."""
+
+
+class Turns:
+    """When annealing has another chance beside a proof. quick: the kernel solves relaxations; never: not at all."""
+
+    def __init__(self, *, quick: bool, never: bool) -> None:
+        self._share = _SHARE[not quick]
+        self._again = math.inf if never else _EACH
+        self._last = 0
+
+    def due(self, relaxations: int) -> int:
+        """Labellings to be annealed now, 0 until it is time again. relaxations: solved so far."""
+        since = relaxations - self._last
+        if since < self._again:
+            return 0
+        self._last, self._again = relaxations, 2 * self._again
+        return int(since * self._share)
 
 
 class Incumbents:

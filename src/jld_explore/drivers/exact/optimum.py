@@ -11,6 +11,7 @@ import pandas as pd
 
 from jld_core import tolerances
 from jld_core.limit import Status
+from jld_explore.space import Count, SearchSpace
 
 
 @dataclass(frozen=True)
@@ -62,3 +63,13 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
                 {"count": int(str(value)), "load_factor": best, "bound": bound if sure else None, "proven": sure}
             )
     return rows
+
+
+def counts_of(space: SearchSpace, count: Count) -> list[int]:
+    """Values that a count of the front, a sum of ones, may take in a space."""
+    assert count.terms is not None
+    most = count.terms(space.assembly).most(space.assembly)
+    bounds = next((bounds for one, bounds in space.limits.on_counts if one is count), None)
+    if bounds is None:
+        return list(range(most + 1))
+    return list(range(int(bounds.low or 0), (most if bounds.high is None else min(int(bounds.high), most)) + 1))

@@ -26,11 +26,15 @@ _TRIES: Final = 2
 
 @dataclass(frozen=True)
 class Conflict:
-    """No labelling with `labels` (k,) on `faces` (k,) has a scaled λ above `bound`."""
+    """No labelling with `labels` (k,) on `faces` (k,) has a scaled λ above `bound`.
+
+    closed: other conflicts say so together, and no mechanism by itself (`exact.crew`).
+    """
 
     faces: Ints
     labels: Bits
     bound: float
+    closed: bool = False
 
 
 def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:

@@ -1,0 +1,161 @@
+"""What a process does that helps with a proof: it hunts in the cube it is given, with all conflicts that it is told of.
+
+Between two tasks it keeps its formula, what it had begun and every conflict, so that a task brings only what is new.
+"""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from typing import Final
+
+import cloudpickle
+import numpy as np
+
+from jld_core.arrays import Bits, Bools
+from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation
+from jld_core.threads import one_thread
+from jld_explore.drivers.exact.cubes import Cube
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.hunting import Hunt
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
+from jld_explore.space import SearchSpace
+
+_KEPT: Final = 4
+"""Proofs that a process keeps what it knows of; a worker of a cluster may serve several, one after the other."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a process needs to begin. space, blocks, free: of the proof; seed: of this process's preferences."""
+
+    space: SearchSpace
+    blocks: PossibleBlocks | None
+    free: Bools
+    seed: int
+
+    def packed(self) -> bytes:
+        """As it is sent; limits hold functions without a name, which the plain pickle refuses."""
+        content: bytes = cloudpickle.dumps(self)
+        return content
+
+
+@dataclass(frozen=True)
+class Order:
+    """One task. seat: its name. number: orders the seat was given before. recipe: with the first one.
+
+    news: conflicts since the last order. passed: labellings (k, m) that are dealt with, since then. step: of the
+    ladder, each of which has a formula of its own; count: what the count of the front is to be, None for any;
+    threshold: scaled λ to be refuted, never lower within a step. cube: where to hunt; seconds: how long.
+    """
+
+    seat: str
+    number: int
+    recipe: bytes | None
+    news: tuple[Conflict, ...]
+    passed: Bits
+    step: int
+    count: int | None
+    threshold: float
+    cube: Cube
+    seconds: float
+
+
+@dataclass
+class Answer:
+    """What came of it: conflicts; labellings (m,) that nothing refutes; closed: no labelling of the cube is left.
+
+    solves: relaxations. seconds: of this process's time. forgotten: the process knows nothing of the orders before, and
+    did nothing.
+    """
+
+    conflicts: list[Conflict] = field(default_factory=list)
+    unrefuted: list[Bits] = field(default_factory=list)
+    closed: bool = False
+    solves: int = 0
+    seconds: float = 0.0
+    forgotten: bool = False
+
+
+class _Helper:
+    """What a process keeps of one proof."""
+
+    def __init__(self, recipe: Recipe) -> None:
+        self._space, self._blocks = recipe.space, recipe.blocks
+        self._relaxation = relaxation_of(recipe.space)
+        self._hunt = Hunt(self._relaxation, recipe.free, recipe.seed)
+        self._formula: Formula | None = None
+        self._conflicts: list[Conflict] = []
+        self._bounds: dict[tuple[bytes, bytes], float] = {}
+        self._passed: list[Bits] = []
+        self._step = -1
+        self.number = 0
+
+    def work(self, order: Order) -> Answer:
+        self.number += 1
+        began = time.process_time()
+        solved = self._relaxation.solves
+        end = time.perf_counter() + order.seconds
+        self._learn(order)
+        answer = Answer()
+        while not answer.closed:
+            caught = self._hunt.step(order.threshold, order.cube)
+            answer.conflicts += [one for one in caught.conflicts if self._is_new(one)]
+            answer.unrefuted += caught.unrefuted
+            answer.closed = caught.exhausted
+            if time.perf_counter() >= end:
+                break
+        answer.solves = self._relaxation.solves - solved
+        answer.seconds = time.process_time() - began
+        return answer
+
+    def _learn(self, order: Order) -> None:
+        """Take in what is new, into a formula of its own for every step."""
+        news = [one for one in order.news if self._is_new(one)]
+        passed = list(order.passed)
+        self._passed += passed
+        if order.step != self._step or self._formula is None:
+            if self._formula is not None:
+                self._formula.close()
+            self._step, self._formula = order.step, Formula(self._space, self._blocks, order.count)
+            news, passed = self._conflicts, self._passed
+            self._hunt.begin(self._formula)
+        for one in news:
+            if one.bound <= order.threshold:
+                self._formula.forbid(one.faces, one.labels)
+        for labels in passed:
+            self._formula.forbid(np.arange(len(labels)), labels)
+
+    def _is_new(self, conflict: Conflict) -> bool:
+        """Whether a conflict was not known, or with a larger bound; it is from now on."""
+        name = conflict.faces.tobytes(), conflict.labels.tobytes()
+        if self._bounds.get(name, np.inf) <= conflict.bound:
+            return False
+        self._bounds[name] = conflict.bound
+        self._conflicts.append(conflict)
+        return True
+
+
+_kept: OrderedDict[str, _Helper] = OrderedDict()
+
+
+@one_thread()
+def hunt_at_seat(order: Order) -> Answer:
+    """Do what an order says, in this process."""
+    if order.recipe is not None:
+        _kept[order.seat] = _Helper(pickle.loads(order.recipe))
+        while len(_kept) > _KEPT:
+            _kept.popitem(last=False)
+    helper = _kept.get(order.seat)
+    if helper is None or helper.number != order.number:
+        return Answer(forgotten=True)
+    return helper.work(order)
+
+
+def relaxation_of(space: SearchSpace) -> AnyRelaxation:
+    """The relaxation of a space, under its load or all of its cases."""
+    each = [Relaxation(LimitAnalysis(case)) for case in space.assembly.by_case]
+    return CaseRelaxation(each, space.assembly.required.tolist()) if space.assembly.cases else each[0]

@@ -1,0 +1,104 @@
+"""Who hunts: this process alone, until a proof has lasted; then a crew of others as well, where there may be some."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from jld_core.arrays import Bits, Bools
+from jld_explore.drivers.exact.conflicts import Conflicts
+from jld_explore.drivers.exact.crew import Crew
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.hunting import Catch, Hunt
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.shrinking import AnyRelaxation
+from jld_explore.evaluation import client_of_cluster
+from jld_explore.space import SearchSpace
+
+ALONE: Final = (8000, 1000)
+"""Relaxations after which others help, with the kernel and without: about as long as it takes to start them."""
+
+_LAST: Final = 0.5
+"""Seconds in which what others are at is still taken in at the end."""
+
+
+class Hunters:
+    """Conflicts of one formula after the other, by one process or several.
+
+    relaxation: of the space. blocks: listed. free: (m,) faces that may take either label. seed: of preferences. known,
+    passed: the proof's conflicts and labellings that are dealt with; whoever steps adds to them what is caught. alone:
+    relaxations after which others help; 0: it is left to them from the first. `solves`: relaxations that others solved.
+    """
+
+    def __init__(
+        self,
+        relaxation: AnyRelaxation,
+        space: SearchSpace,
+        blocks: PossibleBlocks | None,
+        free: Bools,
+        seed: int,
+        known: Conflicts,
+        passed: Sequence[Bits],
+        alone: int | None = None,
+    ) -> None:
+        self._hunt = Hunt(relaxation, free, seed)
+        self._relaxation, self._space, self._blocks, self._free, self._seed = relaxation, space, blocks, free, seed
+        self._known, self._passed = known, passed
+        self._alone = ALONE[not relaxation.many] if alone is None else alone
+        self._jobs, self._helped = 1, False
+        self.solves = 0
+        self._formula: Formula | None = None
+        self._count: int | None = None
+        self.crew: Crew | None = None
+
+    def employ(self, jobs: int) -> None:
+        """How many processes may help; on a cluster its workers do, however many."""
+        self._jobs = jobs
+        self._helped = jobs > 1 or client_of_cluster() is not None
+
+    def begin(self, formula: Formula, count: int | None, threshold: float) -> None:
+        """Go on with another formula. count: what the count of the front is to be in it; threshold: scaled λ."""
+        self._formula, self._count = formula, count
+        self._hunt.begin(formula)
+        if self.crew is not None:
+            self.crew.begin(formula, count, threshold)
+
+    def end(self) -> None:
+        """Let go of the formula."""
+        self._formula = None
+        if self.crew is not None:
+            self.crew.end()
+
+    def pump(self) -> None:
+        """Keep the others at work while this process does something else."""
+        if self.crew is not None:
+            self.crew.pump()
+
+    def step(self, threshold: float) -> Catch:
+        """A moment's catch. threshold: scaled λ, not lower than before in this formula."""
+        assert self._formula is not None
+        if self.crew is None and self._helped and self._relaxation.solves >= self._alone:
+            self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._known, self._passed)
+            self.crew.begin(self._formula, self._count, threshold)
+        if self.crew is None:
+            return self._hunt.step(threshold)
+        self.crew.pump()
+        # alone as long as none of the others is there
+        if not self.crew.at_work and (self._alone > 0 or not self.crew.expected):
+            caught, found = self._hunt.step(threshold), self.crew.step(threshold, idle=False)
+        else:
+            caught, found = Catch(), self.crew.step(threshold, idle=True)
+        self.solves = self.crew.solves
+        caught.conflicts += found.conflicts
+        caught.unrefuted += found.unrefuted
+        if found.exhausted and self._formula.next() is None:
+            caught.exhausted = True  # all cubes are closed
+        if caught.unrefuted:
+            caught.exhausted = False  # not before these are dealt with
+        return caught
+
+    def close(self) -> Catch:
+        """Send the others home; what they had found is returned."""
+        crew, self.crew = self.crew, None
+        self._helped = False
+        return Catch() if crew is None else crew.close(_LAST)

@@ -1,0 +1,205 @@
+"""A proof in several processes: the same optimum and bound as by one, whoever joins, leaves or is killed on the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from cases import grid_document
+from jld_core.build import build_assembly
+from jld_core.scene import Scene, parse_scene
+from jld_explore import ExploreSettings, Progress, explore
+from jld_explore.drivers import Exact, Formula, certify
+from jld_explore.drivers.exact.cubes import EVERYTHING, parted
+from jld_explore.report import Exploration
+from jld_explore.space import search_space
+from jld_explore.verification import verify
+
+WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
+SCENES: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "weak": (["aaaa", "aaaa", "####"], WEAK),
+    "counts": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "blocks": [3, 4], "dry_faces": [4, 6]}),
+    "sizes ruled out as they occur": (["aaa", "aaa", "###"], {"block_extent": [None, 0.2], "tension": 5e3}),
+    "crushing": (["aaa", "aaa", "###"], {"block_cells": [1, 3], "crush_inner": 1e5}),
+    "nothing stands": (["aa.", ".aa", "..#"], {"block_cells": [1, 2], "tension": 0.0, "shear": 0.0}),
+}
+ALONE = ExploreSettings(pictures=False, small=0)
+TWO = replace(ALONE, jobs=2)
+
+
+def scene_of(rows: list[str], options: dict[str, Any]) -> Scene:
+    return parse_scene(grid_document(rows, **options))
+
+
+def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options: Any) -> tuple[Exploration, Exact]:
+    """By others from the first, where there are several."""
+    driver = Exact(search_space(scene, build_assembly(scene)), **{"alone": 0, "search": 0, **options})
+    return explore(scene, folder, settings, driver=driver), driver
+
+
+@pytest.fixture
+def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads in the place of processes: each takes a second or two to start."""
+    monkeypatch.setattr("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.drivers.exact.crew._MOMENT", 0.01)
+
+
+@pytest.mark.usefixtures("_in_threads")
+@pytest.mark.parametrize("name", SCENES)
+def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
+    scene = scene_of(*SCENES[name])
+    for aim in ("best", "front"):
+        one, _ = prove(scene, tmp_path / f"one {aim}", ALONE, aim=aim)
+        two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim)
+        assert driver._hunters is not None
+        assert driver._hunters.solves > 0 or not one.summary["relaxations"]
+        assert two.summary["proven"] is one.summary["proven"] is True
+        if one.summary["best"] is None:
+            assert two.summary["best"] is None
+            continue
+        assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
+        assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
+        if aim == "front":
+            fronts = [{row["count"]: row["load_factor"] for row in done.summary["front"]} for done in (one, two)]
+            assert fronts[1] == pytest.approx(fronts[0], rel=1e-6)
+
+
+@pytest.mark.usefixtures("_in_threads")
+def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path) -> None:
+    scene = scene_of([*["aaaa"] * 4, "####"], {**WEAK, "block_cells": [1, 2]})
+    whole, driver = prove(scene, tmp_path / "whole", by_blocks="off")
+    known = driver._conflicts[:]
+    closed = [one for one in known if one.closed]
+    assert closed
+    assert whole.summary["conflicts"] == len(known)
+    # nothing of what is closed is above its bound, by the table of all that was evaluated
+    table = whole.results[whole.results["status"] == "collapse"]
+    scale = driver._scale
+    for text, load in zip(table["labelling"], table["bracket_lo"], strict=True):
+        labels = np.array([letter == "d" for letter in text])
+        for image in labels[driver.space.group]:
+            for one in closed:
+                if (image[one.faces] == one.labels).all():
+                    assert load <= one.bound * scale * (1.0 + 1e-9)
+    again, _ = prove(scene, tmp_path / "whole", replace(TWO, resume=True), by_blocks="off")
+    assert again.summary["proven"] is True
+    assert again.summary["relaxations"] < 0.1 * whole.summary["relaxations"]
+    assert again.summary["bound"] == pytest.approx(whole.summary["bound"], rel=1e-9)
+    certify(driver, scene, tmp_path / "proof.jld", None)
+    assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(whole.summary["best"], rel=2e-6)
+
+
+def test_parts_of_a_cube_are_all_of_it() -> None:
+    scene = scene_of(["aaa", "aaa", "###"], WEAK)
+    space = search_space(scene, build_assembly(scene))
+    every = Formula(space, None)
+    rows = []
+    while (labels := every.next()) is not None:
+        rows.append(labels)
+        every.forbid(np.arange(len(labels)), labels)
+    formula, cubes = Formula(space, None), [EVERYTHING]
+    for _ in range(12):
+        cube = cubes.pop(0)
+        cubes += parted(cube, formula, np.arange(len(space.fixed), dtype=float))
+    assert len(cubes) > 4
+    assert [sum(cube.holds(labels) for cube in cubes) for labels in rows] == [1] * len(rows)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_that_is_killed_costs_a_moment(tmp_path: Path) -> None:
+    scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
+    one, _ = prove(scene, tmp_path / "one", ALONE)
+    driver = Exact(search_space(scene, build_assembly(scene)), alone=0, search=0)
+    killed: list[int] = []
+
+    def disturb(_: Progress) -> None:
+        crew = driver._hunters and driver._hunters.crew
+        if crew and crew.at_work and not killed:
+            victim = next(iter(crew._seats))._executor._processes  # type: ignore[attr-defined]
+            killed.extend(victim)
+            os.kill(killed[0], signal.SIGKILL)
+
+    two = explore(scene, tmp_path / "two", TWO, report=disturb, driver=driver)
+    assert killed
+    assert two.summary["proven"] is True
+    assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
+    left = [" ".join(child.cmdline()) for child in psutil.Process().children(recursive=True)]
+    assert not [line for line in left if "popen_loky" in line]
+
+
+PROVE = """
+import sys
+sys.path[:0] = {paths!r}
+from pathlib import Path
+from test_crew import prove
+from jld_core.scene import load_scene
+prove(load_scene(Path(sys.argv[1]) / "scene.json"), Path(sys.argv[1]) / "out")
+"""
+
+
+def test_a_search_that_is_killed_loses_nothing_proven(tmp_path: Path) -> None:
+    scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
+    (tmp_path / "scene.json").write_text(scene.model_dump_json(exclude_defaults=True), encoding="utf-8")
+    code = PROVE.format(paths=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
+    run = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
+    journal = tmp_path / "out" / "records.sqlite3-wal"
+    while run.poll() is None and not (journal.exists() and journal.stat().st_size > 200_000):
+        time.sleep(0.01)
+    helpers = psutil.Process(run.pid).children(recursive=True)
+    os.kill(run.pid, signal.SIGKILL)
+    run.wait()
+    assert psutil.wait_procs(helpers, timeout=20.0)[1] == []  # they do not outlive it
+    driver = Exact(search_space(scene, build_assembly(scene)), search=0)
+    rest = explore(scene, tmp_path / "out", replace(ALONE, resume=True), driver=driver)
+    assert rest.summary["proven"] is True
+    assert len(driver._conflicts) > 50
+
+
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed")
+    found = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, worker_dashboard_address=None
+    )
+    yield found
+    found.close()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_workers_of_a_cluster_prove(cluster: Any, tmp_path: Path) -> None:
+    """One at first, a second joins, the first leaves: the same optimum."""
+    scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
+    one, _ = prove(scene, tmp_path / "one", ALONE)
+    driver = Exact(search_space(scene, build_assembly(scene)), alone=0, search=0)
+    events: list[str] = []
+    (first,) = cluster.scheduler.workers
+
+    def disturb(_: Progress) -> None:
+        crew = driver._hunters and driver._hunters.crew
+        if crew and crew.at_work and not events:
+            cluster.scale(2)
+            events.append("joined")
+        if crew and events == ["joined"] and len(crew._seats) == 2:
+            cluster.sync(cluster.scheduler.retire_workers, workers=[first], close_workers=True)
+            events.append("left")
+
+    settings = replace(ALONE, cluster=cluster.scheduler_address)
+    away = explore(scene, tmp_path / "away", settings, report=disturb, driver=driver)
+    assert driver._hunters is not None
+    assert driver._hunters.solves > 0
+    assert events == ["joined", "left"]
+    assert away.summary["proven"] is True
+    assert away.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
+    assert away.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
