@@ -96,7 +96,7 @@ def trial(seed: int) -> Trial:
     try:
         # processes would take a second each to start
         threads = patch("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1))
-        with tempfile.TemporaryDirectory() as folder, threads, patch("jld_explore.drivers.exact.crew._MOMENT", 0.01):
+        with tempfile.TemporaryDirectory() as folder, threads, patch("jld_explore.drivers.exact.crew._MOMENT", 0.0):
             if required is not None:
                 kinds.append("required")
                 problem = _compare_required(required, known, jobs, Path(folder))

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import grid_document
 from jld_core.build import build_assembly
@@ -53,7 +54,7 @@ def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
     monkeypatch.setattr("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1))
-    monkeypatch.setattr("jld_explore.drivers.exact.crew._MOMENT", 0.01)
+    monkeypatch.setattr("jld_explore.drivers.exact.crew._MOMENT", 0.0)
 
 
 @pytest.mark.usefixtures("_in_threads")
@@ -78,7 +79,7 @@ def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("_in_threads")
 def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path) -> None:
-    scene = scene_of([*["aaaa"] * 4, "####"], {**WEAK, "block_cells": [1, 2]})
+    scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     whole, driver = prove(scene, tmp_path / "whole", by_blocks="off")
     known = driver._conflicts[:]
     closed = [one for one in known if one.closed]
@@ -117,26 +118,34 @@ def test_parts_of_a_cube_are_all_of_it() -> None:
     assert [sum(cube.holds(labels) for cube in cubes) for labels in rows] == [1] * len(rows)
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_a_worker_that_is_killed_costs_a_moment(tmp_path: Path) -> None:
-    scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
+class Mortal(ThreadPoolExecutor):
+    """The first two of these die of their third task."""
+
+    made = 0
+
+    def __init__(self) -> None:
+        super().__init__(1)
+        Mortal.made += 1
+        self.left = 2 if Mortal.made <= 2 else 10**9
+
+    def submit(self, *task: Any) -> Future[Any]:  # type: ignore[override]
+        if self.left == 0:
+            dead: Future[Any] = Future()
+            dead.set_exception(TerminatedWorkerError("killed"))
+            return dead
+        self.left -= 1
+        return super().submit(*task)
+
+
+@pytest.mark.usefixtures("_in_threads")
+def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.evaluation.seats._process", Mortal)
+    scene = scene_of(*SCENES["weak"])
     one, _ = prove(scene, tmp_path / "one", ALONE)
-    driver = Exact(search_space(scene, build_assembly(scene)), alone=0, search=0)
-    killed: list[int] = []
-
-    def disturb(_: Progress) -> None:
-        crew = driver._hunters and driver._hunters.crew
-        if crew and crew.at_work and not killed:
-            victim = next(iter(crew._seats))._executor._processes  # type: ignore[attr-defined]
-            killed.extend(victim)
-            os.kill(killed[0], signal.SIGKILL)
-
-    two = explore(scene, tmp_path / "two", TWO, report=disturb, driver=driver)
-    assert killed
+    two, _ = prove(scene, tmp_path / "two")
+    assert Mortal.made >= 4
     assert two.summary["proven"] is True
     assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
-    left = [" ".join(child.cmdline()) for child in psutil.Process().children(recursive=True)]
-    assert not [line for line in left if "popen_loky" in line]
 
 
 PROVE = """
@@ -149,15 +158,24 @@ prove(load_scene(Path(sys.argv[1]) / "scene.json"), Path(sys.argv[1]) / "out")
 """
 
 
-def test_a_search_that_is_killed_loses_nothing_proven(tmp_path: Path) -> None:
+def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
+    """A worker is killed, and when another is at work in its place the search itself."""
     scene = scene_of([*["aaaa"] * 5, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     (tmp_path / "scene.json").write_text(scene.model_dump_json(exclude_defaults=True), encoding="utf-8")
     code = PROVE.format(paths=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
     run = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
-    journal = tmp_path / "out" / "records.sqlite3-wal"
-    while run.poll() is None and not (journal.exists() and journal.stat().st_size > 200_000):
-        time.sleep(0.01)
+
+    def await_conflicts(more: int) -> None:
+        journal = tmp_path / "out" / "records.sqlite3-wal"
+        before = journal.stat().st_size if journal.exists() else 0
+        while run.poll() is None and not (journal.exists() and journal.stat().st_size > before + more):
+            time.sleep(0.01)
+
+    await_conflicts(100_000)
     helpers = psutil.Process(run.pid).children(recursive=True)
+    os.kill(next(one.pid for one in helpers if "popen_loky" in " ".join(one.cmdline())), signal.SIGKILL)
+    await_conflicts(50_000)
+    helpers += psutil.Process(run.pid).children(recursive=True)
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
     assert psutil.wait_procs(helpers, timeout=20.0)[1] == []  # they do not outlive it

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import time
 import uuid
 import warnings
@@ -17,7 +18,7 @@ from concurrent.futures import Executor, Future
 from contextlib import suppress
 from typing import Any, Final
 
-from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky import ProcessPoolExecutor, process_executor
 
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.evaluation.processes import SINGLE_THREADED, attend
@@ -106,4 +107,10 @@ class Seats:
 
 
 def _process() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(max_workers=1, initializer=attend, initargs=(os.getpid(),), env=SINGLE_THREADED)
+    return ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(),), env=SINGLE_THREADED)
+
+
+def _begin(parent: int) -> None:
+    attend(parent)
+    # what grows here is kept on purpose; loky would take it for a leak, and the process for one to be replaced
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
