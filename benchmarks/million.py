@@ -131,6 +131,7 @@ def main() -> None:
     ]
     known = ", ".join(f"{number} {status}" for status, number in one["statuses"].items())
     note = f"{one['rows']} classes: {known}; {one['front']} on the front. {described().capitalize()}."
+    sys.stderr.write(str((one, two)) + "\n")
     write("million", "\n\n".join(["# A million labellings", about(__doc__), table(["", ""], rows), note]))
 
 
