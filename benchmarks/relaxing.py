@@ -1,24 +1,25 @@
-"""The exact driver's relaxations in the kernel's lanes, and one at a time: the same ones in one run, and their verdicts.
+"""The exact driver's relaxations in the kernel's lanes, and one at a time: times, and verdicts on the same ones.
 
-Asked for as the driver does, by shrinking labellings that are too weak at a threshold, until enough are collected. In
-lanes: 32 at a time, with everything it takes to trust one: the kernel, its motion weighed by the core's own support
-functions, and the other route for what the kernel leaves open. The kernel alone stands beside it. One at a time: by
-Clarabel, as without a kernel, and by HiGHS where the rows are linear, each weighed alike. Processor time, the best of
-three turns; a verdict is whether the threshold is refuted.
+In lanes, as the driver asks: labellings that are too weak at a threshold are shrunk to conflicts with their neighbours,
+one relaxation after the other, in one call; the time of those calls, with all that it takes to trust what they say
+(each motion is weighed again by the core's own support functions), over the relaxations in them. One at a time: some of
+the same labellings are shrunk by the same rules without the kernel, by Clarabel, as where there is none; the same
+partial labellings by HiGHS where rows are linear, and once more in lanes, 32 at a time: verdicts are whether the
+threshold is refuted. Processor time, all in one run.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, field
+from typing import Any, Final
 from unittest.mock import patch
 
 import numpy as np
 
 from benchmarks.common import about, table, write
 from benchmarks.exact import wall
-from benchmarks.search_scenes import ENUMERATED, LARGE
+from benchmarks.search_scenes import ENUMERATED
 from jld_core import Scene, build_assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.lanes import described
@@ -26,6 +27,7 @@ from jld_core.limit import LimitAnalysis, Relaxation
 from jld_core.solvers import make_solver
 from jld_explore.drivers import Formula, possible_blocks
 from jld_explore.drivers.exact.hunting import Hunt
+from jld_explore.drivers.exact.shrinking import conflict_of
 from jld_explore.space import search_space
 
 CASES: Final[dict[str, tuple[Scene, float]]] = {
@@ -33,84 +35,100 @@ CASES: Final[dict[str, tuple[Scene, float]]] = {
     "wall 5 × 7, s = 3, 5 kPa": (wall(5, 7, 3, 5e3), 0.6495),
     "wall 8 × 10, s = 3, 20 kPa": (wall(8, 10, 3, 2e4), 0.70),
     "flagship, 24 faces": (ENUMERATED["flagship"](), 12.7),
-    "cubes 3 × 3 × 3": (LARGE["spatial 3x3x3"](), 62.0),
 }
 """Scene and threshold on λ."""
 
-COUNT: Final = 1_500
+COUNT: Final = 4_000
 ALONE: Final = 300
-"""Relaxations collected, and how many of them are solved one at a time as well."""
+BY_HIGHS: Final = 50
+"""Relaxations in lanes, and how many are solved one at a time."""
 
 TOGETHER: Final = 32
 
 
-@dataclass(frozen=True)
+@dataclass
 class Asked:
-    """Labellings and undecided faces (k, m), thresholds (k,)."""
+    """Partial labellings: labels and undecided faces (m,) of each; refuted: by what was asked first."""
 
-    labels: Bits
-    undecided: Bools
-    thresholds: Floats
+    labels: list[Bits] = field(default_factory=list)
+    undecided: list[Bools] = field(default_factory=list)
+    refuted: list[bool] = field(default_factory=list)
 
 
-def collected(scene: Scene, load: float) -> tuple[Relaxation, Asked]:
-    """What a driver asks of a scene."""
+def shrunk(scene: Scene, threshold: float) -> tuple[Relaxation, Bools, list[Bits], float, float]:
+    """Labellings shrunk as the driver does: relaxation, candidates, labellings, relaxations, seconds of each."""
     assembly = build_assembly(scene)
     space, relaxation = search_space(scene, assembly), Relaxation(LimitAnalysis(assembly))
-    parts: list[tuple[Bits, Bools, Floats]] = []
-    refute = relaxation.refute_all
+    drawn: list[Bits] = []
+    spent = 0.0
+    shrink = relaxation.shrink
 
-    def listening(labels: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None) -> object:
-        parts.append((labels, undecided, thresholds))
-        return refute(labels, undecided, thresholds, thorough)
+    def timed(labels: Bits, *others: Any) -> Any:
+        nonlocal spent
+        drawn.extend(labels)
+        start = time.process_time()
+        found = shrink(labels, *others)
+        spent += time.process_time() - start
+        return found
 
     formula = Formula(space, possible_blocks(space))
     hunt = Hunt(relaxation, space.candidates, 0)
     hunt.begin(formula)
-    with patch.object(relaxation, "refute_all", listening):
-        while sum(len(part[0]) for part in parts) < COUNT:
-            if hunt.step(load / relaxation.template.scaling.load).exhausted:
-                break
+    with patch.object(relaxation, "shrink", timed):
+        while relaxation.solves < COUNT and not hunt.step(threshold / relaxation.template.scaling.load).exhausted:
+            pass
     formula.close()
-    return relaxation, Asked(*(np.concatenate(column)[:COUNT] for column in zip(*parts, strict=True)))
+    return relaxation, space.candidates, drawn, relaxation.solves, spent / relaxation.solves
 
 
-def timed(relaxation: Relaxation, asked: Asked, rows: slice, kernel_alone: bool = False) -> tuple[float, list[bool]]:
-    """Seconds of the processor for each relaxation, the best of three turns, and what was refuted."""
-    best, refuted = np.inf, []
-    count = len(asked.labels[rows])
-    for _ in range(3):
-        start, refuted = time.process_time(), []
-        for low in range(0, count, TOGETHER):
-            part = slice(low, min(low + TOGETHER, count))
-            given = [column[rows][part] for column in (asked.labels, asked.undecided, asked.thresholds)]
-            if kernel_alone:
-                assert relaxation._lanes is not None
-                relaxation._lanes.solve(given[0], undecided=given[1], thresholds=given[2], vectors=True)
-            else:
-                refuted += [one is not None for one in relaxation.refute_all(*given)]
-        best = min(best, (time.process_time() - start) / count)
-    return best, refuted
+def one_at_a_time(relaxation: Relaxation, free: Bools, drawn: list[Bits], threshold: float) -> tuple[Asked, float]:
+    """What shrinking some labellings asks for, and seconds of each, by the solver."""
+    asked, spent = Asked(), 0.0
+    refute = relaxation.refute_all
+
+    def listening(labels: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None) -> Any:
+        nonlocal spent
+        start = time.process_time()
+        found = refute(labels, undecided, thresholds, thorough)
+        spent += time.process_time() - start
+        asked.labels.append(labels[0].copy())
+        asked.undecided.append(undecided[0].copy())
+        asked.refuted.append(found[0] is not None)
+        return found
+
+    with patch.object(relaxation, "_lanes", None), patch.object(relaxation, "refute_all", listening):
+        # from all of the search, not its beginning
+        for labels in drawn[:: max(1, len(drawn) // 60)]:
+            if len(asked.labels) < ALONE:
+                conflict_of(relaxation, labels, free, threshold)
+    return asked, spent / len(asked.labels)
+
+
+def again(relaxation: Relaxation, asked: Asked, threshold: float, count: int, together: int) -> tuple[float, int]:
+    """Seconds of each of the first `count`, and verdicts that are the same."""
+    same, start = 0, time.process_time()
+    for low in range(0, count, together):
+        part = slice(low, min(low + together, count))
+        labels, undecided = np.array(asked.labels[part]), np.array(asked.undecided[part])
+        found = relaxation.refute_all(labels, undecided, np.full(len(labels), threshold))
+        same += sum((one is not None) == known for one, known in zip(found, asked.refuted[part], strict=True))
+    return (time.process_time() - start) / count, same
 
 
 def measured(scene: Scene, load: float) -> list[str]:
     """A row of the table."""
-    relaxation, asked = collected(scene, load)
-    some, every = slice(0, ALONE), slice(0, None)
-    lanes, together = timed(relaxation, asked, every)
-    alone, _ = timed(relaxation, asked, every, kernel_alone=True)
-    cells = [str(len(asked.labels)), f"{np.mean(together):.0%}", f"{1e6 * alone:.0f}", f"{1e6 * lanes:.0f}"]
-    with patch.object(relaxation, "_lanes", None):
-        clarabel, one_by_one = timed(relaxation, asked, some)
-        highs, other = np.nan, one_by_one
-        if not relaxation.template.structure.cones:
-            with patch.object(relaxation, "_route", make_solver("highs")):
-                highs, other = timed(relaxation, asked, some)
-    same = sum(a == b for a, b in zip(together, one_by_one, strict=False))
-    less = sum(b and not a for a, b in zip(together, one_by_one, strict=False))
-    cells += [f"{1e6 * clarabel:.0f}", "" if np.isnan(highs) else f"{1e6 * highs:.0f}", f"{clarabel / alone:.0f}"]
-    cells += [f"**{clarabel / lanes:.0f}**", f"{same} of {len(one_by_one)}", str(less)]
-    return [*cells, f"{sum(a == b for a, b in zip(together, other, strict=False))} of {len(other)}"]
+    relaxation, free, drawn, count, lanes = shrunk(scene, load)
+    threshold = load / relaxation.template.scaling.load
+    asked, clarabel = one_at_a_time(relaxation, free, drawn, threshold)
+    alone = len(asked.labels)
+    batch, same = again(relaxation, asked, threshold, alone, TOGETHER)
+    highs, other, some = "", "", min(BY_HIGHS, alone)
+    if not relaxation.template.structure.cones:
+        with patch.object(relaxation, "_lanes", None), patch.object(relaxation, "_route", make_solver("highs")):
+            spent, agreed = again(relaxation, asked, threshold, some, 1)
+        highs, other = f"{1e6 * spent:.0f}", f"{agreed} of {some}"
+    cells = [f"{count:.0f}", f"{1e6 * lanes:.0f}", f"{1e6 * clarabel:.0f}", f"**{clarabel / lanes:.0f}**", highs]
+    return [*cells, str(alone), f"{np.mean(asked.refuted):.0%}", f"{1e6 * batch:.0f}", f"{same} of {alone}", other]
 
 
 def main() -> None:
@@ -119,9 +137,8 @@ def main() -> None:
     for name, (scene, load) in CASES.items():
         rows.append([name, *measured(scene, load)])
         print(rows[-1], flush=True)
-    head = ["scene", "relaxations", "refuted", "kernel alone, µs", "in lanes, all in, µs", "Clarabel, µs", "HiGHS, µs"]
-    head += ["times, kernel alone", "times, all in", "same verdict as Clarabel", "refuted by Clarabel alone"]
-    head += ["same as HiGHS"]
+    head = ["scene", "relaxations in lanes", "µs each", "Clarabel, µs each", "times", "HiGHS, µs each"]
+    head += ["solved one at a time", "refuted", "the same in lanes, µs each", "same verdict", "same as HiGHS"]
     text = ["# Relaxations in lanes", about(__doc__), table(head, rows), f"{described().capitalize()}."]
     write("relaxing", "\n\n".join(text))
 
