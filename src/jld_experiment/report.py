@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jld_core.limit import LimitAnalysisResult
+from jld_core.limit import LimitAnalysisResult, number
 from jld_core.views.figures import draw_mechanism
 from jld_experiment.experiment import Curve
 
@@ -35,13 +35,13 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
     return {
         "name": curve.assembly.name,
         "status": status_of(curve),
-        "collapse_load": _number(found),
-        "load_factor": _number(load_factor),
-        "ratio": _number(found / load_factor if load_factor > 0.0 else np.nan),
+        "collapse_load": number(found),
+        "load_factor": number(load_factor),
+        "ratio": number(found / load_factor if load_factor > 0.0 else np.nan),
         "stands": curve.stands,
-        "rate_error": _number(curve.rate_error) if curve.stands and np.isfinite(found) else None,
-        "first_crack": _number(curve.first_crack),
-        "unbalanced": _number(float(curve.unbalanced[curve.collapse])) if len(curve.unbalanced) else None,
+        "rate_error": number(curve.rate_error) if curve.stands and np.isfinite(found) else None,
+        "first_crack": number(curve.first_crack),
+        "unbalanced": number(float(curve.unbalanced[curve.collapse])) if len(curve.unbalanced) else None,
         "cracked_faces": int(np.count_nonzero(curve.cracked > 0.0)),
         "inner": joints.inner,
         "dilation": joints.dilation,
@@ -52,10 +52,6 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
         "moving": settings.moving,
         "periods": round(curve.periods),
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def table(curve: Curve) -> pd.DataFrame:

@@ -28,6 +28,10 @@ FORMATS: Final = {
 }
 """What can be written, and how such a file ends."""
 
+_SOLIDS: Final = {"obj": obj_text, "stl": stl_text, "ply": ply_text, "compas": compas_text}
+_LAYOUTS: Final = {"3dec": command_text, "svg": svg_text}
+"""Texts of blocks or of every element as solids, and of whole layouts."""
+
 RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
 """What a text begins with that a spreadsheet takes for a formula."""
 
@@ -41,22 +45,15 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
     path = Path(path)
     if kind not in FORMATS:
         raise InputError("--format", f"no format is named {kind!r}", "one of " + ", ".join(FORMATS))
-    if cells and kind not in ("obj", "stl", "ply", "compas"):
-        raise InputError("--cells", f"{kind} draws blocks and the faces inside them", "obj, stl, ply or compas")
+    if cells and kind not in _SOLIDS:
+        raise InputError("--cells", f"{kind} draws blocks and the faces inside them", " or ".join(_SOLIDS))
     with whole_file(path) as fresh:
         if kind == "dxf":
             write_dxf(layout, fresh)
         elif kind == "vtk":
             write_vtk(layout, fresh, legacy=path.suffix == ".vtk")
         else:
-            text = {
-                "obj": lambda: obj_text(layout, cells=cells),
-                "stl": lambda: stl_text(layout, cells=cells),
-                "ply": lambda: ply_text(layout, cells=cells),
-                "compas": lambda: compas_text(layout, cells=cells),
-                "3dec": lambda: command_text(layout),
-                "svg": lambda: svg_text(layout),
-            }[kind]()
+            text = _SOLIDS[kind](layout, cells=cells) if kind in _SOLIDS else _LAYOUTS[kind](layout)
             fresh.write_text(text, encoding="utf-8")
     return path
 

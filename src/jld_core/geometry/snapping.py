@@ -61,7 +61,7 @@ def snap_paths(
     corners = np.concatenate([np.asarray(path, dtype=float) for path in paths])
     first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
     node_of = merge_points(corners, tolerance)
-    place = corners[_representatives(node_of)]
+    place = corners[np.unique(node_of, return_index=True)[1]]
     rings = [without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
     place = _onto_edges(place, rings, closed, tolerance)
     rings, own = _with_hanging(place, rings, closed, tolerance)
@@ -106,11 +106,6 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
         boxes.setdefault(tuple(box), []).append(len(nodes))
         nodes.append(point)
     return node[inverse]
-
-
-def _representatives(node: Ints) -> Ints:
-    """First point of each node."""
-    return np.unique(node, return_index=True)[1]
 
 
 def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:

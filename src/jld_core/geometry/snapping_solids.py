@@ -30,14 +30,12 @@ _FAR: Final = 4.0
 class SnappedSolids:
     """Solids after snapping, in the order they came; faces keep their numbering.
 
-    vertices: (k, 3) each. largest: farthest that any vertex moved, length. moved: vertices that moved. planes: planes
-    that faces of more than one direction or solid were put into.
+    vertices: (k, 3) each. largest: farthest that any vertex moved, length. moved: vertices that moved.
     """
 
     vertices: list[Floats]
     largest: float
     moved: int
-    planes: int
 
 
 def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: float) -> SnappedSolids:
@@ -49,7 +47,7 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
     if not len(vertices):
-        return SnappedSolids([], 0.0, 0, 0)
+        return SnappedSolids([], 0.0, 0)
     points = np.concatenate([np.asarray(v, dtype=float) for v in vertices])
     start = np.concatenate([[0], np.cumsum([len(v) for v in vertices])]).astype(np.int64)
     node = merge_points(points, tolerance)
@@ -64,13 +62,8 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
     place = _onto_planes(place, loops, group, normal, origin, tolerance)
     moved = place[node]
     shift = np.linalg.norm(moved - points, axis=1)
-    shared = np.bincount(group[group >= 0], minlength=1)
-    return SnappedSolids(
-        [moved[a:b] for a, b in itertools.pairwise(start)],
-        float(shift.max(initial=0.0)),
-        int(np.count_nonzero(shift)),
-        int(np.count_nonzero(shared > 1)),
-    )
+    solids = [moved[a:b] for a, b in itertools.pairwise(start)]
+    return SnappedSolids(solids, float(shift.max(initial=0.0)), int(np.count_nonzero(shift)))
 
 
 def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:

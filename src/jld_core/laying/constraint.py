@@ -136,7 +136,8 @@ class Layability:
         """(n,) free elements joined to the ground without which blocks would not lock one another; as few as found."""
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])
-        freedom = Freedom(replace(blocks, fixed=blocks.fixed | ~among[_first_of(blocks.of)]), bodies=self._bodies)
+        first = np.unique(blocks.of, return_index=True)[1]
+        freedom = Freedom(replace(blocks, fixed=blocks.fixed | ~among[first]), bodies=self._bodies)
         needed = ground.copy()
         for tried in [ground, *(np.arange(len(ground)) == e for e in np.flatnonzero(ground))]:
             there = np.zeros(len(blocks), dtype=bool)
@@ -144,11 +145,6 @@ class Layability:
             if np.array_equal(emptied(freedom, there, self.group), there):
                 needed &= ~tried
         return needed
-
-
-def _first_of(of: Ints) -> Ints:
-    """(k,) the first element of each block. of: (n,) block of each element."""
-    return np.asarray(np.unique(of, return_index=True)[1])
 
 
 def _graph(a: Ints, b: Ints, count: int) -> coo_array:
