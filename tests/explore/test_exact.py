@@ -109,12 +109,19 @@ def _boxes(size: tuple[int, int, int], **materials: Any) -> dict[str, Any]:
         ((2, 1, 3), {"block_cells": [1, 2]}, {"tensile_strength": 0.5, "shear_strength": 0.8}),
         ((2, 2, 2), {"block_cells": [1, 3]}, {"tensile_strength": 0.1, "shear_strength": 0.1}),
         ((3, 1, 2), {"block_cells": [2, 4]}, {"tensile_strength": 5.0, "shear_strength": 5.0}),
+        (
+            (2, 1, 2),
+            {"block_cells": [1, 2]},
+            {"tensile_strength": 0.5, "shear_strength": 0.8, "compressive_strength": 4},
+        ),
     ],
 )
 def test_exact_is_enumeration_in_space(
     size: tuple[int, int, int], limits: dict[str, Any], inner: dict[str, Any], tmp_path: Path
 ) -> None:
-    document = {**_boxes(size, inner=inner), "search": limits}
+    crush = {key: value for key, value in inner.items() if key == "compressive_strength"}
+    dry = {"friction_coefficient": 0.7, **crush}
+    document = {**_boxes(size, inner=inner, dry=dry), "search": limits}
     every = explore(parse_scene(document), tmp_path / "every", ExploreSettings(pictures=False, driver="enumeration"))
     found = explore(
         parse_scene(document),
@@ -125,6 +132,7 @@ def test_exact_is_enumeration_in_space(
     known = table.groupby("dry_faces")["load_factor"].max()
     proven = {row["count"]: row for row in found.summary["front"]}
     assert found.summary["proven"] is True
+    assert found.summary["conflicts"] > 0
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
     assert sorted(proven) == sorted(known.index)
     for count, value in known.items():

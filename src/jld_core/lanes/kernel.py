@@ -112,14 +112,13 @@ class Shrinking:
     """How labellings are shrunk to what makes them too weak.
 
     neighbours: of each labelling that falls, the same with one face of its conflict undecided from the start. tries:
-    single faces tried in vain before a conflict is taken as it is. inner: what the cost of an inner face is multiplied
-    by in the order in which faces are freed. balance: error of equilibrium with which forces that carry more end a
-    relaxation.
+    single faces tried in vain before a conflict is taken as it is. inner: whether inner faces are tried before dry
+    ones. balance: error of equilibrium with which forces that carry more end a relaxation.
     """
 
     neighbours: int = 0
     tries: int = 2
-    inner: float = 1.0
+    inner: bool = False
     balance: float = 1e-6
 
 
@@ -299,7 +298,7 @@ class Lanes:
             *(_pointer(array) for array in (labels, matters, least)),
             how.neighbours,
             how.tries,
-            how.inner,
+            int(how.inner),
             how.balance,
             seed,
             *(_pointer(array) for array in (fate, conflict, velocity, relaxations)),

@@ -105,7 +105,7 @@ class Shrinking(ctypes.Structure):
         ("thresholds", _doubles),
         ("neighbours", ctypes.c_int32),
         ("tries", ctypes.c_int32),
-        ("inner", ctypes.c_double),
+        ("inner", ctypes.c_int32),
         ("balance", ctypes.c_double),
         ("seed", ctypes.c_uint64),
         ("fate", _bytes),

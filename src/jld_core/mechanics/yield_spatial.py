@@ -9,7 +9,7 @@ need.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from jld_core.mechanics.hull import hull_rows
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_planar import planar_yield
 from jld_core.mechanics.yield_set import Bow, FrictionSet, Hull, Rows, Wedge, used
-from jld_core.mechanics.yield_spatial_rows import spatial_rows
+from jld_core.mechanics.yield_spatial_rows import spatial_rows, without_crushing
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ class SpatialYield(Frictional):
         return np.asarray(np.clip(np.max([bent, used(shear, capacity, least), pulled, pressed], axis=0), 0.0, 1.0))
 
     def hull(self) -> Rows | None:
-        """None with compressive strengths of dry faces."""
-        if np.isfinite(self.crush_dry).any():
-            return None
+        """Where dry faces crush the rows are wide of the hull: bending without crushing, under a limit on N."""
         every = np.ones(len(self.friction), dtype=bool)
-        either = self.active(every) | self.active(~every)
-        return Hull(hull_rows(self, freedoms=6, shear=5, parabolas=False), np.asarray(either))
+        either, sets = np.asarray(self.active(every) | self.active(~every)), self
+        if np.isfinite(self.crush_dry).any():
+            sets = replace(self, pattern=without_crushing(self.pattern, self, self.point, self.bending))
+        return Hull(hull_rows(sets, freedoms=6, shear=5, parabolas=False), either)
 
     def bow(self, *, undecided: bool) -> Bow | None:
         return None

@@ -6,7 +6,7 @@ that label it keeps their coefficients with right-hand side one, so that no dire
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -118,6 +118,39 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
     shearing = sets.shear + sets.inner_friction
     cones = _shear_cones(sheet, plane, bound, points, sets.friction, sets.cohesion, shearing)
     return sheet.pattern(linear, (3,) * (cones + _crush_cones(sheet, some, sets.crush_dry)))
+
+
+def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
+    """The same rows, in which dry faces do not crush, but for a limit on N that encloses either label once N has been
+    moved by −σtA, as `hull_rows` does.
+
+    Bending is held by the rows that the effective rectangle implies; its variables are left as an inner face leaves
+    them; N ≤ max(N_c, σcA) stands in the rows of inner σc, where a face has those.
+    """
+    crushed = np.isfinite(sets.crush_dry)
+    data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
+    size, resultants = len(bending.face), 6 * len(sets.friction)
+    bends = pattern.row < size
+    bends[bends] = crushed[bending.face[pattern.row[bends]]]
+    own = pattern.column[bends] % 6
+    coefficients = np.column_stack([-np.ones(size), np.zeros((size, 2)), bending.dry])
+    data[bends] = coefficients[pattern.row[bends], own]
+    rhs[np.flatnonzero(crushed[bending.face])] = 0.0
+    first = size + 2 * int((~point).sum())
+    capped = bending.face[np.isin(bending.face, bending.crushed)]
+    last = first + len(capped)
+    limit = np.maximum(sets.crush_dry, sets.crush_inner)[capped]
+    inside = (pattern.row >= first) & (pattern.row < last) & (pattern.column < resultants) & (pattern.column % 6 == 0)
+    bounded = np.isfinite(limit)
+    data[inside] = np.where(bounded, 1.0 / np.where(bounded, limit, 1.0), 0.0)[pattern.row[inside] - first]
+    rhs[first:last] = 1.0 + np.where(bounded, sets.tension[capped] / np.where(bounded, limit, 1.0), 0.0)
+    effective = (pattern.row >= last) & (pattern.row < pattern.linear)
+    effective |= pattern.row >= len(rhs) - 9 * int(crushed.sum())
+    data[effective] = pattern.inner[effective]
+    rows = np.arange(len(rhs))
+    of_crushing = (rows >= last) & (rows < pattern.linear) | (rows >= len(rhs) - 9 * int(crushed.sum()))
+    rhs[of_crushing] = pattern.h_inner[of_crushing]
+    return replace(pattern, dry=data, h_dry=rhs)
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ struct JldShrinking {
     const double* thresholds;  // (count) scaled lambda
     int32_t neighbours;        // labellings of one face less begun from each that gives a conflict
     int32_t tries;             // single faces tried in vain
-    double inner;              // what the cost of an inner face is multiplied by in the order of freeing
+    int32_t inner;             // are inner faces tried before dry ones?
     double balance;            // error of equilibrium with which forces that carry more end it
     uint64_t seed;
     uint8_t* fate;             // (rows) 0 open or not begun, 1 refuted, 2 carries more

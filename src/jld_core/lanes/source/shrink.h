@@ -206,7 +206,7 @@ struct Shrink {
         std::vector<std::pair<double, int>> order;
         order.reserve(p.faces);
         for (int f = 0; f < p.faces; ++f)
-            if (s.free[f] && job->asked[f] != 2) order.emplace_back(job->cost[f] * (job->labels[f] ? 1.0 : s.inner), f);
+            if (s.free[f] && job->asked[f] != 2) order.emplace_back(job->cost[f], f);
         std::sort(order.begin(), order.end());
         if (refuted) {
             double spare = job->excess;
@@ -218,9 +218,10 @@ struct Shrink {
             job->excess = spare;
             if (freed) return queue.push_back(job);
         }
-        if (job->vain < s.tries)
+        // inner faces that the mechanism needs are tried before dry ones where that is asked for
+        for (int pass = 0; pass < 2 && job->vain < s.tries; ++pass)
             for (auto& [_, f] : order)
-                if (!job->tried[f]) {
+                if (!job->tried[f] && (!s.inner || pass == job->labels[f])) {
                     job->tried[f] = 1, job->asked[f] = 2, job->alone = f;
                     return queue.push_back(job);
                 }

@@ -12,8 +12,8 @@ branch and bound over blocks first (`exact.block_search`); the formula then says
 What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`relaxation`,
 `block_relaxation`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
 
-Spaces that have no formula or no relaxation (dry compressive strengths in space, limits on a count that is no sum of
-ones, blocks to be counted where they are too many to be listed) are enumerated, which proves the same.
+Spaces that have no formula or no relaxation (limits on a count that is no sum of ones, blocks to be counted where they
+are too many to be listed) are enumerated, which proves the same.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ class Hunt:
 
     def _shrink(self, drawn: Bits, threshold: float, caught: Catch) -> None:
         """Conflicts of labellings (k, m) and of their neighbours, all in one call."""
-        how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES)
+        how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=True)
         seed = int(self._rng.integers(2**32))
         for one in self._relaxation.shrink(drawn, self._free, np.full(len(drawn), threshold), how, seed):
             labels = drawn[one.labelling]
