@@ -36,6 +36,7 @@ BENCHMARKS: Final = (
     "throughput",
     "field",
     "scale",
+    "growth",
     "batched",
     "lanes",
     "lanes_error",

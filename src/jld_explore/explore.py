@@ -8,8 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
+from jld_core.memory import memory_limit
+from jld_core.models import require_memory
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.drivers import (
@@ -29,6 +32,9 @@ from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import ExploreSettings, Progress, StopReason, Study
+
+CLASSES: Final = "classes (layouts, those alike by symmetry once)"
+"""The word explained where it first appears."""
 
 DRAWING: Final = 3.0
 """Seconds after a time limit in which pictures are begun: what is drawn later would end later than was promised."""
@@ -77,9 +83,10 @@ def explore(
         assembly = space.assembly
     else:
         space = search_space(scene, assembly)
+    settings = _affordable(assembly, settings, announce)
     chosen, total = choose_driver(space, settings)
     if announce is not None:
-        announce(f"driver: {chosen.name}" + (f", {total} classes" if total is not None else ""))
+        announce(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     if chosen.modular and not replace(settings.model, friction="associative").modular:
         raise InputError(
             "--driver", f"{chosen.name} has no bounds for this model", "convex contact on whole faces, paper bending"
@@ -136,6 +143,24 @@ def explore(
         if missing and announce is not None:
             announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {folder} draws them")
     return done
+
+
+def _affordable(
+    assembly: Assembly, settings: ExploreSettings, announce: Callable[[str], None] | None
+) -> ExploreSettings:
+    """The settings with as many jobs as there is memory for; what takes long is said.
+
+    Raises InputError for a scene that there is not the memory for.
+    """
+    effort = require_memory(assembly)
+    jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
+    if announce is not None:
+        if jobs < settings.jobs:
+            announce(f"jobs: {jobs} of {settings.jobs}, as each takes some {effort.memory / 1e9:.1f} GB of memory")
+        if effort.long is not None:
+            limit = "" if settings.seconds is None else "; the time limit may be passed by that"
+            announce(f"{effort.long}{limit}")
+    return replace(settings, jobs=jobs)
 
 
 def _bound_all(study: Study) -> None:

@@ -22,11 +22,13 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.lanes import chosen
-from jld_core.limit import SolveOptions, Status
+from jld_core.limit import SolveOptions, Status, load_floor, relative_width
+from jld_core.models import effort_of
 from jld_core.program import Template
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver
 from jld_explore.evaluation import (
+    HANG,
     CertificateEvaluator,
     Evaluating,
     Evaluation,
@@ -52,6 +54,10 @@ SMALL: Final = 20_000
 """Classes up to which a space is enumerated when no driver is named, as `ExploreSettings.small`."""
 
 
+_HANGS: Final = 20.0
+"""Times of an evaluation, as expected, after which workers without any result are taken to hang."""
+
+
 class StopReason(StrEnum):
     """Why a study ended."""
 
@@ -68,7 +74,11 @@ class Interrupted(BaseException):
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a running study stands. total: None where it is not known. best: λ so far, NaN where none."""
+    """Where a running study stands.
+
+    total: None where it is not known. best: λ so far, bound: proven of all layouts, gap: between the two; NaN where
+    there is none.
+    """
 
     done: int
     total: int | None
@@ -76,6 +86,7 @@ class Progress:
     best: float
     seconds: float
     bound: float = np.nan
+    gap: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -141,7 +152,7 @@ class Study:
         self.certificates = self.settings.certificates and self.settings.model.modular
         self.started = time.perf_counter() if started is None else started
         self.evaluated = self.asked = self.solved = 0
-        self._best = np.nan
+        self._best, self._floor = np.nan, load_floor(assembly)
         self.records = self.open_records()
 
     @property
@@ -197,6 +208,7 @@ class Study:
             recipe,
             self.settings.jobs,
             faces,
+            hang=max(HANG, _HANGS * effort_of(self.assembly).seconds),
             quick=template is not None and is_small(template),
             lanes=self._make is evaluator_of and settings.in_lanes and recipe.evaluator().settles,
         )
@@ -225,13 +237,14 @@ class Study:
             driver.start(self._deadline, lambda: self._count([]), self.records)
             while True:
                 # the same number of portions are asked ahead whatever the workers do, so answers come in one order
-                while not dry and len(waiting) <= driver.ahead and not self._late:
+                # one labelling is evaluated however late it is by now
+                while not dry and len(waiting) <= driver.ahead and not (self._late and self._begun):
                     left = None if budget is None else budget - self.asked
                     if left is not None and left <= 0:
                         break
                     if front is not None:  # the sooner answers are known the more they spare
                         left = PORTION if left is None else min(left, PORTION)
-                    labellings = driver.ask(left)
+                    labellings = driver.ask(1 if self._late else left)
                     dry = len(labellings) == 0
                     if not dry:
                         self.asked += len(labellings)
@@ -257,6 +270,8 @@ class Study:
 
     def _reason(self, dry: bool) -> StopReason:
         """Why nothing is asked or waited for any more."""
+        if self.driver.exhaustive and self.total is not None and len(self.records) >= self.total:
+            return StopReason.EXHAUSTED
         if self.settings.budget is not None and self.asked >= self.settings.budget:
             return StopReason.BUDGET
         if not dry:
@@ -274,6 +289,11 @@ class Study:
     def _late(self) -> bool:
         return self._deadline is not None and time.perf_counter() >= self._deadline
 
+    @property
+    def _begun(self) -> bool:
+        """Whether anything is evaluated or about to be."""
+        return self.asked > 0 or len(self.records) > 0
+
     def _count(self, evaluations: list[Evaluation]) -> None:
         self.evaluated += len(evaluations)
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
@@ -283,7 +303,8 @@ class Study:
             bound = np.nan if self.bound is None else self.bound
             budget, total = self.settings.budget, self.total
             total = total if budget is None else min(budget, total or budget)
-            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound))
+            gap = relative_width(self._best, bound, self._floor)
+            self.report(Progress(self.evaluated, total, self.solved, self._best, self.elapsed, bound, gap))
 
 
 def versions() -> dict[str, str]:

@@ -45,6 +45,7 @@ ORDER = [
         "jld_core.arrays",
         "jld_core.errors",
         "jld_core.files",
+        "jld_core.memory",
         "jld_core.tolerances",
         "jld_core.threads",
         "jld_core._version",

@@ -34,11 +34,17 @@ def with_(path: str, value: object) -> dict[str, Any]:
 
 ODD = [
     ("materials.dry.friction_coefficient", 35.0, "friction_coefficient is 35", '"friction_angle": 35'),
-    ("materials.dry.friction_angle", 0.6, "friction_angle is 0.6°", "34.4° if it is in radians"),
+    ("materials.dry.friction_angle", 0.6, "friction_angle is 0.6°", "34.38° if it is in radians"),
     ("materials.density", 2.4, "density is 2.4 kg/m³; usual is 300 to 9000", "2400 if t/m³"),
     ("materials.density", 24.0, "density is 24 kg/m³", "2446 if a unit weight in kN/m³"),
     ("materials.density", 24000.0, "density is 24000 kg/m³", "2446 if a unit weight in N/m³"),
     ("materials.inner.tensile_strength", 2.0, "tensile_strength is 2 Pa, below the", "2e+06 if MPa are meant"),
+    (
+        "materials.inner.tensile_strength",
+        500.0,
+        "tensile_strength is 500 Pa, below the",
+        "5e+08 if MPa are meant; 5e+05 if k",
+    ),
     ("materials.inner.shear_strength", 2e12, "shear_strength is 2e+12 Pa", "2e+06 if it was turned into Pa twice"),
     ("materials.gravity", -9.81, "materials.gravity is -9.81", "so 9.81 was probably meant"),
     ("grid.cell", [400.0, 200.0], None, None),

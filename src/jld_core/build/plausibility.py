@@ -22,6 +22,7 @@ _ANGLE: Final = 2.0  # degrees below which radians, or the coefficient, were wri
 _DENSITY: Final = (300.0, 9000.0)  # kg/m³: light earth mixtures to steel
 _STRENGTH: Final = 1e9  # Pa
 _GRAVITY: Final = (1.0, 25.0)  # m/s²
+_ANGLES: Final = (10.0, 60.0)  # degrees that an angle of friction may well have
 _ELEMENT: Final = (1e-3, 1e3)  # m
 
 
@@ -75,6 +76,16 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
     return [*_of_friction(scene), *_of_weight(scene), *_of_strengths(scene, assembly), *_of_geometry(assembly)]
 
 
+def _within(value: float, usual: tuple[float, float]) -> bool:
+    return usual[0] <= value <= usual[1]
+
+
+def _meant(readings: dict[str, float], usual: tuple[float, float], unit: str = "", *, first: bool = False) -> str:
+    """What a number would be in other units, by the words for them, as far as that is usual; "" where nothing is."""
+    likely = [f"{value:.4g}{unit} if {how}" for how, value in readings.items() if _within(value, usual)]
+    return "".join(f"; {text}" for text in likely[: 1 if first else None])
+
+
 def _of_friction(scene: Scene) -> Iterator[str]:
     sources: list[tuple[str, Dry | Contact]] = []
     if scene.materials.dry is not None:
@@ -85,16 +96,14 @@ def _of_friction(scene: Scene) -> Iterator[str]:
         if value is None or value == 0.0:
             continue
         if source.friction_angle is not None and source.friction_angle < _ANGLE:
-            meant = f"{np.degrees(source.friction_angle):.3g}° if it is in radians"
-            yield f"{where}.friction_angle is {source.friction_angle:g}°; usual is 15 to 45; {meant}"
+            meant = _meant({"it is in radians": float(np.degrees(source.friction_angle))}, _ANGLES, "°")
+            yield f"{where}.friction_angle is {source.friction_angle:g}°; usual is 15 to 45{meant}"
         elif value > _FRICTION:
             if source.friction_angle is not None:
                 yield f"{where}.friction_angle is {source.friction_angle:g}°; usual is 15 to 45"
             else:
-                yield (
-                    f"{where}.friction_coefficient is {value:g}; usual is 0.3 to 1; "
-                    f'"friction_angle": {value:g} if degrees are meant'
-                )
+                meant = f'; "friction_angle": {value:g} if degrees are meant' if _within(value, _ANGLES) else ""
+                yield f"{where}.friction_coefficient is {value:g}; usual is 0.3 to 1{meant}"
 
 
 def _of_weight(scene: Scene) -> Iterator[str]:
@@ -104,13 +113,12 @@ def _of_weight(scene: Scene) -> Iterator[str]:
     for where, value in densities:
         if value is None or value == 0.0 or low <= value <= high:
             continue
-        meant = ""
-        if low <= 1e3 * value <= high and value < 9.0:
-            meant = f"; {1e3 * value:g} if t/m³ or g/cm³ are meant"
-        elif low <= value * 1e3 / 9.81 <= high:
-            meant = f"; {value * 1e3 / 9.81:.4g} if a unit weight in kN/m³ is meant"
-        elif low <= value / 9.81 <= high:
-            meant = f"; {value / 9.81:.4g} if a unit weight in N/m³ is meant"
+        units = {
+            "t/m³ or g/cm³ are meant": 1e3 * value if value < high / 1e3 else np.nan,
+            "a unit weight in kN/m³ is meant": value * 1e3 / 9.81,
+            "a unit weight in N/m³ is meant": value / 9.81,
+        }
+        meant = _meant(units, _DENSITY, first=True)
         yield f"{where} is {value:g} kg/m³; usual is {low:g} to {high:g}{meant}"
     gravity = scene.materials.gravity
     if isinstance(gravity, float | int) and gravity < 0.0:
@@ -138,14 +146,13 @@ def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
             if not value:  # without this strength: a model of its own
                 continue
             if value > _STRENGTH:
-                yield (
-                    f"{where}.{name} is {value:g} Pa; usual is below {_STRENGTH:g} (1 GPa); {value / 1e6:g} if it was "
-                    "turned into Pa twice"
-                )
+                meant = _meant({"it was turned into Pa twice": value / 1e6}, (own, _STRENGTH))
+                yield f"{where}.{name} is {value:g} Pa; usual is below {_STRENGTH:g} (1 GPa){meant}"
             elif value < own:
+                meant = _meant({"MPa are meant": 1e6 * value, "kPa are meant": 1e3 * value}, (own, _STRENGTH))
                 yield (
                     f"{where}.{name} is {value:g} Pa, below the {own:.3g} Pa that the structure's own weight presses "
-                    f"with; usual is above; {value * 1e6:g} if MPa are meant"
+                    f"with; usual is above{meant}"
                 )
 
 

@@ -1,15 +1,18 @@
 """What is modelled, and the one policy how.
 
 - `LADDERS`: what is tried, in order, by `SolveOptions.condense`
+- `Effort`: what one labelling takes
 - `Scheme`: how a solution without dilation is sought
 - `Sensitivity`: the rate of λ by one number
 - `SolveOptions`: what is modelled, as on the command line
 - `areas_under`: effective areas under given forces
 - `change`: how far effective areas moved between two iterates
+- `effort_of`: what one labelling is expected to take
 - `frozen_areas`: a template with effective areas frozen
 - `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
 - `point_contact_assembly`: the assembly of concave contact
 - `prove_condensed`: proof by rigid blocks, cracked on demand
+- `require_memory`: refuses what there is not the memory for
 - `rigid_blocks`: elements joined through inner faces
 - `sensitivities`: how λ changes with strengths and weight
 - `solve`: λ of one labelling, with a two-sided bracket
@@ -21,6 +24,7 @@ from __future__ import annotations
 
 from jld_core.limit import SolveOptions
 from jld_core.models.effective_area import areas_under, change, frozen_areas
+from jld_core.models.effort import Effort, effort_of, require_memory
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
@@ -29,15 +33,18 @@ from jld_core.models.zero_dilation_search import Scheme
 
 __all__ = [
     "LADDERS",
+    "Effort",
     "Scheme",
     "Sensitivity",
     "SolveOptions",
     "areas_under",
     "change",
+    "effort_of",
     "frozen_areas",
     "limit_analysis",
     "point_contact_assembly",
     "prove_condensed",
+    "require_memory",
     "rigid_blocks",
     "sensitivities",
     "solve",

@@ -32,9 +32,6 @@ def assembly(
     sideways = scene.search.assemble_out_of_plane
     laying = laying_order(found, labels, wish=wish, sideways=sideways, group=group)
     table = table_of(laying)
-    say(words_of(laying))
-    if len(table):
-        say(f"\n{table.drop(columns='elements').to_string(index=False)}")
     if out is not None:
         from jld_core.views.figures import save_figure
         from jld_core.views.strip import figure_of_laying
@@ -42,6 +39,10 @@ def assembly(
         out.mkdir(parents=True, exist_ok=True)
         write_text(out / "assembly.csv", csv_of(table))
         save_figure(figure_of_laying(laying, f"{scene.name}: order of laying"), out / "assembly.png")
+    say(words_of(laying))
+    if len(table):
+        say(f"\n{table.drop(columns='elements').to_string(index=False)}")
+    if out is not None:
         say(f"\nwritten to   {out}")
 
 
@@ -79,8 +80,10 @@ def words_of(laying: Laying) -> str:
     if laying.searched:
         return "order        none found whose every stage stands; the one below takes props"
     free = int(np.count_nonzero(~blocks.fixed))
+    steps = len(laying.steps)
+    many = f"{free} block{'s' * (free != 1)} in {steps} step{'s' * (steps != 1)}"
     if laying.stands:
-        return f"order        {free} blocks in {len(laying.steps)} steps, every stage stands without props"
+        return f"order        {many}, every stage stands without props"
     worst = max(step.stage.props.sum() for step in laying.steps)
     force = blocks.assembly.units[1]
-    return f"order        {free} blocks in {len(laying.steps)} steps, props of {worst:.4g} {force} at most"
+    return f"order        {many}, props of {worst:.4g} {force} at most"

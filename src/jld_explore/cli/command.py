@@ -22,7 +22,7 @@ from jld_core.errors import InputError, SolverError
 from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import InnerBending, require_materials
-from jld_core.models import sensitivities
+from jld_core.models import effort_of, require_memory, sensitivities
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
@@ -30,7 +30,7 @@ from jld_core.tolerances import GAP
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
-from jld_explore.cli.ending import STOPPED, UNCERTIFIED, complain, raise_on_signals, usage_of, warn
+from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run, warn
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import AsJson, Rank, SceneFile, say, speaking_of
@@ -45,12 +45,8 @@ from jld_explore.report import (
     write_text,
 )
 from jld_explore.space import SearchSpace, search_space
-from jld_explore.study import Interrupted
 
 _JOBS = 16  # worker processes per core at the most
-
-# typer brings a click of its own in some versions; its own exceptions say which one is in force
-_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 
 class _Group(TyperGroup):
@@ -109,6 +105,7 @@ def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene,
     scene = load_scene(path)
     with speaking_of(path):
         assembly = build_assembly(scene)
+        require_memory(assembly)
     if assembly.warnings and strict:
         more = f" (and {len(assembly.warnings) - 1} more)" if len(assembly.warnings) > 1 else ""
         raise InputError(str(path), assembly.warnings[0] + more, "a scene without warnings, or no --strict")
@@ -168,6 +165,8 @@ def solve(
         _check_search(scene, parsed, assembly)
     if robust:
         assembly = build_robust(parsed)
+    if (long := effort_of(assembly).long) is not None and not as_json:
+        warn(f"jld: {long}")
     try:
         with speaking_of(scene):
             result = solve_assembly(
@@ -365,20 +364,7 @@ def _top(
 
 def main() -> None:
     """Entry point: one clear line and an exit code for whatever goes wrong."""
-    try:
-        code = app(standalone_mode=False)
-    except InputError as error:
-        complain(str(error))
-    except _UsageError as error:
-        complain(usage_of(error.format_message()))
-    except OSError as error:
-        # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
-        path = error.filename or "a file"
-        complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
-    except (Interrupted, KeyboardInterrupt, typer.Abort):
-        warn("stopped; everything finished is on disk, go on with --resume")
-        sys.exit(STOPPED)
-    sys.exit(code if isinstance(code, int) else 0)
+    run(app)
 
 
 if __name__ == "__main__":

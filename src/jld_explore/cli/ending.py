@@ -7,12 +7,19 @@ import itertools
 import re
 import signal
 import sys
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
+import typer
+
+from jld_core.errors import InputError
+from jld_core.memory import memory_limit
 from jld_explore.evaluation import disturb
 from jld_explore.study import Interrupted
 
 INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
+
+# typer brings a click of its own in some versions; its own exceptions say which one is in force
+_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 """What stops a search; the last is a terminal that is closed, and not everywhere known."""
@@ -56,3 +63,24 @@ def complain(line: str) -> NoReturn:
     """Say what is wrong and leave."""
     warn(f"jld: {line}")
     sys.exit(INPUT)
+
+
+def run(app: typer.Typer) -> None:
+    """Run the command line; whatever goes wrong ends in one clear line and an exit code."""
+    try:
+        code = app(standalone_mode=False)
+    except InputError as error:
+        complain(str(error))
+    except _UsageError as error:
+        complain(usage_of(error.format_message()))
+    except OSError as error:
+        # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
+        path = error.filename or "a file"
+        complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
+    except MemoryError as error:
+        most, lacking = memory_limit() / 1e9, " ".join(str(error).split()) or "no more can be had"
+        complain(f"memory ran out: {lacking}; expected a scene that {most:.1f} GB suffice for, or fewer --jobs")
+    except (Interrupted, KeyboardInterrupt, typer.Abort):
+        warn("stopped; everything finished is on disk, go on with --resume")
+        sys.exit(STOPPED)
+    sys.exit(code if isinstance(code, int) else 0)

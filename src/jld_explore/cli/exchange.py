@@ -14,7 +14,7 @@ from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, SceneFile, Source, say, speaking_of
+from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself, say, speaking_of
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.report import write_text
 
@@ -57,6 +57,7 @@ def import_command(
         unit=unit,
         like=None if like is None else load_scene(like),
     )
+    refuse_itself(file, out)
     found = import_file(file, options)
     try:
         scene = parse_scene(found.document, "")
@@ -79,6 +80,7 @@ def export_command(
     """Write the blocks of a layout for another program, and a table of them."""
     if out.is_dir() or not out.absolute().parent.is_dir():
         raise InputError(str(out), "it cannot be written", "a file in a folder that is there")
+    refuse_itself(source, out)
     scene, assembly, labels = layout_of(source, rank)
     layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind == "vtk" else None)
     with speaking_of(source, str(out)):
@@ -87,7 +89,7 @@ def export_command(
     write_text(table, blocks_csv(layout))
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})
-    say(f"{out}\n{table}: {free} blocks of {kinds} shapes")
+    say(f"{out}\n{table}: {free} block{'s' * (free != 1)} of {kinds} shape{'s' * (kinds != 1)}")
 
 
 def refine_command(

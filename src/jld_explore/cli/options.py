@@ -30,3 +30,9 @@ def speaking_of(file: Path, *outside: str) -> Iterator[None]:
 def say(text: object) -> None:
     """A line on stdout."""
     sys.stdout.write(f"{text}\n")
+
+
+def refuse_itself(source: Path, out: Path) -> None:
+    """Raise InputError where a file would be written over the one it is made of."""
+    if out.exists() and source.exists() and out.samefile(source):
+        raise InputError(str(out), "it is the file that is read", "another file")

@@ -37,7 +37,7 @@ _HEAD = """Usage: jld [OPTIONS] COMMAND [ARGS]...
   dry-jointed blocks, with proof.
 """
 _OPTIONS = {"--version": "Print the version and stop.", "--help": "Show this message, or that of a COMMAND, and stop."}
-_EXAMPLE = """  jld new wall --length 1.6 --courses 4 -o wall.json
+_EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
   jld check wall.json
   jld explore wall.json --out out/wall --seconds 60
   jld export out/wall --format dxf -o wall.dxf"""

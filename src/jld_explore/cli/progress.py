@@ -54,4 +54,6 @@ class ProgressBar:
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):
             best += f" ≤ {now.bound:.6g}"
+        if math.isfinite(now.gap):
+            best += f", gap {now.gap:.2%}"
         self._bar.update(self._task, completed=now.done, total=now.total, rate=f"{rate:.0f} solves/s", best=best)

@@ -13,7 +13,7 @@ import typer
 
 from jld_core.errors import InputError
 from jld_core.samples import KINDS, Stone
-from jld_core.scene import Scene
+from jld_core.scene import Scene, Search
 from jld_explore.report import write_text
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
@@ -24,6 +24,11 @@ _STONE = {
     "tension": "Tensile strength of inner faces, Pa.",
     "shear": "Shear strength of inner faces, Pa.",
 }
+
+
+_MOST = "Elements of a block at the most, in a search; 0: as many as there are."
+
+_CELLS = 4  # without a limit the strongest layout is often one block
 
 
 def write_scene(scene: Scene, out: Path) -> None:
@@ -61,13 +66,20 @@ def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
         parameters.append(
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=types[name])
         )
+    types["most"] = Annotated[int, typer.Option(min=0, help=_MOST)]
+    parameters.append(
+        inspect.Parameter("most", inspect.Parameter.KEYWORD_ONLY, default=_CELLS, annotation=types["most"])
+    )
     types["out"] = Out
     parameters.append(inspect.Parameter("out", inspect.Parameter.KEYWORD_ONLY, annotation=Out))
 
     def run(**given: Any) -> None:
         out = given.pop("out")
         stone = Stone(**{name: given.pop(name) for name in _STONE})
+        most = given.pop("most")
         scene = make(**given, stone=stone)
+        if most:
+            scene = scene.model_copy(update={"search": Search(block_cells=[1, most])})
         write_scene(scene, out)
         sys.stdout.write(f"{kind}: {scene.name}, written to {out}\n")
 

@@ -1,8 +1,9 @@
 """Which driver is taken when none is named, and what would prove or narrow what another one found: one rule.
 
 A space that is known to hold few classes is enumerated. One of at most `REACH` faces that may be dry or inner is given
-to the exact driver, which proves such spaces while one waits, whatever the size of blocks and the strength of the
-material (`benchmarks/reach.py` measures it). Larger ones are searched by the genetic driver, which proves nothing.
+to the exact driver, which proves such spaces within seconds, whatever the size of blocks and the strength of the
+material; of somewhat larger ones it proves most, but not those of weak material or of beams (`benchmarks/reach.py`
+measures it). Larger ones are searched by the genetic driver, which proves nothing.
 """
 
 from __future__ import annotations

@@ -37,6 +37,8 @@ _ROWS: Final = 16384
 _NARROW: Final = 64
 _GLANCE: Final = 150
 """Rows of a frontier, and frontiers, where the size of a space is of interest only if it is at hand."""
+_LOOKED: Final = 600_000
+"""Frontiers times elements that are looked at in counting a space: 2 000 frontiers of 300 elements take some 2 s."""
 
 _SLACK: Final = 1e-9
 """Rounding allowed, beyond that of the limits, where partial sums decide that a row is hopeless."""
@@ -175,9 +177,11 @@ class Enumeration(Driver):
     def size_up_to(self, limit: int, work: int = 2000) -> int | None:
         """The number of classes if it is at most `limit`, else None.
 
-        work: frontiers looked at before giving up, which is None too: a space that hides few labellings
-        behind many dead ends is not a small one.
+        work: frontiers looked at before giving up, fewer in scenes of many elements, which is None too: a space that
+        hides few labellings behind many dead ends is not a small one.
         """
+        # a frontier takes the longer the more elements there are
+        work = min(work, _LOOKED // max(len(self._start), 1))
         if len(self._faces) >= work:  # the first labelling is a frontier for each face away
             return None
         classes, found = 0, []

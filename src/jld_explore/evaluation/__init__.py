@@ -3,6 +3,7 @@
 - `BOUND`: settled by an upper bound alone
 - `CERTIFICATE`: settled by what other solves prove
 - `FAILED`: an evaluation that broke down
+- `HANG`: seconds without any result after which workers are taken to hang
 - `ORDER`: statuses, the best first
 - `RECORDS_FILE`: name of the file of records
 - `Bounds`: what the pool knows of labellings
@@ -75,12 +76,13 @@ from jld_explore.evaluation.rows import settled, statuses
 from jld_explore.evaluation.seats import Seat, Seats
 from jld_explore.evaluation.undisturbed import disturb
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
-from jld_explore.evaluation.workers import MakeEvaluator, Workers, WorkerSpec, batch_size
+from jld_explore.evaluation.workers import HANG, MakeEvaluator, Workers, WorkerSpec, batch_size
 
 __all__ = [
     "BOUND",
     "CERTIFICATE",
     "FAILED",
+    "HANG",
     "ORDER",
     "RECORDS_FILE",
     "Bounds",

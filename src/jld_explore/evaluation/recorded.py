@@ -57,6 +57,7 @@ class RecordedEvaluator:
         report: Callable[[list[Evaluation]], None] = lambda found: None,
     ) -> None:
         self.records, self.solved = records, 0
+        self._empty = not len(records)
         self._workers, self._group, self._deadline = workers, group, deadline
         self._front, self._proofs, self._report = front, proofs, report
 
@@ -68,7 +69,9 @@ class RecordedEvaluator:
         if missing.size:
             left = None if self._deadline is None else time.time() + self._deadline - time.perf_counter()
             floors = None if self._front is None else self._front.below(labellings[missing])
-            run = self._workers.run(labellings[missing], left, floors, waiting)
+            # a search that ends for lack of time has something to show at least
+            owed, self._empty = self._empty, False
+            run = self._workers.run(labellings[missing], left, floors, waiting, owed=owed)
         return Sent(labellings, found, missing, run)
 
     def take(self, sent: Sent) -> list[Evaluation] | None:

@@ -14,6 +14,7 @@ import errno
 import json
 import math
 import os
+import shutil
 import sqlite3
 import sys
 import time
@@ -100,12 +101,16 @@ class Records:
         wanted = {"jld": "records", "format": _FORMAT, "faces": faces, **header}
         self._file: Any = None
         self._lock = FolderLock(folder)
+        fresh = not self.path.exists()
         try:
             with self._told():
                 self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
                 self._open(wanted)
         except BaseException:
             self.close()
+            if fresh:  # nothing is half made
+                for ending in ("", "-wal", "-shm"):
+                    self.path.with_name(self.path.name + ending).unlink(missing_ok=True)
             raise
 
     def _open(self, wanted: dict[str, Any]) -> None:
@@ -335,12 +340,18 @@ class Records:
             if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
                 raise busy(self.folder) from None
             if code in _DISK:
-                raise OSError(_DISK[code], os.strerror(_DISK[code]), str(self.path)) from None
+                # of a disk without room for what it keeps beside the file it says less than is known
+                full = code == sqlite3.SQLITE_IOERR and shutil.disk_usage(self.folder).free < _BESIDE
+                number = errno.ENOSPC if full else _DISK[code]
+                raise OSError(number, os.strerror(number), str(self.path)) from None
             raise self._damaged(str(error)) from None
 
     def _damaged(self, how: str) -> InputError:
         return InputError(str(self.path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
+
+_BESIDE: Final = 1 << 16
+"""Bytes that SQLite keeps beside the file, at the least."""
 
 _DISK: Final = {
     sqlite3.SQLITE_FULL: errno.ENOSPC,

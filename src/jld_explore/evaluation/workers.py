@@ -149,14 +149,17 @@ class Workers:
         deadline: float | None = None,
         floors: Floats | None = None,
         waiting: Bits | None = None,
+        *,
+        owed: bool = False,
     ) -> Run:
         """Begin to evaluate (k, m) labellings, behind those that were begun before.
 
         deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and waiting (j, m):
-        see `Evaluator.evaluate`. With one job, and on a cluster, evaluation waits until results are asked for.
+        see `Evaluator.evaluate`. owed: the first labelling is evaluated however late it
+        is. With one job, and on a cluster, evaluation waits until results are asked for.
         """
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
-        run = Run(self, labellings, deadline, floors, waiting)
+        run = Run(self, labellings, deadline, floors, waiting, owed)
         if self._threads is not None:
             run.submit()
         elif not self.here and not self.outside:
@@ -201,9 +204,15 @@ class Run:
     """
 
     def __init__(
-        self, workers: Workers, labellings: Bits, deadline: float | None, floors: Floats, waiting: Bits | None
+        self,
+        workers: Workers,
+        labellings: Bits,
+        deadline: float | None,
+        floors: Floats,
+        waiting: Bits | None,
+        owed: bool = False,
     ) -> None:
-        self._workers, self._deadline = workers, deadline
+        self._workers, self._deadline, self._owed = workers, deadline, owed and deadline is not None
         self._labellings, self._floors, self._waiting = labellings, floors, waiting
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:
@@ -211,8 +220,10 @@ class Run:
             most = max(_MOST, _IN_LANES // workers.faces) if workers.lanes else _MOST
             least = _FEWEST if workers.lanes else 1
             size = max(least, min(most, -(-len(labellings) // workers.threads)))
-        starts = range(0, len(labellings), size)
-        self._slices = [slice(low, min(low + size, len(labellings))) for low in starts]
+        # what is owed is a task of its own, which no deadline cuts short
+        starts = [0, *range(1, len(labellings), size)] if self._owed else list(range(0, len(labellings), size))
+        ends = [*starts[1:], len(labellings)]
+        self._slices = [slice(low, high) for low, high in zip(starts, ends, strict=True)]
         self._done: set[int] = set()
         self._sent: list[int] = []
         self._results: Iterable[tuple[int, list[Evaluation]]] | None = None
@@ -253,7 +264,8 @@ class Run:
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
         part = self._slices[number]
-        return self._workers.recipe, number, self._labellings[part], self._deadline, self._floors[part], self._waiting
+        deadline = None if self._owed and number == 0 else self._deadline
+        return self._workers.recipe, number, self._labellings[part], deadline, self._floors[part], self._waiting
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
         for number in numbers:
@@ -280,10 +292,13 @@ class Run:
                     self.begin()
                 for number, evaluations in self._results or ():
                     self._done.add(number)
+                    self._owed &= not evaluations
                     low = self._slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
                 if isinstance(self._results, Flight) and self._results.late:
                     workers.close()
+                    if self._owed:  # this process is awake, which workers of a busy machine may not be
+                        yield self._slices[0], evaluate_batch(*self._arguments(0))[1]
                     return
                 self._results = None
             except _deaths():

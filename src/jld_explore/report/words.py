@@ -28,8 +28,8 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
         {
             "scene": scene.name,
             **facts_of_assembly(found),
-            "candidates": f"{spots} of {len(found.interfaces)} faces may be dry or inner",
-            "symmetries": f"{len(space.group)} (with the identity)",
+            "candidates": f"{spots} of {len(found.interfaces)} faces may be dry or inner; a labelling says which",
+            "symmetries": f"{len(space.group)} (with the identity); labellings alike by symmetry are one class",
         }
     )
 
@@ -71,9 +71,12 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         most = "none stands" if tried["best"] is None else f"most carried {tried['best']:.6g}"
         most += ", no layout carries more" if tried["none_better"] else ""
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
+    spared = {"certificates of other solves": facts["settled"], "a bound": facts["pruned"]}
+    ways = " and ".join(f"{number} by {how}" for how, number in spared.items() if number)
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
+        **({"settled": f"{ways}, without a solve of their own"} if ways else {}),
         "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
         **({"required": required.words(facts["require"])} if facts.get("require") else {"best λ": f"{best} ({proof})"}),
         **nominal,

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from jld_core.errors import InputError
+from jld_core.files import whole_file
 
 VERSION: Final = 1
 _KEY: Final = "jld certificate"
@@ -76,9 +76,8 @@ def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
     text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
     digest = json.dumps({"sha256": hashlib.sha256(text).hexdigest()}) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(text + digest.encode())
-    os.replace(part, path)
+    with whole_file(path) as fresh:
+        fresh.write_bytes(text + digest.encode())
 
 
 def _line(reason: Reason) -> dict[str, Any]:

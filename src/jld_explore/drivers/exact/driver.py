@@ -137,7 +137,7 @@ class Exact(Driver):
         if self._relaxation is not None:
             proof = self._conflicts, self._passed
             self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
-        self._waiting = self._none
+        self._waiting, self._none_asked = self._none, True
         self._aimed = math.inf
         self._began = 0
         self._targets: list[int | None] = [None]
@@ -220,6 +220,8 @@ class Exact(Driver):
             return self._everything.ask(limit)
         if self._hunters is not None:
             self._hunters.pump()
+        if self._late and self._none_asked:
+            self._waiting = self._search.ask(1)  # however late it is: there is something to show
         while not len(self._waiting) and self._targets and not self._late:
             if self._left > 0:
                 self._waiting = self._search.ask(self._left if limit is None else min(limit, self._left))
@@ -228,6 +230,7 @@ class Exact(Driver):
                 self._waiting = self._pursue(self._targets[0])
         given = self._waiting[:limit]
         self._waiting = self._waiting[len(given) :]
+        self._none_asked &= not len(given)
         return given
 
     @property

@@ -47,7 +47,6 @@ class Batches:
         self.least, self.most = limits.cells
         pairs = np.array(graph.pairs, dtype=np.int64).reshape(-1, 2)
         self._p, self._q = pairs[:, 0], pairs[:, 1]
-        count = len(graph)
         self._cells = np.array(graph.cells, dtype=np.int64)
         low, high = np.minimum(graph.face_a, graph.face_b), np.maximum(graph.face_a, graph.face_b)
         place = {(int(low[f]), int(high[f])): int(f) for f in np.flatnonzero(space.candidates)}
@@ -57,8 +56,6 @@ class Batches:
         self._middle = 0.5 * (centre[self._p] + centre[self._q])
         self._joining = Joining(self._p, self._q, self._cells, self.least, self.most, _ROUNDS)
         self._span = float(np.ptp(centre, axis=0).max())
-        # (pairs, atoms): which atom lies at either end, to find the atoms along a line by one product
-        self._ends = [np.eye(count, dtype=np.float32)[end] for end in (self._p, self._q)]
 
     def draw(self, count: int, rng: np.random.Generator) -> Bits:
         """Random segmentations; a random threshold spreads the number of blocks."""
@@ -132,9 +129,11 @@ class Batches:
         rows = np.flatnonzero(~single)
         p, q = name[rows][:, self._p], name[rows][:, self._q]
         along = cut[rows] & (self._line == self._line[joint[rows]][:, None])
-        sides = [along & (p == old[rows]) & (q == new[rows]), along & (q == old[rows]) & (p == new[rows])]
-        line = sum(side.astype(np.float32) @ end for side, end in zip(sides, self._ends, strict=True))
-        moving[rows] = np.asarray(line > 0.0)
+        line = np.zeros((len(rows), name.shape[1]), dtype=bool)
+        for here_is, there_is, end in ((p, q, self._p), (q, p, self._q)):
+            row, pair = np.nonzero(along & (here_is == old[rows]) & (there_is == new[rows]))
+            line[row, end[pair]] = True
+        moving[rows] = line
         return moving
 
     def _patch(self, count: int, rng: np.random.Generator) -> Bools:

@@ -1,0 +1,92 @@
+"""A disk that takes no more: every writer says so in one line that names the file, and leaves nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cases import grid_document
+from command import call
+from jld_core import parse_scene
+from jld_explore import ExploreSettings, explore
+from jld_explore.verification import certificate
+
+PLANAR = grid_document(["aa", "ab", "##"], block_cells=[1, 3])
+SETTLING: dict[str, Any] = {
+    **PLANAR,
+    "settlements": [{"name": "sinks", "supports": [{"elements": "c0r2", "move": [0, -1]}]}],
+}
+WRITERS = {
+    "solve scene.json --out NEW": "result.json",
+    "explore scene.json --out NEW --jobs 1 --driver random --budget 3": "records.sqlite3",
+    "plot scene.json --out FILE.png": "",
+    "plot scene.json --out FILE.html": "",
+    "plot searched --out NEW": "best.png",
+    "new wall -o FILE": "",
+    "refine scene.json --cell 0.05 -o FILE": "",
+    "export scene.json --format dxf -o FILE": "",
+    "export scene.json --format vtk -o FILE": "",
+    "export scene.json --format svg -o FILE": "",
+    "assembly scene.json --out NEW": "assembly.csv",
+    "settlement settling.json --out NEW": "settlement.json",
+}
+"""Commands, and which file of a folder they begin with. FILE: a file to be made, NEW: a folder."""
+
+
+@contextmanager
+def no_room(size: int) -> Iterator[None]:
+    """No file grows beyond so many bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("full")
+    (place / "scene.json").write_text(json.dumps(PLANAR))
+    (place / "settling.json").write_text(json.dumps(SETTLING))
+    settings = ExploreSettings(driver="random", budget=3, jobs=1, pictures=False)
+    explore(parse_scene(PLANAR), place / "searched", settings)
+    return place
+
+
+@pytest.mark.parametrize("line", WRITERS)
+def test_a_full_disk_is_one_line(
+    line: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if "dxf" in line:
+        pytest.importorskip("ezdxf")
+    if "vtk" in line:
+        pytest.importorskip("meshio")
+    monkeypatch.chdir(place)
+    file = tmp_path / "made"
+    words = [str(file) + word[4:] if word.startswith(("FILE", "NEW")) else word for word in line.split()]
+    with no_room(16):
+        outcome = call(monkeypatch, capsys, *words)
+    target = next(word for word in words if word.startswith(str(file)))
+    named = Path(target) / WRITERS[line] if WRITERS[line] else Path(target)
+    assert (outcome.code, outcome.err.count("\n")) == (2, 1), outcome
+    assert outcome.err.startswith(f"jld: {named}: "), outcome.err
+    assert "; expected a place that can be read and written" in outcome.err
+    # what a command announces while it is at work apart, nothing is said to be done
+    assert "written" not in outcome.out
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_certificate_is_whole_or_not_there(tmp_path: Path) -> None:
+    rules = [certificate.Rule("none", (1, 2))] * 9
+    claim = certificate.Claim({}, 1.0)
+    with no_room(16), pytest.raises(OSError, match="File too large") as error:
+        certificate.write(tmp_path / "proof", claim, rules)
+    assert error.value.filename == str(tmp_path / "proof")
+    assert list(tmp_path.iterdir()) == []

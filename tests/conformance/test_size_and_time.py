@@ -1,0 +1,95 @@
+"""Scenes too large and times too short: what is said beforehand, what is refused, and what a search has to show."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from benchmarks import growth
+
+from cases import grid_document
+from command import call
+from jld_core import build_assembly, parse_scene
+from jld_core.memory import memory_limit
+from jld_core.models import effort, effort_of
+from jld_explore import ExploreSettings, explore
+from jld_explore.cli import ending
+from jld_explore.drivers import DRIVERS
+from jld_explore.evaluation import EvaluatorSettings, evaluator_of
+
+SCENE = grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 3])
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_however_short_the_time_there_is_something_to_show(driver: str, tmp_path: Path) -> None:
+    settings = ExploreSettings(driver=driver, seconds=0.0, jobs=1, pictures=False)
+    done = explore(parse_scene(SCENE), tmp_path / "out", settings)
+    assert (done.summary["stop_reason"], len(done.results)) == ("time", 1)
+    assert done.summary["bound"] >= done.summary["best"]
+
+
+def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers that answer nothing in time: the labelling that is owed is evaluated by the search itself."""
+    monkeypatch.setenv("JLD_KERNEL", "off")
+    monkeypatch.setattr("jld_explore.evaluation.processes.GRACE", 0.0)
+    scene = parse_scene(SCENE)
+    settings = ExploreSettings(driver="random", seconds=0.0, jobs=2, pictures=False)
+    done = explore(scene, tmp_path / "out", settings)
+    assert (done.summary["stop_reason"], len(done.results)) == ("time", 1)
+    alone = evaluator_of(build_assembly(scene), EvaluatorSettings())
+    assert done.summary["best"] == pytest.approx(alone.evaluate(done.layout(1).labels).load_factor, rel=1e-9)
+
+
+def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    large = build_assembly(parse_scene(growth.document("planar", 70)))
+    assert 5.0 < effort_of(large).seconds < 60.0
+    assert effort_of(build_assembly(parse_scene(SCENE))).long is None
+    monkeypatch.setattr(effort, "LONG", 0.0)
+    said: list[str] = []
+    settings = ExploreSettings(driver="random", budget=1, seconds=9.0, jobs=1, pictures=False)
+    explore(parse_scene(SCENE), tmp_path / "out", settings, announce=said.append)
+    assert said[0].startswith("one layout of this size is expected to take some 0 s to evaluate; the time limit may")
+
+
+@pytest.mark.parametrize("command", ["check", "solve", "explore"])
+def test_what_there_is_not_the_memory_for_is_refused(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(SCENE))
+    monkeypatch.setattr(effort, "memory_limit", lambda: 1e8)
+    out = ("--out", tmp_path / "out") if command == "explore" else ()
+    outcome = call(monkeypatch, capsys, command, file, *out)
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert f"{file}: 21 faces take some 0.2 GB of memory to evaluate; expected a scene that the 0.1 GB" in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_memory_that_runs_out_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(*_: object) -> None:
+        raise MemoryError("Unable to allocate 61.0 GiB for an array")
+
+    monkeypatch.setattr("jld_explore.cli.command.load_scene", fail)
+    outcome = call(monkeypatch, capsys, "check", tmp_path / "scene.json")
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert outcome.err.startswith(
+        "jld: memory ran out: Unable to allocate 61.0 GiB for an array; expected a scene that"
+    )
+    assert ending.memory_limit is memory_limit
+    assert 1e8 < memory_limit() <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+@pytest.mark.parametrize("kind", growth.SIZES)
+def test_growth_is_measured_phase_by_phase(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(json.dumps(growth.document(kind, 3)))
+    told = list(growth.phases(file))
+    assert sorted(one["phase"] for one in told) == sorted(growth.PHASES)
+    found = {"kind": kind, "edge": 3, "seconds": {one["phase"]: one["seconds"] for one in told}}
+    found |= {"memory": {one["phase"]: one["memory"] for one in told}, "cells": 9 if kind == "planar" else 27}
+    assert len(growth.draw({kind: [found]}).axes) == 1
+    assert "over 150 s" in growth.row_of({**found, "memory": {}, "ended": "150 s"})
