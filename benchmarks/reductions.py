@@ -16,8 +16,8 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from studies.by_scheme import zero_dilation
 
-from benchmarks.by_scheme import zero_dilation
 from benchmarks.common import RESULTS, about, random_segmentations, table, wall, write
 from benchmarks.scenes import GRIDS, STRENGTH, bonded, box, brick_wall, grid
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, build_assembly, parse_scene

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from studies.by_scheme import zero_dilation
 from studies.families import random_wall
 
-from benchmarks.by_scheme import zero_dilation
 from benchmarks.gilbert import Smoothing, smoothed
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene
 from jld_core.models import Scheme

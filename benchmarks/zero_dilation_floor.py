@@ -11,10 +11,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from studies.by_scheme import solve_zero_dilation
 from studies.families import halved_bond
 from studies.scenes import leonardo_flat_arch
 
-from benchmarks.by_scheme import solve_zero_dilation
 from jld_core import LimitAnalysis, Scene, build_assembly, load_scene, solve
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly

@@ -13,7 +13,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
-from benchmarks.by_scheme import zero_dilation
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -21,6 +20,7 @@ from matplotlib.lines import Line2D
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, load_scene
 from jld_core.models import Scheme
 from jld_core.views.figures import draw_mechanism
+from studies.by_scheme import zero_dilation
 from studies.report import (
     GREY,
     PAIRED,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.by_scheme import solve_zero_dilation
+from studies.by_scheme import solve_zero_dilation
 
 import cases_spatial
 import reference_spatial

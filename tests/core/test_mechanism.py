@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.by_scheme import solve_zero_dilation
+from studies.by_scheme import solve_zero_dilation
 
 import cases_spatial
 from balances import flow_rule, work_balance

@@ -10,8 +10,8 @@ import json
 
 import numpy as np
 import pytest
-from benchmarks.by_scheme import solve_zero_dilation, zero_dilation
 from benchmarks.gilbert import Smoothing, smoothed
+from studies.by_scheme import solve_zero_dilation, zero_dilation
 from studies.families import random_wall
 
 import cases_spatial
