@@ -40,6 +40,7 @@ BENCHMARKS: Final = (
     "batched",
     "lanes",
     "lanes_error",
+    "lanes_hard",
     "arithmetic",
     "whole_studies",
     "million",

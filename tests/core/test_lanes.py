@@ -41,6 +41,14 @@ SPATIAL = {
         loads={"live": [{"body": [0.3, 1, 0.2]}]},
     ),
 }
+SPATIAL |= {
+    "hulls": lambda: cases_spatial.stools([cases_spatial.IRREGULAR, cases_spatial.TRIANGLE, cases_spatial.ELL]),
+    "kern bond": SPATIAL["rough bond"],
+    "pressed bond": lambda: cases_spatial.assembly(cases_spatial.wall(2, 1), loads={"live": [{"body": [0.1, 0, -1]}]}),
+    "slippery bond": lambda: cases_spatial.assembly(
+        cases_spatial.wall(2, 1), materials={"dry": {"friction_coefficient": 0.0}}
+    ),
+}
 EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
 
 
@@ -70,7 +78,7 @@ def kernel(kernels: dict[str, str]) -> str:
 
 def analysis_of(name: str) -> LimitAnalysis:
     if name in SPATIAL:
-        return LimitAnalysis(SPATIAL[name]())
+        return LimitAnalysis(SPATIAL[name](), inner_bending="kern" if "kern" in name else "paper")
     rows, options = (CASES | EXTRA)[name]
     return LimitAnalysis(grid_assembly(rows, **options))
 
@@ -126,7 +134,7 @@ def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
         if found.verdict[k] == FALLS:
             assert proof.status is Status.UNSTABLE
         elif found.verdict[k] == LOCKED:
-            assert proof.status is Status.LOCKED
+            assert proof.status in (Status.LOCKED, Status.UNCERTIFIED)
             assert found.rays is not None
             ray = analysis.prover.ray(np.append(found.rays[k].ravel(), 1.0), labels)
             assert ray.slack >= -tolerances.ROUNDING
@@ -175,6 +183,9 @@ SETTLED = {
     "stools": 24,
     "running bond": 23,
     "turned bond": 23,
+    "hulls": 24,
+    "kern bond": 24,
+    "pressed bond": 24,
 }
 
 
@@ -192,7 +203,7 @@ def answers(kernel: Lanes, asked: Bits) -> list[np.ndarray]:
     return [found.low, found.high, found.verdict, found.iterations, found.forces, found.velocity]
 
 
-@pytest.mark.parametrize("name", ["wall", "beam", "cantilever", "no shear strength", "weak arch", "running bond"])
+@pytest.mark.parametrize("name", ["wall", "beam", "no shear strength", "weak arch", "running bond", "hulls"])
 def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
     made = lanes(analysis, kernel)
@@ -211,7 +222,7 @@ def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None
         np.testing.assert_array_equal(one, np.concatenate([part[k] for part in parts]))
 
 
-@pytest.mark.parametrize("name", ["wall", "running bond"])
+@pytest.mark.parametrize("name", ["wall", "arch", "running bond", "kern bond"])
 def test_variants_agree(kernels: dict[str, str], name: str) -> None:
     """To what is asked of a bracket: which products are fused the compiler chooses, so a study keeps its variant."""
     if len(kernels) < 2:
@@ -240,10 +251,17 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
 
 
 def test_rows_of_another_shape_are_left_to_others(kernel: str) -> None:
-    polygons = LimitAnalysis(cases_spatial.stools([cases_spatial.IRREGULAR]))
-    assert not fits(polygons.template)
+    angles = np.arange(9) * 2.0 * np.pi / 9.0
+    round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
+    crushed = LimitAnalysis(
+        cases_spatial.stools(
+            [cases_spatial.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}}
+        )
+    )
+    for other in (round_hull, crushed):
+        assert not fits(other.template)
     with pytest.raises(ValueError, match="another shape"):
-        Lanes(polygons.template, variant=kernel)
+        Lanes(round_hull.template, variant=kernel)
     # undecided faces whose inner set carries more N than the dry one
     crushable = LimitAnalysis(grid_assembly(*[CASES["crushable wall"][0]], crush_dry=1e4))
     assert fits(crushable.template)
@@ -298,7 +316,7 @@ def test_version_names_the_kernel(kernel: str) -> None:
     assert "labellings at a time" in spoken[kernel]
 
 
-@pytest.mark.parametrize("name", ["wall", "no tensile strength", "running bond"])
+@pytest.mark.parametrize("name", ["wall", "no tensile strength", "running bond", "hulls"])
 def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Undecided faces in lanes: the bounds of the conic solver, alone and in company."""
     analysis = analysis_of(name)
@@ -313,7 +331,7 @@ def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch
     for k, (one, other) in enumerate(zip(together, plain, strict=True)):
         assert one is not None
         assert other is not None
-        assert one.bound == pytest.approx(other.bound, rel=1e-6, abs=1e-9)
+        assert one.bound == pytest.approx(other.bound, rel=1e-5 if name == "hulls" else 1e-6, abs=1e-9)
         alone = relaxation.refute(asked[k], loose[k], 1e12)
         assert alone is not None
         assert alone.bound == one.bound

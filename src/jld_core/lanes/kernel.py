@@ -144,12 +144,11 @@ class Shrunk:
 class Lanes:
     """The kernel for one template.
 
-    template: its yield sets in pairs of linear rows, in space with one cone of shear a face. opening: (q·free,)
-    velocities that open every face under any labelling, None where there are none. zero: scaled λ beside which a
-    bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of those of dry
-    ones. variant: see `library`; default
-    the one in use. tries: settings of the passes over what is still open. settles: share of a few random labellings
-    that the kernel settles.
+    template: its yield sets in pairs of linear rows, in space edges of hulls and one cone of shear a face. opening:
+    (q·free,) velocities that open every face under any labelling, None where there are none. zero: scaled λ beside
+    which a bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of those
+    of dry ones. variant: see `library`; default the one in use. tries: settings of the passes over what is still open.
+    settles: share of a few random labellings that the kernel settles.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
     """
 
@@ -172,7 +171,7 @@ class Lanes:
         self.variant, self._library = name, library.library(name)
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
-        self._rows, self._keep, self._bows = rows.rows, rows.keep, rows.bows
+        self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.bows
         usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
         if rows.bows is not None:
             usual = tuple(one for one in usual if one.aim > 0.0)  # edges and rays of parabolas are left to others
@@ -316,7 +315,7 @@ class Lanes:
         return library.Problem(
             len(p.order),
             self.faces,
-            self._rows.shape[2],
+            self._pairs,
             len(self._rows),
             self._q,
             int(not self._keep.all()),

@@ -58,7 +58,7 @@ struct Work {
     void put(const JldProblem& p, int lane, const uint8_t* labels, const JldTry& how) {
         for (int f = 0; f < p.faces; ++f) {
             int64_t at = int64_t(labels ? labels[f] : 0) * p.faces + f;
-            face[f].put(lane, p.rows + 3 * Face::P * at, p.keep[at], p.forces + Q * f, p.jumps + Q * f, p.room, p.push);
+            face[f].put(lane, p.rows + Face::NUMBERS * at, p.keep[at], p.forces + Q * f, p.jumps + Q * f, p.room, p.push);
             if constexpr (Face::BOWED) face[f].bend(lane, p.bows + 2 * at, p.room);
         }
         for (size_t k = 0; k < u.size(); ++k) lanes_of(u[k])[lane] = p.speed[k];

@@ -214,8 +214,17 @@ int32_t jld_lanes_width() { return jld::W; }
 int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t count_of_tries, int64_t count,
                         const uint8_t* labels, const double* thresholds, const JldAnswers* answers) {
     try {
-        if (problem->freedoms == 6)
-            jld::Run<jld::SpatialFace>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        if (problem->freedoms == 6) {
+            const int edges = problem->pairs;
+            auto run = [&](auto bending) {
+                typedef jld::SpatialFace<decltype(bending)> Face;
+                jld::Run<Face>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+            };
+            if (edges == 2) run(jld::PairBending{});
+            else if (edges == 4) run(jld::HullBending<4>{});
+            else if (edges == 8) run(jld::HullBending<8>{});
+            else return 2;
+        }
         else if (problem->bows && problem->pairs == 2)
             jld::Run<jld::PlanarFace<2, true>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
         else if (problem->bows && problem->pairs == 3)

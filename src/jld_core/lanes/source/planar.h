@@ -8,6 +8,7 @@ namespace jld {
 template <int PAIRS, bool BOWS = false>
 struct PlanarFace {
     static constexpr int Q = 3, P = PAIRS, ROWS = 2 * PAIRS, CONES = 0, SIDES = 7;
+    static constexpr int NUMBERS = 3 * PAIRS;
     static constexpr bool BOWED = BOWS;
     Lane a[PAIRS], b[PAIRS], h[PAIRS], keep;
     Lane F[3], s[ROWS], z[ROWS], lack[ROWS];
@@ -142,6 +143,16 @@ struct PlanarFace {
         }
         lanes_of(keep)[lane] = kept;
         lanes_of(F[0])[lane] = forces[0], lanes_of(F[1])[lane] = kept * forces[1], lanes_of(F[2])[lane] = forces[2];
+    }
+
+    // numbers of a ray; whether shear is bounded, so that a ray has none
+    static bool recede(double* row) {
+        const bool bounded = row[3] == 0.0;
+        for (int k = 0; k < PAIRS; ++k) {
+            const bool idle = row[3 * k] == 0.0 && (k == 1 || row[3 * k + 1] == 0.0);
+            row[3 * k + 2] = idle ? 1.0 : 0.0;
+        }
+        return bounded;
     }
 
     void copy(const PlanarFace& from, int source, int lane) {

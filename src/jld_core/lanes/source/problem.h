@@ -16,7 +16,9 @@ struct JldProblem {
     // (faces, 2, 7 or 27) what resultants do to either element. Planar: N and V row by row, then M in the last row.
     // Spatial: N, V1, V2 row by row, then M1, M2, MT in the last three.
     const double* sides;
-    // (labels, faces, pairs, 3) a, b, h of -a N +- b X <= h; X is M, V, M; spatial M1, M2 and MT + t
+    // (labels, faces, numbers) a, b, h of -a N +- b X <= h for each pair, X is M, V, M; spatial M1, M2 and MT + t, or
+    // a, p, q, h of -a N + p M1 + q M2 <= h for each edge of a hull, (x, y) of corners between edges, a, b, h of MT + t.
+    // pairs: how many pairs, spatial 2 of bending or the number of edges
     const double* rows;
     const double* keep;    // (labels, faces) 1 where V takes part in equilibrium
     const double* dead;    // (3 elements)

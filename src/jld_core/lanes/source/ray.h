@@ -13,21 +13,13 @@ struct Recession {
     std::vector<double> rows, keep, dead, live, nothing;
 
     explicit Recession(const JldProblem& from)
-        : p(from), rows(from.rows, from.rows + size_t(from.labels) * from.faces * 3 * Face::P),
+        : p(from), rows(from.rows, from.rows + size_t(from.labels) * from.faces * Face::NUMBERS),
           keep(from.keep, from.keep + size_t(from.labels) * from.faces), dead(Face::Q * from.elements, 0.0),
           live(from.live, from.live + Face::Q * from.elements),
           nothing(Face::Q * (from.faces > from.elements ? from.faces : from.elements), 0.0) {
         for (double& x : live) x = -x;
         for (size_t face = 0; face < keep.size(); ++face)
-            for (int k = 0; k < Face::P; ++k) {
-                double* row = &rows[3 * (face * Face::P + k)];
-                const bool idle = row[0] == 0.0 && row[1] == 0.0;
-                // what resists shear by cohesion alone takes no more and no more
-                const bool shear = !Face::bends(k) && row[0] == 0.0;
-                if (shear) keep[face] = 0.0;
-                row[2] = idle || shear ? 1.0 : 0.0;
-                p.dropping |= shear;
-            }
+            if (Face::recede(&rows[face * Face::NUMBERS])) keep[face] = 0.0, p.dropping = 1;
         p.rows = rows.data(), p.keep = keep.data(), p.dead = dead.data(), p.live = live.data();
         p.forces = p.jumps = p.speed = nothing.data();
         p.load = 0.0, p.room = 1.0, p.push = 1.0, p.floor = 1.0, p.opening = nullptr, p.bows = nullptr;

@@ -172,14 +172,15 @@ struct Sides<6> {
     // S += A H^-1 A': one square for each pivot of the face, of its own column and those that follow it
     template <class Face>
     void condensed(int f, const Face& o, Lane* diagonal, Lane* off) const {
-        Lane columns[4][6], weight[4];
-        o.pivots(columns, weight);
-        Lane q[2][4][6];
+        constexpr int C = Face::COLUMNS;
+        Lane columns[C][6], weight[C], couple[3];
+        o.pivots(columns, weight), o.couples(couple);
+        Lane q[2][C][6];
         for (int which = 0; which < 2; ++which) {
             if (end(f, which) < 0) continue;
             const double* b = side(f, which);
             Lane* d = diagonal + 21 * end(f, which);
-            for (int k = 0; k < 4; ++k) {
+            for (int k = 0; k < C; ++k) {
                 Lane* own = q[which][k];
                 column(b, columns[k], own);
                 for (int r = 0; r < 6; ++r) {
@@ -187,7 +188,6 @@ struct Sides<6> {
                     for (int c = 0; c <= r; ++c) d[at(r, c)] += by * own[c];
                 }
             }
-            const Lane couple[3] = {o.im[0], o.im[1], o.iT * o.keep};
             for (int r = 3; r < 6; ++r)
                 for (int c = 3; c <= r; ++c)
                     for (int k = 0; k < 3; ++k) d[at(r, c)] += couple[k] * (b[9 + 3 * r + k] * b[9 + 3 * c + k]);
@@ -196,15 +196,14 @@ struct Sides<6> {
         Lane* to = off + 36 * p.block[f];
         const double *low = side(f, 0), *high = side(f, 1);
         for (int r = 0; r < 6; ++r) {
-            Lane by[4];
-            for (int k = 0; k < 4; ++k) by[k] = weight[k] * q[1][k][r];
+            Lane by[C];
+            for (int k = 0; k < C; ++k) by[k] = weight[k] * q[1][k][r];
             for (int c = 0; c < 6; ++c) {
                 Lane sum = to[6 * r + c];
-                for (int k = 0; k < 4; ++k) sum += by[k] * q[0][k][c];
+                for (int k = 0; k < C; ++k) sum += by[k] * q[0][k][c];
                 to[6 * r + c] = sum;
             }
         }
-        const Lane couple[3] = {o.im[0], o.im[1], o.iT * o.keep};
         for (int r = 3; r < 6; ++r)
             for (int c = 3; c < 6; ++c)
                 for (int k = 0; k < 3; ++k) to[6 * r + c] += couple[k] * (high[9 + 3 * r + k] * low[9 + 3 * c + k]);
