@@ -146,9 +146,9 @@ class Lanes:
 
     template: its yield sets in pairs of linear rows, in space edges of hulls and one cone of shear a face. opening:
     (q·free,) velocities that open every face under any labelling, None where there are none. zero: scaled λ beside
-    which a bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of those
-    of dry ones. variant: see `library`; default the one in use. tries: settings of the passes over what is still open.
-    settles: share of a few random labellings that the kernel settles.
+    which a bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of
+    those of dry ones. variant: see `library`; default the one in use. tries: settings of the passes over what is still
+    open. settles: share of a few random labellings that the kernel settles.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
     """
 
