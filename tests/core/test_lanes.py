@@ -53,8 +53,9 @@ EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "ten
 
 
 @pytest.fixture(scope="session")
-def kernels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """A library for each variant that this processor has: the built one, else one compiled now; first the fastest."""
+def kernels() -> dict[str, str]:
+    """A library for each variant that this processor has: the built one, else one compiled where first use would; first
+    the fastest."""
     there = library.built()
     named = os.environ.get(library.SWITCH, "")
     if os.sep in named:  # `make sanitize`
@@ -64,8 +65,7 @@ def kernels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         if name in there:
             found[name] = str(there[name])
         elif build.compilers():
-            folder = tmp_path_factory.mktemp(name)
-            found[name] = str(build.compile_variant(name, folder, build.compilers()[0]))
+            found[name] = str(build.compile_variant(name, build.cache(), build.compilers()[0]))
     if not found:
         pytest.skip("no compiler, and no kernel")
     return found

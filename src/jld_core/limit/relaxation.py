@@ -17,7 +17,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.lanes import CARRIED, CARRIES, OPEN, PROVEN, SHRINKING, Lanes, Shrinking, chosen, fits
+from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, PROVEN, SHRINKING, Lanes, Shrinking, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.program import ConicProgram
@@ -123,7 +123,9 @@ class Relaxation:
             # forces that carry more are a hint: to refute nothing is never wrong
             told = np.flatnonzero(answers.verdict != CARRIES)
             self._weigh_all(answers.velocity[told], told, labellings, undecided, thresholds, found)
-            left = np.array([k for k in told.tolist() if found[k] is None and answers.verdict[k] == OPEN], dtype=int)
+            # between abutments the kernel bounds what a weighing, which is to the last digit, does not
+            low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
+            left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
             if thorough is not None:
                 left = left[thorough[left]]
         if len(left):

@@ -141,7 +141,7 @@ struct HullBending {
         for (int r = 0; r < R; ++r) is[r] = 1.0 / s[r];
     }
 
-    Lane condense(const Lane* w, Lane delta) {
+    JLD_ONCE Lane condense(const Lane* w, Lane delta) {
         Lane pp = delta, qq = delta, aa = splat(0.0), none = splat(0.0);
         for (int r = 0; r < R; ++r) pp += w[r] * p[r] * p[r], qq += w[r] * q[r] * q[r], aa += w[r] * a[r] * a[r];
         swap = qq > pp;

@@ -121,7 +121,7 @@ struct Interior {
     }
 
     // One step of every lane.
-    void step(Measures& out) {
+    JLD_ONCE void step(Measures& out) {
         typedef Factor<Q, Lane> Solver;
         const int n = Q * p.elements;
         Lane *u = w.u.data(), *du = w.du.data(), *reach = w.rhs.data(), *rhs = w.rhs.data() + n, *left = w.left.data();

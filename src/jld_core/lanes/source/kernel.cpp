@@ -204,6 +204,26 @@ struct Run {
     }
 };
 
+// Calls with a face of the kind that a problem has; false where there is none.
+template <class Call>
+bool with_faces(const JldProblem& p, Call call) {
+    if (p.freedoms == 6) {
+        if (p.pairs == 2) call(SpatialFace<PairBending>{});
+        else if (p.pairs == 4) call(SpatialFace<HullBending<4>>{});
+        else if (p.pairs == 8) call(SpatialFace<HullBending<8>>{});
+        else return false;
+    } else if (p.pairs == 2) {
+        if (p.bows) call(PlanarFace<2, true>{});
+        else call(PlanarFace<2>{});
+    } else if (p.pairs == 3) {
+        if (p.bows) call(PlanarFace<3, true>{});
+        else call(PlanarFace<3>{});
+    } else {
+        return false;
+    }
+    return true;
+}
+
 }  // namespace jld
 
 extern "C" {
@@ -214,24 +234,10 @@ int32_t jld_lanes_width() { return jld::W; }
 int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t count_of_tries, int64_t count,
                         const uint8_t* labels, const double* thresholds, const JldAnswers* answers) {
     try {
-        if (problem->freedoms == 6) {
-            const int edges = problem->pairs;
-            auto run = [&](auto bending) {
-                typedef jld::SpatialFace<decltype(bending)> Face;
-                jld::Run<Face>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
-            };
-            if (edges == 2) run(jld::PairBending{});
-            else if (edges == 4) run(jld::HullBending<4>{});
-            else if (edges == 8) run(jld::HullBending<8>{});
-            else return 2;
-        }
-        else if (problem->bows && problem->pairs == 2)
-            jld::Run<jld::PlanarFace<2, true>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
-        else if (problem->bows && problem->pairs == 3)
-            jld::Run<jld::PlanarFace<3, true>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
-        else if (problem->pairs == 2) jld::Run<jld::PlanarFace<2>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
-        else if (problem->pairs == 3) jld::Run<jld::PlanarFace<3>>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
-        else return 2;
+        const bool known = jld::with_faces(*problem, [&](auto face) {
+            jld::Run<decltype(face)>(*problem, tries, count_of_tries, labels, thresholds, *answers).run(count);
+        });
+        if (!known) return 2;
         return 0;
     } catch (const std::bad_alloc&) {
         return 1;
@@ -240,12 +246,9 @@ int32_t jld_lanes_solve(const JldProblem* problem, const JldTry* tries, int32_t 
 
 int32_t jld_lanes_shrink(const JldProblem* problem, const JldTry* how, const JldShrinking* asked) {
     try {
-        if (problem->freedoms == 6) jld::Shrink<jld::SpatialFace>(*problem, *how, *asked).run();
-        else if (problem->bows && problem->pairs == 2) jld::Shrink<jld::PlanarFace<2, true>>(*problem, *how, *asked).run();
-        else if (problem->bows && problem->pairs == 3) jld::Shrink<jld::PlanarFace<3, true>>(*problem, *how, *asked).run();
-        else if (problem->pairs == 2) jld::Shrink<jld::PlanarFace<2>>(*problem, *how, *asked).run();
-        else if (problem->pairs == 3) jld::Shrink<jld::PlanarFace<3>>(*problem, *how, *asked).run();
-        else return 2;
+        const bool known = jld::with_faces(
+            *problem, [&](auto face) { jld::Shrink<decltype(face)>(*problem, *how, *asked).run(); });
+        if (!known) return 2;
         return 0;
     } catch (const std::bad_alloc&) {
         return 1;

@@ -36,7 +36,7 @@ struct Proof {
             Factor<Q, double>::template solve<1>(p.pattern, shared.diagonal.data(), shared.off.data(), r, 0);
     }
 
-    void state() {
+    JLD_ONCE void state() {
         const int n = Q * p.elements;
         if (p.dropping) {
             w.clear();
@@ -205,7 +205,7 @@ struct Proof {
     }
 
     // The motion as it is and polished; the better bound counts.
-    void motion() {
+    JLD_ONCE void motion() {
         const int n = Q * p.elements;
         Lane* u = w.u.data();
         Lane work = w.dot(p.live, u), fastest = splat(0.0);
@@ -228,7 +228,7 @@ struct Proof {
     }
 
     // Opens a motion just enough, and keeps it where its bound is the lowest yet.
-    void bound(Lane* u, Lane* kept, bool snapped = false) {
+    JLD_ONCE void bound(Lane* u, Lane* kept, bool snapped = false) {
         const int n = Q * p.elements;
         Lane total, fastest, missing = measure(u, total, snapped);
         margin = missing;

@@ -1,6 +1,10 @@
 // A register of doubles, one labelling to a lane, and the few operations on it that the language has no sign for.
 #pragma once
 #include <cstdint>
+
+// what is called from more than one place is compiled once
+#define JLD_ONCE __attribute__((noinline))
+
 #if defined(JLD_COUNTED)
 #include JLD_COUNTED
 #else
