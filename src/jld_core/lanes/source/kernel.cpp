@@ -169,10 +169,11 @@ struct Run {
                 bool carries = thresholds && load > thresholds[in_lane[i]] && balance <= 1e-9;
                 bool ray = how.aim < 0.0 && load <= -0.5 && balance <= 1e-9;
                 // no motion comes near what would stop it
-                bool far = load > how.endless * (1.0 + std::fabs(p.load)) && jumps > 1e-2 * (1.0 + speed);
-                bool runs = how.aim > 0.0 && age[i] > 6 && far && balance <= 1e-6;
+                bool free = jumps > 1e-3 * (1.0 + speed) && how.endless < 1e30;
+                bool far = load > how.endless * (1.0 + std::fabs(p.load)) || gap < 1e-2 * load;
+                bool runs = how.aim > 0.0 && age[i] > 6 && free && far && balance <= 1e-6;
                 bool lost = !(gap < 1e30) || !(speed < 1e30);
-                if (runs) grows[in_lane[i]] = 1;
+                if (runs || (free && age[i] >= how.most)) grows[in_lane[i]] = 1;
                 if (solved || falls || carries || ray || runs || lost || age[i] >= how.most) {
                     out.iterations[in_lane[i]] += age[i];
                     if (out.diagnosis) out.diagnosis[4 * in_lane[i] + 3] = gap;
