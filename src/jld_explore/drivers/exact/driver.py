@@ -19,34 +19,30 @@ are too many to be listed) are enumerated, which proves the same.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation, load_floor
+from jld_core.limit import load_floor
 from jld_explore.drivers.anneal import Anneal
-from jld_explore.drivers.base import Aim, Driver, DriverOptions
-from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
-from jld_explore.drivers.exact.conflicts import Conflicts, key_of
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunters import Hunters
 from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
 from jld_explore.drivers.exact.optimum import Best, counts_of, front, front_of_all
-from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.drivers.exact.proving import Proving
 from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.genetic import Genetic
-from jld_explore.evaluation import Evaluation, Records
-from jld_explore.space import SearchSpace, canonical, count_named, registered
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import SearchSpace, count_named, registered
 
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
@@ -55,13 +51,7 @@ _PATIENCE: Final = (3000, 500)
 """Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
 
 
-class ExactOptions(DriverOptions):
-    """Options of the exact driver."""
-
-    aim: Aim = Field("best", description="best, or front (the best for every count)")
-
-
-class Exact(Driver):
+class Exact(Proving):
     """Proof by conflicts.
 
     aim: "best", or "front": the best for every value of the scene's count. search: labellings evaluated before the
@@ -72,12 +62,6 @@ class Exact(Driver):
     programs: solved at the most before it comes back as for lack of time. alone: relaxations after which other
     processes help, where there are any, 0: it is left to them; None for a second's worth or two.
     """
-
-    name = "exact"
-    remembers = True
-    modular = True
-
-    Options = ExactOptions
 
     def __init__(
         self,
@@ -92,7 +76,6 @@ class Exact(Driver):
         programs: int | None = None,
         alone: int | None = None,
     ) -> None:
-        super().__init__(space, seed)
         if space.void is not None:
             raise InputError("--driver", "exact proves nothing where cells may be left out", "enumeration or genetic")
         self.aim, self._programs = aim, programs
@@ -102,49 +85,28 @@ class Exact(Driver):
         if self._count is not None and self._count.terms is None:
             known = " or ".join(count.name for count in registered() if count.terms)
             raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
-        cases, required = space.assembly.by_case, space.assembly.required.tolist()
-        analyses = [LimitAnalysis(case) for case in cases]
-        self._templates = [analysis.template for analysis in analyses]
-        # bounds of several cases are of the governing factor, which has no scale
-        self._scale = 1.0 if space.assembly.cases else analyses[0].template.scaling.load
-        self._floor = min(load_floor(case) / factor for case, factor in zip(cases, required, strict=True))
-        self._blocks = possible_blocks(space) if list_blocks else None
-        asked = [count for count, _ in space.limits.on_counts] + ([] if self._count is None else [self._count])
-        terms = [count.terms(space.assembly) if count.terms else None for count in asked]
-        listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
-        covered = all(template.yield_set.hull() is not None for template in self._templates) and listed
-        self._everything = None if covered else Enumeration(space)
-        self._relaxation: Relaxation | CaseRelaxation | None = None
-        self._by_blocks = None
-        if covered:
-            each = [Relaxation(analysis) for analysis in analyses]
-            self._relaxation = CaseRelaxation(each, required) if space.assembly.cases else each[0]
-            self._by_blocks = BlockSearch(analyses, space, self._blocks, self._relaxation, by_blocks)
-        self._free = space.candidates.copy()
-        if self._blocks is not None:
-            joined = {face for inside in self._blocks.inside for face in inside}
-            self._free &= np.isin(np.arange(len(self._free)), list(joined))
+        super().__init__(space, seed, self._count, list_blocks=list_blocks)
+        with_factors = zip(space.assembly.by_case, space.assembly.required.tolist(), strict=True)
+        self._floor = min(load_floor(case) / factor for case, factor in with_factors)
+        self._by_blocks: BlockSearch | None = None
+        if self._relaxation is not None:
+            self._by_blocks = BlockSearch(self._analyses, space, self._blocks, self._relaxation, by_blocks)
         self._search = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._left = search * int(space.candidates.sum())
         self._incumbents = Incumbents(space, self._count)
-        self._conflicts = Conflicts(len(space.fixed))
-        self._formula: Formula | None = None
         quick = self._relaxation is not None and self._relaxation.many
         self._ladder = Ladder(step_after or _PATIENCE[not quick])
         self._turns = Turns(quick=quick, never=search == 0)
-        self._passed: list[Bits] = []
         self._hunters: Hunters | None = None
         if self._relaxation is not None:
             proof = self._conflicts, self._passed
             self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
-        self._waiting, self._none_asked = self._none, True
+        self._none_asked = True
         self._aimed = math.inf
         self._began = 0
         self._targets: list[int | None] = [None]
         self._listed = aim == "best"
         self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf, self._floor)}
-        self._deadline: float | None = None
-        self._heartbeat: Callable[[], None] = lambda: None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -173,11 +135,6 @@ class Exact(Driver):
         return self._everything is None and not self._targets and all(best.proven for best in self.found.values())
 
     @property
-    def exhaustive(self) -> bool:
-        """See `Driver.exhaustive`."""
-        return self._everything is not None
-
-    @property
     def working(self) -> bool:
         """See `Driver.working`."""
         return self._everything is None and bool(self._targets)
@@ -191,14 +148,6 @@ class Exact(Driver):
             found["front"] = rows
         return found
 
-    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """See `Driver.start`."""
-        # what was found last must still be evaluated
-        self._deadline = None if deadline is None else deadline - 0.3
-        self._heartbeat = heartbeat
-        if records is not None and self._everything is None:
-            self._conflicts.keep(records, key_of(self._templates, self.space, self._blocks))
-
     def employ(self, jobs: int) -> None:
         """See `Driver.employ`: they refute parts of the space."""
         if self._hunters is not None:
@@ -208,10 +157,6 @@ class Exact(Driver):
         """See `Driver.close`."""
         if self._hunters is not None:
             self._conflicts.add(self._hunters.close().conflicts)
-
-    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take incumbents (k, m) from a study that is gone on with."""
-        self._learn(labellings, evaluations)
 
     # --- ask and tell -----------------------------------------------------------------------------------
 
@@ -228,14 +173,9 @@ class Exact(Driver):
                 self._left = self._left - len(self._waiting) if len(self._waiting) else 0
             else:
                 self._waiting = self._pursue(self._targets[0])
-        given = self._waiting[:limit]
-        self._waiting = self._waiting[len(given) :]
+        given = self._given(limit)
         self._none_asked &= not len(given)
         return given
-
-    @property
-    def _none(self) -> Bits:
-        return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:
@@ -253,9 +193,7 @@ class Exact(Driver):
 
     @property
     def _late(self) -> bool:
-        if self._programs is not None and self.relaxations >= self._programs:
-            return True
-        return self._deadline is not None and time.perf_counter() >= self._deadline
+        return super()._late or (self._programs is not None and self.relaxations >= self._programs)
 
     def _late_after_heartbeat(self) -> bool:
         self._heartbeat()
@@ -313,8 +251,7 @@ class Exact(Driver):
         """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
         assert self._formula is not None
         self._formula.forbid(np.arange(len(labels)), labels)
-        row = np.asarray(canonical(labels[None], self.space.group))
-        self._passed.append(row[0])
+        row = self._pass(labels)
         return self._none if row[0] in self._incumbents else row
 
     def _choose(self, search: BlockSearch, threshold: float) -> Bits:
@@ -359,12 +296,7 @@ class Exact(Driver):
         self._aimed = low if self._by_blocks.active else self._ladder.aim(self.found[target].bound, low)
         self._began = self.conflicts
         self._formula = Formula(self.space, self._blocks, target)
-        for conflict in self._conflicts:
-            # compared as it was made: products of quotients round
-            if conflict.bound <= self._aimed / self._scale:
-                self._formula.forbid(conflict.faces, conflict.labels)
-        for labels in self._passed:
-            self._formula.forbid(np.arange(len(labels)), labels)
+        self._forbid_known(self._formula, self._aimed)
         self._hunters.begin(self._formula, target, self._aimed / self._scale)
 
     def _lower(self, target: int | None, bound: float) -> None:

@@ -1,0 +1,116 @@
+"""What the exact drivers prove with: relaxations, possible blocks, a formula of what is left, and conflicts for it."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from pydantic import Field
+
+from jld_core.arrays import Bits
+from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation
+from jld_explore.drivers.base import Aim, Driver, DriverOptions
+from jld_explore.drivers.enumeration import Enumeration
+from jld_explore.drivers.exact.conflicts import Conflicts, key_of
+from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.evaluation import Evaluation, Records
+from jld_explore.space import Count, SearchSpace, canonical
+
+
+class ExactOptions(DriverOptions):
+    """Options of the exact driver."""
+
+    aim: Aim = Field("best", description="best, or front (the best for every count)")
+
+
+class Proving(Driver):
+    """A driver that proves; or enumerates, which proves the same, where its space has no formula or no relaxation.
+
+    counted: a count the formula must hold, besides those that are limited. list_blocks: list the blocks there can be,
+    where they are few enough.
+    """
+
+    name = "exact"
+    remembers = True
+    modular = True
+    Options = ExactOptions
+
+    def __init__(self, space: SearchSpace, seed: int, counted: Count | None, *, list_blocks: bool = True) -> None:
+        super().__init__(space, seed)
+        self._analyses = [LimitAnalysis(case) for case in space.assembly.by_case]
+        # bounds of several cases are of the governing factor, which has no scale
+        self._scale = 1.0 if space.assembly.cases else self._analyses[0].template.scaling.load
+        self._blocks = possible_blocks(space) if list_blocks else None
+        asked = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
+        terms = [count.terms(space.assembly) if count.terms else None for count in asked]
+        listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
+        covered = listed and all(one.template.yield_set.hull() is not None for one in self._analyses)
+        self._everything = None if covered else Enumeration(space)
+        self._relaxation: Relaxation | CaseRelaxation | None = None
+        if covered:
+            each = [Relaxation(analysis) for analysis in self._analyses]
+            required = space.assembly.required.tolist()
+            self._relaxation = CaseRelaxation(each, required) if space.assembly.cases else each[0]
+        self._free = space.candidates.copy()
+        if self._blocks is not None:
+            joined = {face for inside in self._blocks.inside for face in inside}
+            self._free &= np.isin(np.arange(len(self._free)), list(joined))
+        self._conflicts = Conflicts(len(space.fixed))
+        self._formula: Formula | None = None
+        self._passed: list[Bits] = []
+        self._waiting = self._none
+        self._deadline: float | None = None
+        self._heartbeat: Callable[[], None] = lambda: None
+
+    @property
+    def exhaustive(self) -> bool:
+        """See `Driver.exhaustive`."""
+        return self._everything is not None
+
+    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+        """See `Driver.start`."""
+        # what was found last must still be evaluated
+        self._deadline = None if deadline is None else deadline - 0.3
+        self._heartbeat = heartbeat
+        if records is not None and self._everything is None:
+            templates = [analysis.template for analysis in self._analyses]
+            self._conflicts.keep(records, key_of(templates, self.space, self._blocks))
+
+    def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in what a study that is gone on with knows: labellings (k, m)."""
+        self._learn(labellings, evaluations)
+
+    @abstractmethod
+    def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
+
+    @property
+    def _none(self) -> Bits:
+        return np.empty((0, len(self.space.fixed)), dtype=bool)
+
+    @property
+    def _late(self) -> bool:
+        return self._deadline is not None and time.perf_counter() >= self._deadline
+
+    def _given(self, limit: int | None) -> Bits:
+        """The next of the labellings that wait to be evaluated."""
+        given = self._waiting[:limit]
+        self._waiting = self._waiting[len(given) :]
+        return given
+
+    def _pass(self, labels: Bits) -> Bits:
+        """Note a labelling that no mechanism ruled out: its class, (1, m)."""
+        row = np.asarray(canonical(labels[None], self.space.group))
+        self._passed.append(row[0])
+        return row
+
+    def _forbid_known(self, formula: Formula, threshold: float) -> None:
+        """Rule out what conflicts prove to be no better than a threshold, and what was evaluated."""
+        for conflict in self._conflicts:
+            # compared as it was made: products of quotients round
+            if conflict.bound <= threshold / self._scale:
+                formula.forbid(conflict.faces, conflict.labels)
+        for labels in self._passed:
+            formula.forbid(np.arange(len(labels)), labels)
