@@ -66,6 +66,7 @@ def test_kernel_is_asked_where_it_settles() -> None:
     assert Evaluator(wall, SETTINGS).settles
     assert Evaluator(pressed, SETTINGS).settles
     assert not Evaluator(wall, EvaluatorSettings(prove=True)).settles
+    assert not Evaluator(wall, EvaluatorSettings(many=False)).settles
     assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles
     rows, options = CASES["crushable wall"]
     assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles

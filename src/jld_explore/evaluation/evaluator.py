@@ -24,16 +24,18 @@ class EvaluatorSettings:
     """What an evaluator is asked for.
 
     model: what is modelled. prove: also say what a solve proves about other labellings, where bounds speak of
-    more than one (`SolveOptions.modular`).
+    more than one (`SolveOptions.modular`). many: the assembly has labellings enough for the kernel, which is made in
+    the time of some ten solves.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
     prove: bool = False
+    many: bool = True
 
     @property
     def in_lanes(self) -> bool:
-        """Whether bounds on λ are all that is asked, which is what the kernel gives."""
-        return self.model.modular and not self.prove
+        """Whether bounds on λ of many labellings are all that is asked, which is what the kernel gives."""
+        return self.many and self.model.modular and not self.prove
 
 
 class Evaluator:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import OrderedDict
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -23,7 +24,8 @@ class LeavingOutEvaluator:
     """Evaluates labellings of an assembly with a sink (`space.void`), each on the structure that it leaves."""
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
-        self.settings, self._sink = settings, assembly.sink
+        # nearly every labelling leaves another structure, and one alone is solved before its kernel is made
+        self.settings, self._sink = replace(settings, many=False), assembly.sink
         gone = np.arange(len(assembly.elements)) == assembly.sink
         self._real, self._faces = without(assembly, gone)
         self._cells = assembly.interfaces.a[len(self._faces) :]
