@@ -27,6 +27,9 @@ _NEIGHBOURS: Final = 3
 _TRIES: Final = 4
 """Single faces tried in vain before a conflict is taken as it is."""
 
+_INNER: Final = True
+"""Whether inner faces are tried before dry ones: a quarter fewer conflicts of weak walls."""
+
 _DRY: Final = 0.3
 """Share of faces that a labelling had better have dry, at random: long blocks are what is hard to refute."""
 
@@ -79,7 +82,7 @@ class Hunt:
 
     def _shrink(self, drawn: Bits, threshold: float, caught: Catch) -> None:
         """Conflicts of labellings (k, m) and of their neighbours, all in one call."""
-        how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=True)
+        how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=_INNER)
         seed = int(self._rng.integers(2**32))
         for one in self._relaxation.shrink(drawn, self._free, np.full(len(drawn), threshold), how, seed):
             labels = drawn[one.labelling]
