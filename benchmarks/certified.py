@@ -20,8 +20,8 @@ from jld_explore.verification import verify
 
 SECONDS: Final = 60.0
 
-_LARGE: Final = ("10 × 12", "8 × 10, s = 3", "flat arch")
-"""Scenes that take minutes: left to `benchmarks.exact`."""
+_LEFT: Final = ("10 × 12", "8 × 10, s = 3", "flat arch", "barrel vault")
+"""Scenes that take minutes, left to `benchmarks.exact`, and one whose faces are no rectangles: no certificate."""
 
 
 def row(name: str, scene: Scene, seconds: float) -> list[str]:
@@ -53,7 +53,7 @@ def main(seconds: float = SECONDS) -> None:
     """Prove, write and check every scene."""
     rows = []
     for name, (scene, _, _) in scenes().items():
-        if not name.startswith(_LARGE):
+        if not name.startswith(_LEFT):
             rows.append(row(name, scene, seconds))
             print(rows[-1], flush=True)
     head = ["scene", "λ", "bound checked", "proven", "conflicts", "s to search", "s to write"]
