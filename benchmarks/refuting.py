@@ -58,8 +58,8 @@ NOTE: Final = (
     "single faces tried in vain, and in the arch with the exact hull of its joints, of which the kernel's rows are "
     "wide.\n\nTried and not kept: a motion taken as soon as it refutes (fewer iterations each, and 1.8 times the "
     "conflicts on the 6 × 8 wall, since it frees fewer faces); motions that are not moved to the normals of the rows "
-    "they lie at (2.3 times the conflicts of the weak wall); labellings drawn with half of the incumbent's labels, which "
-    "changes nothing, or with more of them, which takes up to 1.6 times as long."
+    "they lie at (2.3 times the conflicts of the weak wall); labellings drawn with half of the incumbent's labels, "
+    "which changes nothing, or with more of them, which takes up to 1.6 times as long."
 )
 
 
