@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from benchmarks.common import random_segmentations, table, wall, write
+from benchmarks.lanes_hard import corner_of_studies, cubes, prisms
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stated import stated
 from jld_core.arrays import Bits
@@ -61,6 +62,8 @@ CASES: Final[dict[str, Callable[[], Case]]] = {
     "88 faces": lambda: drawn("planar 88 faces", 60),
     "278 faces": lambda: drawn("planar 278 faces", 20, 4),
     "3 × 3 × 3 cubes": lambda: drawn("spatial 3x3x3", 20, 4, many=512),
+    "corner of the studies, 225°": lambda: segmented(corner_of_studies(), 20, 512, 4),
+    "4 × 4 × 4 cubes": lambda: segmented(cubes(4, 2e4), 4, 128, 2),
 }
 HELD_OUT: Final[dict[str, Callable[[], Case]]] = {
     "wall 6 × 8, 2 MPa": lambda: segmented(wall(6, 8), 40),
@@ -68,6 +71,7 @@ HELD_OUT: Final[dict[str, Callable[[], Case]]] = {
     "wall 6 × 8, 2 kPa": lambda: segmented(wall(6, 8, 2e3, 2e3), 40),
     "wall 4 × 4, 200 Pa": lambda: segmented(wall(4, 4, 2e2, 2e2), 80),
     "bridge 7 × 3": lambda: drawn("bridge 7x3", 100),
+    "hexagonal prisms": lambda: segmented(prisms(6, 4, 4), 20, 512, 4),
 }
 
 

@@ -95,6 +95,11 @@ def cubes(size: int, strength: float, load: tuple[float, float, float] = (1.0, 0
     return build_assembly(parse_scene(document))
 
 
+def corner_of_studies() -> Assembly:
+    """The corner of two walls, every cell by itself, pushed outwards."""
+    return build_assembly(corner(4, np.radians(225.0), None))
+
+
 def prisms(sides: int, wide: int, high: int, strength: float = 2e4) -> Assembly:
     """Columns of prisms over regular polygons that touch along their sides (six) or not at all, on a slab."""
     apothem = 0.1
@@ -167,10 +172,8 @@ SPATIAL: Final[dict[str, Hard]] = {
     "cubes 3 × 3 × 3, 200 Pa": Hard(lambda: cubes(3, 2e2), many=256, one=12),
     "cubes 3 × 3 × 3 pressed down": Hard(lambda: cubes(3, 2e4, (0.0, 0.0, -1.0)), many=256, one=12),
     "cubes 4 × 4 × 4": Hard(lambda: cubes(4, 2e4), many=96, one=4),
-    "corner of the studies, 225°": Hard(lambda: build_assembly(corner(4, np.radians(225.0), None)), many=256, one=20),
-    "the same, kern form": Hard(
-        lambda: build_assembly(corner(4, np.radians(225.0), None)), many=256, one=20, kern=True
-    ),
+    "corner of the studies, 225°": Hard(corner_of_studies, many=256, one=20),
+    "the same, kern form": Hard(corner_of_studies, many=256, one=20, kern=True),
     "hexagonal prisms": Hard(lambda: prisms(6, 4, 4), many=256, one=16),
     "octagonal prisms, weak": Hard(lambda: prisms(8, 4, 4, 2e3), many=256, one=16),
     "dome": Hard(lambda: build_assembly(samples.dome()), many=96, one=6),

@@ -274,6 +274,7 @@ def test_pattern_holds_the_fill() -> None:
     near = [(i, j) for i in range(30) for j in range(i) if abs(places[i] - places[j]).sum() == 1.0]
     a, b = np.array(near).T
     pattern = factor_pattern(a, b, places)
+    assert factor_pattern(a, b, places) is pattern  # as load cases ask for it
     matrix = np.zeros((30, 30))
     matrix[a, b] = matrix[b, a] = dice.random(len(a))
     matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)

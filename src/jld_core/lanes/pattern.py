@@ -6,6 +6,7 @@ Made once per assembly: what the kernel does with numbers follows these lists wi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -45,10 +46,18 @@ class FactorPattern:
 
 
 def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
-    """The pattern with the fewest products among a few orders.
+    """The pattern with the fewest products among a few orders; the load cases of one structure share it.
 
     a, b: (e,) nodes that share a block, loops ignored. places: (n, d) where nodes are.
     """
+    a, b, places = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64), np.asarray(places, dtype=float)
+    return _pattern(a.tobytes(), b.tobytes(), places.tobytes(), places.shape)
+
+
+@lru_cache(maxsize=4)
+def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) -> FactorPattern:
+    a, b = (np.frombuffer(ends, dtype=np.int64) for ends in (first, second))
+    places = np.frombuffer(where, dtype=float).reshape(shape)
     count = len(places)
     proper = a != b
     a, b = a[proper], b[proper]
