@@ -36,7 +36,7 @@ SIZES: Final = {"planar": (10, 32, 100, 178, 317), "spatial": (5, 10, 16, 22, 47
 
 PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
 
-SECONDS: Final = 150
+SECONDS: Final = 90
 """Processor time of one size."""
 
 BYTES: Final = 8 << 30
@@ -170,7 +170,7 @@ def report(results: dict[str, list[Found]]) -> str:
             "# Growth with the number of cells",
             about(__doc__),
             f"Limits of one size: {SECONDS} s, {BYTES / 2**30:g} GB. Memory is the highest so far, of which "
-            "Python and its libraries are some 110 MB.",
+            "Python and its libraries are some 200 MB.",
             "![seconds of each phase over cells](growth.png)",
             table(head, rows),
             "Exponents of the number of cells, from 1 000 cells up (1: linear):",

@@ -67,9 +67,8 @@ def explore(
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
-    if announce is not None:
-        for warning in assembly.warnings:
-            announce(f"warning: {warning}")
+    # said when the search begins: where it is refused nothing else is said
+    said = [f"warning: {warning}" for warning in assembly.warnings]
     if assembly.cases and settings.certificates:
         raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
     if settings.robust and settings.certificates:
@@ -83,10 +82,9 @@ def explore(
         assembly = space.assembly
     else:
         space = search_space(scene, assembly)
-    settings = _affordable(assembly, settings, announce)
+    settings = _affordable(assembly, settings, said)
     chosen, total = choose_driver(space, settings)
-    if announce is not None:
-        announce(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
+    said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
     if chosen.modular and not replace(settings.model, friction="associative").modular:
         raise InputError(
             "--driver", f"{chosen.name} has no bounds for this model", "convex contact on whole faces, paper bending"
@@ -104,6 +102,9 @@ def explore(
     study = Study(
         scene, assembly, space, chosen, folder, settings, total=total, report=report, started=started, make=make
     )
+    if announce is not None:
+        for line in said:
+            announce(line)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
     try:
         reason = study.run()
@@ -145,21 +146,18 @@ def explore(
     return done
 
 
-def _affordable(
-    assembly: Assembly, settings: ExploreSettings, announce: Callable[[str], None] | None
-) -> ExploreSettings:
-    """The settings with as many jobs as there is memory for; what takes long is said.
+def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
+    """The settings with as many jobs as there is memory for; what takes long joins what is said.
 
     Raises InputError for a scene that there is not the memory for.
     """
     effort = require_memory(assembly)
     jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
-    if announce is not None:
-        if jobs < settings.jobs:
-            announce(f"jobs: {jobs} of {settings.jobs}, as each takes some {effort.memory / 1e9:.1f} GB of memory")
-        if effort.long is not None:
-            limit = "" if settings.seconds is None else "; the time limit may be passed by that"
-            announce(f"{effort.long}{limit}")
+    if jobs < settings.jobs:
+        said.append(f"jobs: {jobs} of {settings.jobs}, as each takes some {effort.memory / 1e9:.1f} GB of memory")
+    if effort.long is not None:
+        limit = "" if settings.seconds is None else "; the time limit may be passed by that"
+        said.append(f"{effort.long}{limit}")
     return replace(settings, jobs=jobs)
 
 

@@ -359,7 +359,7 @@ def test_another_study_is_refused(scene: Path, undisturbed: Path, tmp_path: Path
     tries += [("driver", [scene, "--driver", name]) for name in DRIVERS if name != "enumeration"][:1]
     for word, arguments in tries:
         outcome: Outcome = jld("explore", *arguments, "--out", folder, "--resume", "--jobs", "1")
-        assert (outcome.code, outcome.err.count("\n")) == (2, 1)
+        assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
         assert f"{folder / RECORDS_FILE}: it was made with {word} " in outcome.err
         assert f"expected the same {word} to resume" in outcome.err
         assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]

@@ -63,15 +63,20 @@ def test_every_file_is_in_the_contract(settings: ExploreSettings, tmp_path: Path
     assert always - {experiments.FILE} <= written
 
 
-def test_a_spreadsheet_keeps_labellings_and_runs_nothing(tmp_path: Path) -> None:
-    done = explore(parse_scene(scene("=1+1")), tmp_path / "out", ExploreSettings(driver="enumeration", jobs=1))
+@pytest.mark.parametrize("name", ["=1+1", "@SUM(1)", "+1", "-1"])
+def test_a_spreadsheet_keeps_labellings_and_runs_nothing(name: str, tmp_path: Path) -> None:
+    settings = ExploreSettings(driver="enumeration", jobs=1, pictures=False)
+    done = explore(parse_scene(scene(name)), tmp_path / "out", settings)
     read = pd.read_csv(tmp_path / "out" / "results.csv")
     assert read["labelling"].tolist() == done.results["labelling"].tolist()
     assert set("".join(read["labelling"])) == {"d", "i"}
     assert done.summary["best_labelling"] == read["labelling"][0]
     faces = pd.read_csv(tmp_path / "out" / "faces.csv")
-    assert "'=1+1" in set(faces["element_a"]) | set(faces["element_b"])
-    assert not re.search(r'(^|,)"?[=+@]', (tmp_path / "out" / "faces.csv").read_text("utf-8"), flags=re.M)
+    assert f"'{name}" in set(faces["element_a"]) | set(faces["element_b"])
+    for file in ("faces.csv", "blocks.csv"):
+        text = (tmp_path / "out" / file).read_text("utf-8")
+        assert f"'{name}" in text
+        assert not re.search(rf'(^|[," ]){re.escape(name)}', text, flags=re.M)
 
 
 def test_every_column_has_its_unit(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Floats
+from jld_core.lanes.pattern import factor_pattern
 from jld_core.mechanics import RowPattern, Rows
 from jld_core.program import Template
 
@@ -22,11 +23,32 @@ _SIZES: Final = (4, EDGES)
 
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
 
+MOST: Final = 15_000_000
+"""The same in products of one factorisation, which bulky structures need far more of than thin ones with as many faces:
+with 6³ cubes 8 million, with 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million."""
+
+_SMALL: Final = 300  # faces up to which no structure needs so many
+
 
 def fits(template: Template, undecided: Rows | None = None) -> bool:
     """Whether the kernel knows rows of this shape and the structure is small enough for it; undecided: rows of a third
     label, see `rows_of`."""
-    return len(template.assembly.interfaces) <= LARGEST and rows_of(template, undecided) is not None
+    return (
+        len(template.assembly.interfaces) <= LARGEST
+        and rows_of(template, undecided) is not None
+        and (len(template.assembly.interfaces) <= _SMALL or _products(template) <= MOST)
+    )
+
+
+def _products(template: Template) -> int:
+    """Products of numbers in one factorisation."""
+    elements, faces = template.assembly.elements, template.assembly.interfaces
+    node = np.full(len(elements), -1, dtype=np.int64)
+    node[elements.free] = np.arange(len(elements.free))
+    a, b = node[faces.a], node[faces.b]
+    both = (a >= 0) & (b >= 0)
+    pattern = factor_pattern(a[both], b[both], elements.centroid[elements.free])
+    return int(pattern.products * template.assembly.freedoms**3)
 
 
 @dataclass(frozen=True)
