@@ -427,6 +427,10 @@ OPTIONS: list[tuple[list[str], tuple[str, ...]]] = [
     (["--seed", "-1"], ("--seed", "'-1'", "0")),
     (["--seed", "0.5"], ("--seed", "'0.5'", "a whole number")),
     (["--bogus"], ("--bogus", "--help")),
+    (["--solver", "abacus"], ("--solver", "'abacus'", "clarabel")),
+    (["--gap", "inf"], ("--gap", "inf", "above 0")),
+    (["--driver", "anneal", "--chains", "1000000000"], ("--chains", "1000000000", "100000")),
+    (["--driver", "genetic", "--population", "1000000000"], ("--population", "1000000000", "1000000")),
 ]
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 from jld_core import tolerances
 from jld_core.errors import InputError
 from jld_core.mechanics import InnerBending
-from jld_core.solvers import Solver
+from jld_core.solvers import Solver, require_solver
 
 Friction = Literal["associative", "zero-dilation"]
 Contacts = Literal["convex", "concave"]
@@ -58,8 +59,10 @@ class SolveOptions:
             raise InputError("--effective-area", "points have no area", "--contact convex with it")
         if not self.floor_seconds >= 0.0:
             raise InputError("--floor-seconds", f"{self.floor_seconds:g} is no time", "seconds, 0 for no bound")
-        if not self.gap > 0.0:
+        if not 0.0 < self.gap < math.inf:
             raise InputError("--gap", f"{self.gap:g} is no width", "a number above 0")
+        if isinstance(self.solver, str):
+            require_solver(self.solver)
 
     @property
     def modular(self) -> bool:

@@ -14,6 +14,7 @@
 - `interior_point`: a linear program by HiGHS' interior point
 - `is_large`: whether a program goes to `schur` by default
 - `make_solver`: a solver by its name
+- `require_solver`: refuses a name that is none
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ def make_solver(
     """
     if isinstance(name, Solver):
         return name
+    require_solver(name)
     if name == "auto":
         name = "schur" if structure is not None and is_large(structure) else "clarabel"
     if name == "schur":
@@ -57,11 +59,15 @@ def make_solver(
         return ClarabelSolver(tolerance, threads=threads)
     if name in ("highs", "highs-ipm"):
         return HighsSolver(name, threads=threads)
-    if name == "cvxpy":
-        from jld_core.solvers.cvxpy import CvxpySolver  # half a second that every other start would pay
+    from jld_core.solvers.cvxpy import CvxpySolver  # half a second that every other start would pay
 
-        return CvxpySolver()
-    raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
+    return CvxpySolver()
+
+
+def require_solver(name: str) -> None:
+    """Raise InputError for a name that is none of `SOLVERS`."""
+    if name not in SOLVERS:
+        raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
 
 
 def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
@@ -99,4 +105,5 @@ __all__ = [
     "interior_point",
     "is_large",
     "make_solver",
+    "require_solver",
 ]

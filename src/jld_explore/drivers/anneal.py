@@ -58,7 +58,7 @@ class _Chain:
 class AnnealOptions(DriverOptions):
     """Options of the anneal driver."""
 
-    chains: Annotated[int, Field(ge=1)] = Field(16, description="labellings changed side by side")
+    chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
 
 
 class Anneal(Searcher):

@@ -57,7 +57,7 @@ _SAME: Final = 2.0**20
 class GeneticOptions(DriverOptions):
     """Options of the genetic driver."""
 
-    population: Annotated[int, Field(ge=4)] | None = Field(None, description="labellings alive")
+    population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="labellings alive")
     aim: Aim = Field("front", description="best, or front (the best for every count)")
 
 
