@@ -24,6 +24,8 @@ def test_every_sample_stands_on_its_supports_and_is_written_as_it_is_made(
     assert (done.code, done.err) == (0, "")
     made = samples.KINDS[kind](stone=samples.Stone(friction=0.7))
     assert load_scene(target).fingerprint == made.fingerprint
+    assert call(monkeypatch, capsys, "new", kind, "-o", target).code == 0
+    assert load_scene(target).search.block_cells == [1, 4]
     assembly = build_assembly(made)
     assert solve(assembly).status is not Status.UNCERTIFIED
     assert assembly.strengths.friction == pytest.approx(0.7)

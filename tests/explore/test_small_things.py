@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
@@ -13,7 +14,9 @@ from command import call
 from jld_core import build_assembly, load_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.cli import overview
+from jld_explore.cli.progress import ProgressBar
 from jld_explore.drivers import DRIVERS
+from jld_explore.study import Progress
 from paths import ROOT
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
@@ -100,3 +103,16 @@ def test_terminal_tables_shorten_long_labellings(
     shown = call(monkeypatch, capsys, "explore", "wall.json", "--out", "out", *options).out
     assert "…" in shown
     assert max(map(len, shown.splitlines())) < 160
+
+
+def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
+    seen: list[Progress] = []
+    settings = ExploreSettings(driver="exact", jobs=1, pictures=False)
+    done = explore(load_scene(SCENE), tmp_path / "out", settings, seen.append)
+    bar = ProgressBar("arch")
+    bar(seen[-1])
+    shown = bar._bar.tasks[0].fields["best"]
+    assert shown.startswith(f"best λ {done.summary['best']:.6g} ≤ ")
+    assert shown.endswith("%")
+    assert ", gap " in shown
+    assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)
