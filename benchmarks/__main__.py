@@ -19,6 +19,7 @@ BENCHMARKS: Final = (
     "cases",
     "exact",
     "refuting",
+    "cubes",
     "relaxing",
     "certified",
     "trust_trials",

@@ -54,7 +54,7 @@ def prove(scene: Scene, folder: Path, settings: ExploreSettings = TWO, **options
 def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Threads in the place of processes: each takes a second or two to start."""
     monkeypatch.setattr("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1))
-    monkeypatch.setattr("jld_explore.drivers.exact.crew._MOMENT", 0.0)
+    monkeypatch.setattr("jld_explore.drivers.exact.crew.MOMENT", 0.0)
 
 
 @pytest.mark.usefixtures("_in_threads")

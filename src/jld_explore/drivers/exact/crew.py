@@ -31,7 +31,7 @@ from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.evaluation import Seat, Seats
 from jld_explore.space import SearchSpace
 
-_MOMENT: Final = 0.3
+MOMENT: Final = 0.3
 """Seconds for which a cube is lent: sending takes a hundredth of that, and news are no older."""
 
 _WAITING: Final = 2
@@ -193,7 +193,7 @@ class Crew:
             count=self._count,
             threshold=self._threshold,
             cube=cube,
-            seconds=_MOMENT,
+            seconds=MOMENT,
         )
         try:
             future = seat.submit(hunt_at_seat, order)

@@ -1,0 +1,110 @@
+"""A long proof in one process and in two: the first step down from the bound at the root, on the same scene.
+
+The clock is of the proof alone, from the first relaxation to the moment at which all labellings above the next step are
+refuted; processor seconds are of all processes together, so that they say what sharing costs whoever else is at work
+on the machine. `python -m benchmarks.cubes SECONDS` gives each run that long at the most.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import psutil
+
+from benchmarks.common import about, table, write
+from benchmarks.exact import arch, wall
+from jld_core import Scene, build_assembly
+from jld_explore import ExploreSettings, Progress, explore
+from jld_explore.drivers import Exact
+from jld_explore.space import search_space
+
+SECONDS: Final = 150.0
+JOBS: Final = (1, 2)
+
+
+class _Done(Exception):
+    """The step is refuted."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """bound: λ that was refuted down to, NaN where time ran out. seconds: by the clock; processor: of all processes."""
+
+    bound: float
+    seconds: float
+    processor: float
+    conflicts: int
+    relaxations: int
+    closed: int
+
+
+def _processor() -> float:
+    own = psutil.Process()
+    times = [own.cpu_times(), *(child.cpu_times() for child in own.children(recursive=True))]
+    return sum(one.user + one.system for one in times) + sum(os.times()[2:4])
+
+
+def refuted(scene: Scene, jobs: int, most: float) -> Taken:
+    """What the first step down takes. most: seconds."""
+    driver = Exact(search_space(scene, build_assembly(scene)), search=10, step_after=10**9)
+    start, before, root, found = 0.0, 0.0, float("nan"), float("nan")
+    closed = 0
+
+    def watch(now: Progress) -> None:
+        nonlocal start, before, root, found, closed
+        if driver._hunters is not None and driver._hunters.crew is not None:
+            closed = driver._hunters.crew.closed
+        if now.bound == now.bound and not start:
+            start, before, root = time.perf_counter(), _processor(), now.bound
+        elif now.bound < root:
+            found = now.bound
+            raise _Done
+
+    taken, processor = 0.0, 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        settings = ExploreSettings(jobs=jobs, pictures=False, seconds=most, small=0)
+        try:
+            explore(scene, Path(folder) / "out", settings, driver=driver, report=watch)
+        except _Done:
+            pass
+        finally:
+            taken, processor = time.perf_counter() - start, _processor() - before
+    return Taken(found, taken, processor, driver.conflicts, driver.relaxations, closed)
+
+
+def scenes() -> dict[str, Scene]:
+    """Scenes by name."""
+    return {"8 × 10, s = 3, 20 kPa": wall(8, 10, 3, 2e4), "flat arch, 67 faces, σc = 5 MPa": arch()}
+
+
+def main(most: float = SECONDS) -> None:
+    """Refute, compare, write."""
+    rows = []
+    for name, scene in scenes().items():
+        alone = None
+        for jobs in JOBS:
+            one = refuted(scene, jobs, most)
+            alone = alone or one
+            row = [name, str(jobs), "time" if one.bound != one.bound else f"{one.bound:.4f}", f"{one.seconds:.1f}"]
+            row += [f"{one.processor:.1f}", str(one.conflicts), str(one.relaxations), str(one.closed)]
+            row += [f"{alone.seconds / one.seconds:.2f}", f"{alone.processor / one.processor * jobs:.2f}"]
+            rows.append(row)
+            print(row, flush=True)
+    head = ["scene", "jobs", "λ refuted", "s", "processor s", "conflicts", "relaxations", "closed cubes"]
+    head += ["gain by the clock", "gain on free cores"]
+    note = (
+        "Gain on free cores: processor seconds of one job over those of all processes, times the jobs; what the clock "
+        "would say were there a core for each and none ever idle. Of two jobs the first second or two pass alone, "
+        "while the others start, and this process hands out cubes beside them."
+    )
+    write("cubes", "\n\n".join(("# A proof in two processes", about(__doc__), table(head, rows), note)))
+
+
+if __name__ == "__main__":
+    main(*(float(word) for word in sys.argv[1:]))
