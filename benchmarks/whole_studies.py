@@ -138,6 +138,8 @@ def main() -> None:
         for (key, row), (_, _, budget, longer) in zip(found.items(), STUDIES, strict=True)
     ]
     load = f"Load of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
+    load += " On a machine shared with others two jobs may come out at more than twice one: single runs, a tenth or "
+    load += "two apart."
     picture = "![Labellings a second of whole studies](whole_studies.png)"
     parts = ["# Whole studies, with the kernel and without", about(__doc__), picture, table(head, rows)]
     write("whole_studies", "\n\n".join([*parts, f"{described().capitalize()}. {load}"]))
