@@ -71,6 +71,8 @@ class BlockCertifier(Certifier):
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
         """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
         found = -math.inf
+        lone = lone_faces(multipliers.over != 0.0, self.region.closed)
+        self.alone[-len(lone) :] = lone
         for self.least_free in _FREE:
             found = super().bound(multipliers, enough)
             if found > -math.inf:

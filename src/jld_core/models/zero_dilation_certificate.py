@@ -59,6 +59,8 @@ class Certifier:
         self.free = np.zeros((count + 3, count), dtype=bool)
         self.free[np.arange(count), np.arange(count)] = True
         self.free[:count][region.held] = True
+        # velocities whose products equilibrium is not taken off, (3n + m,)
+        self.alone = np.zeros(modes.rates.shape[1], dtype=bool)
         self.sign_free = np.append(region.held, [False, False])
         self._change: Any = None
 
@@ -142,6 +144,7 @@ class Certifier:
         by_closed = np.linalg.pinv(modes.rates[self.region.closed], rcond=1e-12) if len(closed.values) else None
         for turn in (1, 2):
             rest = lacking.floats()
+            rest[:, self.alone] = 0.0
             q = _Fraction.of(_cut(by_statics @ rest, turn * _BITS))
             lacking = lacking - statics.transposed() @ q
             if by_closed is not None:
