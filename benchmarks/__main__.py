@@ -33,6 +33,7 @@ BENCHMARKS: Final = (
     "machines",
     "speed_error",
     "hard_cases",
+    "uncertified",
     "reductions",
     "throughput",
     "field",

@@ -169,8 +169,8 @@ def report(results: dict[str, list[Found]]) -> str:
         [
             "# Growth with the number of cells",
             about(__doc__),
-            f"Limits of one size: {SECONDS} s, {BYTES / 2**30:g} GB. Memory is the highest so far, of which "
-            "Python and its libraries are some 200 MB.",
+            f"Limits of one size: {SECONDS} s and {BYTES / 2**30:g} GB, or what its row says. Memory is the highest so far, "
+            "of which Python and its libraries are some 200 MB.",
             "![seconds of each phase over cells](growth.png)",
             table(head, rows),
             "Exponents of the number of cells, from 1 000 cells up (1: linear):",

@@ -1,7 +1,7 @@
 """What one labelling costs, from the size of its assembly: said before it is begun, refused where it cannot be done.
 
-Measured by benchmarks/growth.py and benchmarks/scale.py on one core; by the labelling it is a third or three times of
-that.
+Measured by benchmarks/growth.py and benchmarks/scale.py on one core. By the labelling it is a fifth (walls, all dry) or
+several times of that (random blocks of strong material).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from jld_core.memory import memory_limit
 _FACES: Final = 2e4
 """Faces of the assembly that `_COSTS` speaks of."""
 
-_COSTS: Final = {2: (20.0, 1.35, 1.5e4), 3: (25.0, 1.5, 3.5e4)}
+_COSTS: Final = {2: (40.0, 1.35, 1.5e4), 3: (100.0, 1.5, 3.5e4)}
 """By dimension: seconds at `_FACES` faces, exponent of the number of faces, bytes of a face."""
 
 _BASE: Final = 1.5e8
