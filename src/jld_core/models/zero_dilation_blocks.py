@@ -13,17 +13,18 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation_certificate import Certifier, _clean, _cut, _Fraction
+from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
+from jld_core.models.zero_dilation_certificate import Certifier, clean
 from jld_core.models.zero_dilation_interior import ProductProgram, minimise
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_normal import NormalEquations, Point, ProductSpace
 from jld_core.models.zero_dilation_products import (
     Multipliers,
     Region,
-    _equal_pairs,
-    _units,
     cost_of,
+    equal_pairs,
     extended,
+    units_of,
     without,
 )
 
@@ -33,7 +34,6 @@ _GONE: Final = 1e-14  # multipliers below this are none
 _SHIFT: Final = 1e-14  # regularisation of the normal equations, refined away
 _REFINED: Final = 40  # steps of conjugate gradients for one change
 _EXACT: Final = 1e-9  # of what is left, at which they end
-_BITS: Final = 70  # binary places to which multipliers are cut
 
 
 def multipliers_in_blocks(
@@ -41,13 +41,13 @@ def multipliers_in_blocks(
 ) -> Multipliers | None:
     """Multipliers of the program that `relax` states; None where the method does not end well. As for `relax`."""
     count = len(modes.rows)
-    unit, wide = _units(region, size), region.high - region.low
+    unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
     largest = abs(facts).max(axis=1)
     statics = modes.statics @ unit
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
     equal, positive = np.zeros((2, len(facts), count), dtype=bool)
-    equal[_equal_pairs(held, moving)] = True
+    equal[equal_pairs(held, moving)] = True
     positive[:count] = pairs & ~region.closed & ~equal[:count]
     positive[count + 2] = ~region.closed
     lone = lone_faces(equal | positive, region.closed)
@@ -85,20 +85,20 @@ class BlockCertifier(Certifier):
         share = np.where(share < _GONE / self.least_free, 0.0, share)
         share[:, self.region.closed] = 0.0
         lone = lone_faces(share > 0.0, self.region.closed)
-        facts = _clean(self.facts * self.size / largest[:, None])
+        facts = clean(self.facts * self.size / largest[:, None])
         free_states = self.states / self.size[:, None]
         space, velocities = space_of(self.modes, self.region, facts, free_states, lone)
         weights = share**2
         solved = NormalEquations(space, share > 0.0, velocities.groups).factor(weights, 1.0, _SHIFT)
 
-        def change(rest: Floats) -> tuple[_Fraction, _Fraction, _Fraction]:
+        def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
             size = float(abs(rest).max(initial=0.0)) or 1.0
             left = velocities.split(self.size[:, None] * (rest / size) @ velocities.basis)
             point = solved(left, _EXACT, _REFINED)
             more, raised = weights * space.values(point), float((space.unit * point[0]).sum())
             more = np.asarray(more * (size / largest[:, None]), dtype=np.float64)
             tables = (more, np.zeros((len(price), 1)), np.array([[raised * size]]))
-            one, two, three = (_Fraction.of(_cut(table, 2 * _BITS)) for table in tables)
+            one, two, three = (BinaryFractions.of(cut(table, 2 * BITS)) for table in tables)
             return one, two, three
 
         return change

@@ -12,7 +12,6 @@ in it is a binary fraction, so R follows without rounding; with |Φ| ≤ size an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +20,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from jld_core.arrays import Floats
+from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import (
     Multipliers,
@@ -41,7 +41,6 @@ _GAINS: Final = 0.5  # leaves less than this share of what was left
 _IN_FULL: Final = 9000  # unknowns up to which normal equations are factored in full, 0.65 GB
 _SHIFT: Final = 1e-15  # regularisation of the normal equations, refined away
 _NIL: Final = 1e-60  # what is cut off residuals when they become doubles
-_BITS: Final = 70  # binary places to which multipliers are cut
 
 
 class Certifier:
@@ -66,8 +65,8 @@ class Certifier:
 
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
         """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
-        over, live = _Fraction.of(_cut(multipliers.over)), _Fraction.of(_cut(multipliers.live[:, None]))
-        bound = _Fraction.of(_cut(np.array([[multipliers.bound]])))
+        over, live = BinaryFractions.of(cut(multipliers.over)), BinaryFractions.of(cut(multipliers.live[:, None]))
+        bound = BinaryFractions.of(cut(np.array([[multipliers.bound]])))
         over.values[:, self.region.closed] = 0
         correct, largest = None, abs(self.facts * self.size).max(axis=1)
         proven, slack = -math.inf, self.slack
@@ -108,7 +107,7 @@ class Certifier:
         that is compared is of order one; small multipliers change in proportion.
         """
         largest = abs(self.facts * self.size).max(axis=1)
-        facts, rates = _clean((self.facts / largest[:, None]) @ self.states), _clean(self.modes.rates @ self.motions)
+        facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(self.modes.rates @ self.motions)
         live = self.modes.live_rate @ self.motions
         weight = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / _FREE, 1.0))
         weight = np.where(weight < _GONE / _FREE, 0.0, weight)
@@ -122,22 +121,22 @@ class Certifier:
         solve = _least_change(rows, np.concatenate([weight[i, j], dear[g], [1.0]]))
         scales = 1.0 / np.concatenate([largest[i], largest[last]])
 
-        def change(rest: Floats) -> tuple[_Fraction, _Fraction, _Fraction]:
+        def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
             size = float(abs(rest).max(initial=0.0)) or 1.0
             found = solve((self.states.T @ (rest / size) @ self.motions).ravel()) * size * scales
             more, paid = np.zeros(over.shape), np.zeros((len(price), 1))
             more[i, j], paid[g, 0] = found[: len(i)], found[len(i) : -1]
-            one, two, three = (_Fraction.of(_cut(table, 2 * _BITS)) for table in (more, paid, found[-1:, None]))
+            one, two, three = (BinaryFractions.of(cut(table, 2 * BITS)) for table in (more, paid, found[-1:, None]))
             return one, two, three
 
         return change
 
     # --- in integers --------------------------------------------------------------------------------------
 
-    def _settled(self, over: _Fraction, live: _Fraction, bound: _Fraction, slack: float) -> Floats:
+    def _settled(self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float) -> Floats:
         """R (3m + 2, 3n + m): what is left of the identity once Q and Ψ have taken off it what they can, twice."""
         modes = self.modes
-        rates, statics = _exact_rates(modes), _Fraction.of(modes.statics)
+        rates, statics = _exact_rates(modes), BinaryFractions.of(modes.statics)
         closed = rates.rows(self.region.closed)
         lacking = self._lacking(over, live, bound, slack, rates)
         by_statics = np.linalg.pinv(modes.statics.T, rcond=1e-12)
@@ -145,29 +144,32 @@ class Certifier:
         for turn in (1, 2):
             rest = lacking.floats()
             rest[:, self.alone] = 0.0
-            q = _Fraction.of(_cut(by_statics @ rest, turn * _BITS))
+            q = BinaryFractions.of(cut(by_statics @ rest, turn * BITS))
             lacking = lacking - statics.transposed() @ q
             if by_closed is not None:
-                lacking = lacking - _Fraction.of(_cut(lacking.floats() @ by_closed, turn * _BITS)) @ closed
+                lacking = lacking - BinaryFractions.of(cut(lacking.floats() @ by_closed, turn * BITS)) @ closed
         return lacking.floats()
 
-    def _lacking(self, over: _Fraction, live: _Fraction, bound: _Fraction, slack: float, rates: _Fraction) -> _Fraction:
+    def _lacking(
+        self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float, rates: BinaryFractions
+    ) -> BinaryFractions:
         """`_left` without rounding."""
         modes, columns = self.modes, self.facts.shape[1]
-        facts, unit = _Fraction.of(self.facts), np.eye(columns)
-        load = _Fraction.of(unit[:, -2:-1]) - _Fraction.of(unit[:, -1:]) @ bound
-        by_live = _Fraction.of(modes.live_rate[None])
+        facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
+        load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
+        by_live = BinaryFractions.of(modes.live_rate[None])
         total = (load - facts.rows(slice(-1)).transposed() @ live) @ by_live
-        ones = _Fraction.of(unit[:, -1:] @ np.ones((1, int(modes.hinges.sum()))))
+        ones = BinaryFractions.of(unit[:, -1:] @ np.ones((1, int(modes.hinges.sum()))))
         four = modes.slacks.reshape(modes.faces, 4, columns)
-        capacity = _Fraction.of(np.repeat(0.5 * four[:, 2], 2, axis=0)) + _Fraction.of(
+        capacity = BinaryFractions.of(np.repeat(0.5 * four[:, 2], 2, axis=0)) + BinaryFractions.of(
             np.repeat(0.5 * four[:, 3], 2, axis=0)
         )
         cost = ones @ rates.rows(modes.hinges) + capacity.transposed() @ rates.rows(~modes.hinges)
         return total - cost.times(slack) - facts.transposed() @ (over @ rates)
 
 
-def _clean(table: Floats) -> Floats:
+def clean(table: Floats) -> Floats:
+    """Numbers of order one without those that are rounding."""
     return np.where(abs(table) < 1e-11, 0.0, table)
 
 
@@ -213,9 +215,9 @@ def _factor(normal: Any, shift: float) -> Any:
     return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
 
 
-def _exact_rates(modes: Modes) -> _Fraction:
+def _exact_rates(modes: Modes) -> BinaryFractions:
     """H from the numbers of A, without the rounding of βδ ∓ θ."""
-    jumps = _Fraction.of(modes.matrix.T.copy())
+    jumps = BinaryFractions.of(modes.matrix.T.copy())
     values = jumps.values.reshape(modes.faces, 3, -1)
     beta = np.array([int(b) for b in modes.rows.reshape(modes.faces, 4, -1, 3).sum(axis=2)[:, 1, 2]], dtype=object)
     rates = np.zeros((modes.faces, 4, modes.rates.shape[1]), dtype=object)
@@ -225,66 +227,4 @@ def _exact_rates(modes: Modes) -> _Fraction:
     rates[:, 3, :width] = values[:, 1]
     face = np.arange(modes.faces)
     rates[face, 2, width + face] = rates[face, 3, width + face] = 1 << jumps.scale
-    return _Fraction(rates.reshape(len(modes.rows), -1), jumps.scale)
-
-
-@dataclass(frozen=True)
-class _Fraction:
-    """A table of binary fractions: integers of any length over 2^scale."""
-
-    values: Any
-    scale: int
-
-    @staticmethod
-    def of(table: Floats) -> _Fraction:
-        """Doubles as they are."""
-        part, power = np.frexp(table)
-        used = table != 0.0
-        least = int(power[used].min(initial=0))
-        digits = np.ldexp(part, 53).astype(np.int64).astype(object)
-        return _Fraction(digits << np.where(used, power - least, 0).astype(object), 53 - least)
-
-    def transposed(self) -> _Fraction:
-        """Rows for columns."""
-        return _Fraction(self.values.T, self.scale)
-
-    def rows(self, chosen: Any) -> _Fraction:
-        """Some of its rows."""
-        return _Fraction(self.values[chosen], self.scale)
-
-    def times(self, factor: float) -> _Fraction:
-        """Every entry times one double."""
-        by = _Fraction.of(np.array([[factor]]))
-        return _Fraction(self.values * by.values[0, 0], self.scale + by.scale)
-
-    def __add__(self, other: _Fraction) -> _Fraction:
-        scale = max(self.scale, other.scale)
-        one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
-        return _Fraction(one + two, scale)
-
-    def __sub__(self, other: _Fraction) -> _Fraction:
-        return self + _Fraction(-other.values, other.scale)
-
-    def __matmul__(self, other: _Fraction) -> _Fraction:
-        """Products of what is not zero."""
-        out = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
-        columns = [np.flatnonzero(row) for row in other.values]
-        held = [row[at] for row, at in zip(other.values, columns, strict=True)]
-        for i, k in zip(*np.nonzero(self.values), strict=True):
-            out[i, columns[k]] += self.values[i, k] * held[k]
-        return _Fraction(out, self.scale + other.scale)
-
-    def floats(self) -> Floats:
-        """Doubles next to them, to 15 digits."""
-        drop = max(self.scale - 300, 0)
-        return np.array(
-            [
-                [math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in row]
-                for row in self.values
-            ]
-        )
-
-
-def _cut(table: Floats, bits: int = _BITS) -> Floats:
-    """Numbers to a whole multiple of 2^−bits, exactly."""
-    return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))
+    return BinaryFractions(rates.reshape(len(modes.rows), -1), jumps.scale)

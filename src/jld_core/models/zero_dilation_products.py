@@ -129,7 +129,7 @@ def relax(
     rates[abs(rates) < _NOTHING] = 0.0
     live, width = modes.live_rate @ basis, basis.shape[1]
     moving = np.flatnonzero(~region.closed)
-    unit, wide = _units(region, size), region.high - region.low
+    unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
     largest = abs(facts).max(axis=1)
     facts /= largest[:, None]
@@ -140,7 +140,7 @@ def relax(
     np.fill_diagonal(asked, False)
     asked[held] = False
     row, mode = np.nonzero(asked)
-    zero_k, zero_l = _equal_pairs(held, moving)
+    zero_k, zero_l = equal_pairs(held, moving)
     by_live = live[None]
     none = np.zeros(len(facts) - 1, dtype=np.int64)
     blocks = [
@@ -183,7 +183,7 @@ def relax(
     return Relaxed(multipliers, states, z, y, violated, answer.found)
 
 
-def _units(region: Region, size: Floats) -> Floats:
+def units_of(region: Region, size: Floats) -> Floats:
     """(3m + 2, 3m + 2): (F, λ, 1) of forces as shares of the largest, λ as a share of the region, and 1."""
     unit = np.diag(size)
     unit[-2, -2:] = region.high - region.low, region.low
@@ -204,7 +204,7 @@ def _read(
     return table, z, modes.slacks @ mean, violated
 
 
-def _equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
+def equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
     """y_k z_l = 0: for k = l, and for every held k."""
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])

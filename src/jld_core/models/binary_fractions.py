@@ -1,0 +1,75 @@
+"""Tables of binary fractions of any length: sums and products of doubles without rounding."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+
+BITS: Final = 70  # binary places to which numbers are cut
+
+
+@dataclass(frozen=True)
+class BinaryFractions:
+    """A table of binary fractions: integers of any length over 2^scale."""
+
+    values: Any
+    scale: int
+
+    @staticmethod
+    def of(table: Floats) -> BinaryFractions:
+        """Doubles as they are."""
+        part, power = np.frexp(table)
+        used = table != 0.0
+        least = int(power[used].min(initial=0))
+        digits = np.ldexp(part, 53).astype(np.int64).astype(object)
+        return BinaryFractions(digits << np.where(used, power - least, 0).astype(object), 53 - least)
+
+    def transposed(self) -> BinaryFractions:
+        """Rows for columns."""
+        return BinaryFractions(self.values.T, self.scale)
+
+    def rows(self, chosen: Any) -> BinaryFractions:
+        """Some of its rows."""
+        return BinaryFractions(self.values[chosen], self.scale)
+
+    def times(self, factor: float) -> BinaryFractions:
+        """Every entry times one double."""
+        by = BinaryFractions.of(np.array([[factor]]))
+        return BinaryFractions(self.values * by.values[0, 0], self.scale + by.scale)
+
+    def __add__(self, other: BinaryFractions) -> BinaryFractions:
+        scale = max(self.scale, other.scale)
+        one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
+        return BinaryFractions(one + two, scale)
+
+    def __sub__(self, other: BinaryFractions) -> BinaryFractions:
+        return self + BinaryFractions(-other.values, other.scale)
+
+    def __matmul__(self, other: BinaryFractions) -> BinaryFractions:
+        """Products of what is not zero."""
+        out = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
+        columns = [np.flatnonzero(row) for row in other.values]
+        held = [row[at] for row, at in zip(other.values, columns, strict=True)]
+        for i, k in zip(*np.nonzero(self.values), strict=True):
+            out[i, columns[k]] += self.values[i, k] * held[k]
+        return BinaryFractions(out, self.scale + other.scale)
+
+    def floats(self) -> Floats:
+        """Doubles next to them, to 15 digits."""
+        drop = max(self.scale - 300, 0)
+        return np.array(
+            [
+                [math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in row]
+                for row in self.values
+            ]
+        )
+
+
+def cut(table: Floats, bits: int = BITS) -> Floats:
+    """Numbers to a whole multiple of 2^−bits, exactly."""
+    return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))
