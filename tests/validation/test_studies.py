@@ -177,11 +177,11 @@ def test_drivers(tmp_path: Path) -> None:
 
 
 def test_two_loads(tmp_path: Path) -> None:
-    """Best under one load and under both, each proven: 103.2 beside 92.6 under the load that governs."""
+    """Best under one load and under both, each proven: 103.2 beside the 57.6 that one of those that tie carries."""
     table = two_loads.run(tmp_path, quick=True)
     written(tmp_path, two_loads.NAME)
     assert table["proven"].all()
-    assert list(table["load_factor"]) == pytest.approx([92.638, 103.232], rel=1e-4)
+    assert list(table["load_factor"]) == pytest.approx([57.573, 103.231], rel=1e-4)
     assert table["load_factor[left]"][0] > table["load_factor[left]"][1]
 
 

@@ -103,6 +103,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
         ],
         "edges": _bare_edges(assembly) if planar else [],
         "resultants": list(assembly.resultants),
+        "touching": [list(pair) for pair in assembly.touching],
     }
 
 

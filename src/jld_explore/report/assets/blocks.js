@@ -45,7 +45,7 @@ export function goneOf(structure, labelling) {
 }
 
 /**
- * Number of the block of each element: components joined through inner faces, numbered in the order of elements.
+ * Number of the block of each element: components joined through inner faces or of supports that touch, numbered in the order of elements.
  * @param {Structure} structure
  * @param {string} labelling
  * @returns {number[]}
@@ -60,11 +60,14 @@ export function blocksOf(structure, labelling) {
     }
     return k;
   };
-  structure.faces.forEach(({ elements: [a, b] }, k) => {
-    if (labelling[k] === "d" || labelling[k] === "v") return;
+  const join = (/** @type {number} */ a, /** @type {number} */ b) => {
     const [i, j] = [root(a), root(b)];
     up[Math.max(i, j)] = Math.min(i, j);
+  };
+  structure.faces.forEach(({ elements: [a, b] }, k) => {
+    if (labelling[k] !== "d" && labelling[k] !== "v") join(a, b);
   });
+  for (const [a, b] of structure.touching) join(a, b);
   /** @type {Map<number, number>} */
   const number = new Map();
   return up.map((_, k) => {

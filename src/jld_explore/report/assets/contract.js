@@ -36,6 +36,7 @@
  * @property {Face[]} faces
  * @property {{element: number, from: Point, to: Point}[]} edges planar: pieces of outline that touch no other element
  * @property {string[]} resultants names of the numbers in a row of forces
+ * @property {[number, number][]} touching pairs of supports that share a face: they are of one block
  */
 
 /**
@@ -174,7 +175,7 @@ export const REQUIRED = Object.freeze({
     "format", "version", "kind", "title", "facts", "warnings", "how", "look", "structure", "cases", "loads",
     "table", "solutions", "convergence", "scene", "summary", "studio",
   ],
-  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants"],
+  Structure: ["dimension", "units", "size", "typical", "elements", "faces", "edges", "resultants", "touching"],
   Element: ["id", "support", "shape", "faces", "centroid", "weight"],
   Face: ["elements", "polygon", "origin", "normal", "area", "candidate"],
   Load: ["case", "kind", "element", "at", "vector"],
