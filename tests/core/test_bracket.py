@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cases import CASES, grid_assembly
-from jld_core import LimitAnalysis, Status
+from cases_spatial import assembly, box
+from jld_core import LimitAnalysis, Status, solve
+from jld_core.lanes import chosen
 from jld_core.solvers import ClarabelSolver
 from noisy import noisy
 
@@ -91,3 +93,18 @@ def test_forces_and_mechanism_prove_the_bracket_in_scene_units() -> None:
         assert np.all(opening - reach * turn - np.where(labels, s.friction, 0.0) * slip >= -1e-12 * abs(u).max())
         dissipated = np.where(labels, 0.0, faces.area * (s.tension * opening + s.shear * slip)).sum()
         assert dissipated - dead @ u == pytest.approx(result.bracket[1], rel=1e-9)
+
+
+@pytest.mark.skipif(chosen() is None, reason="without a kernel nothing takes faces out that no ray presses")
+@pytest.mark.parametrize("glued", [False, True])
+def test_a_cube_pressed_beside_another_is_locked(glued: bool) -> None:
+    """Two cubes side by side on a slab, the first pressed down through its middle: any λ goes straight into the slab.
+    No ray has a force in the face between them, so none lies inside all cones."""
+    cubes = [
+        box("slab", [0, 0, -1], [2, 1, 0], support=True),
+        box("pressed", [0, 0, 0], [1, 1, 1]),
+        box("other", [1, 0, 0], [2, 1, 1]),
+    ]
+    live = [{"element": "pressed", "force": [0, 0, -1]}]
+    labels = {"inner": [["pressed", "other"]]} if glued else {}
+    assert solve(assembly(cubes, live=live, labels={"default": "dry", **labels})).status is Status.LOCKED

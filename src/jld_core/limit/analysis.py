@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.lanes import LOCKED, Lanes, chosen, fits
 from jld_core.limit.bounds import Motion, Prover, State, apart, load_floor, relative_width
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
@@ -84,6 +86,11 @@ class Climb:
     def open_inside(self) -> bool:
         """The same, of a program that the last raw answer does not call infeasible."""
         return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
+
+    @property
+    def runs_away(self) -> bool:
+        """The same, of a program that the last raw answer calls unbounded."""
+        return self.open and self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
 
     @property
     def linear(self) -> bool:
@@ -187,6 +194,20 @@ class Climb:
         if motion.margin < 0.0:
             proof.offer_motion(self._opened(motion))
 
+    def pressed(self) -> None:
+        """A ray and a state of the kernel's, which takes faces out that no ray presses."""
+        lanes = self.analysis.lanes
+        if lanes is None:
+            return
+        found = lanes.solve(self.labels[None], vectors=True)
+        self.proof.solves += 1
+        self.proof.route.append("ray in lanes")
+        if found.verdict[0] == LOCKED and found.rays is not None and found.forces is not None:
+            self.proof.offer_state(self.prover.state(np.append(found.forces[0], found.low[0]), self.labels))
+            ray = self.prover.ray(np.append(found.rays[0], 1.0), self.labels)
+            proven = ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING
+            self.proof.ray = ray if proven else self.proof.ray
+
     def vertex(self) -> None:
         """A vertex by dual simplex, exact to rounding."""
         self.attempt(HighsSolver(), 0.0)
@@ -230,6 +251,7 @@ class Rung:
 LADDER: Final = (
     Rung("first", lambda c: True, Climb.solve, "forces and multipliers of an interior point"),
     Rung("repair", lambda c: c.open_inside, Climb.repair, "states blended with one well inside, opened motions, rays"),
+    Rung("ray in lanes", lambda c: c.runs_away, Climb.pressed, "a ray where some faces can only be unpressed"),
     # a vertex comes before the edge: it tells unstable scenes from those that stand by a hair
     Rung("vertex", lambda c: c.open and c.linear, Climb.vertex, "both sides of a linear program, exact to rounding"),
     Rung("edge", lambda c: c.open_inside, Climb.edge, "a state where yield sets leave no room"),
@@ -274,6 +296,14 @@ class LimitAnalysis:
         self.floor = load_floor(self.template.assembly) / self.template.scaling.load
         self.reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self.seconds = time.perf_counter() - start
+
+    @cached_property
+    def lanes(self) -> Lanes | None:
+        """The kernel for labellings of this analysis, where there is one that knows its rows."""
+        if self.options.solver != "auto" or chosen() is None or not fits(self.template):
+            return None
+        opening = self.interior.opening()
+        return Lanes(self.template, None if opening is None else opening.velocity, zero=self.floor)
 
     def under(self, template: Template, reference: Bits) -> LimitAnalysis:
         """An analysis of the same assembly by another template of it; reference: (m,) labelling it is set up on."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.lanes import FALLS, LOCKED, Lanes, chosen, fits
+from jld_core.lanes import FALLS, LOCKED, Lanes
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
 from jld_core.limit.status import Status
@@ -39,19 +39,15 @@ class Batch:
     """The kernel for one limit analysis, for any number of threads at once. lanes: the kernel itself. load: λ in scene
     units for each scaled one."""
 
-    def __init__(self, analysis: LimitAnalysis) -> None:
-        opening = analysis.interior.opening()
+    def __init__(self, analysis: LimitAnalysis, lanes: Lanes) -> None:
         self._gap, self._floor = analysis.gap, analysis.floor
         self.load = analysis.template.scaling.load
-        velocity = None if opening is None else opening.velocity
-        self.lanes = Lanes(analysis.template, velocity, zero=analysis.floor)
+        self.lanes = lanes
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> Batch | None:
         """For analyses whose rows have the kernel's shape, where there is a kernel; else None."""
-        if analysis.options.solver != "auto" or chosen() is None or not fits(analysis.template):
-            return None
-        return cls(analysis)
+        return None if analysis.lanes is None else cls(analysis, analysis.lanes)
 
     @property
     def worthwhile(self) -> bool:

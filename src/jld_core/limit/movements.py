@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
-from jld_core.lanes import Lanes, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import usable
 from jld_core.solvers import make_solver
@@ -21,11 +20,7 @@ class Movements:
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template, self._prover = analysis.template, analysis.prover
-        self._lanes: Lanes | None = None
-        if chosen() is not None and fits(self.template):
-            opening = analysis.interior.opening()
-            velocity = None if opening is None else opening.velocity
-            self._lanes = Lanes(self.template, velocity, zero=analysis.floor)
+        self._lanes = analysis.lanes
         self._route = make_solver("clarabel", tolerance=_RESIDUAL)
 
     def of(self, labellings: Bits) -> Floats:
