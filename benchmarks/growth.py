@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 import json
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -110,7 +111,9 @@ def run(kind: str, edge: int, seconds: int = SECONDS, most: int = BYTES) -> Foun
         found |= told
     if answer.returncode:
         said = answer.stderr.strip().splitlines()
-        memory = "memory" in (said[-1].lower() if said else "")
+        # native code that is given no memory ends by a signal
+        native = answer.returncode in (-signal.SIGSEGV, -signal.SIGABRT)
+        memory = native or "memory" in (said[-1].lower() if said else "")
         found["ended"] = f"{most / 2**30:g} GB" if memory else f"{seconds} s"
     print(row_of(found), flush=True)
     return found
