@@ -23,6 +23,7 @@ from jld_core.geometry.polyhedra import Facets, spread
 # Facets further from opposite than this (cosine) cannot lie on one another within the tolerance of contact.
 _OPPOSITE = -0.999
 _PARALLEL = 1e-9
+_AT_ONCE = 20_000  # pairs of elements: cubes make some 25 pairs of facets of each, a quarter of a kilobyte each
 
 
 @dataclass(frozen=True)
@@ -45,12 +46,27 @@ def near_pairs(lower: Floats, upper: Floats, reach: Floats) -> tuple[Ints, Ints]
     layers = np.ptp(np.concatenate([low, high]), axis=0) / np.maximum((high - low).mean(axis=0), 1e-300)
     x, y = sorted(np.argsort(layers, kind="stable")[1:])
     z = 3 - x - y
-    flat = shapely.box(low[:, x], low[:, y], high[:, x], high[:, y])
-    left, right = shapely.STRtree(flat).query(flat)
-    kept = (left < right) & (low[left, z] <= high[right, z]) & (low[right, z] <= high[left, z])
-    left, right = left[kept], right[kept]
+    # sheets across that axis are laid side by side: a box then meets what is near it along that axis too
+    bottom, span = low[:, z].min(), np.ptp(np.concatenate([low[:, z], high[:, z]]))
+    step = max(2.0 * float((high - low)[:, z].mean()), float(span) / len(low)) or 1.0
+    first = np.floor((low[:, z] - bottom) / step).astype(np.int64)
+    count = np.floor((high[:, z] - bottom) / step).astype(np.int64) - first + 1
+    owner, sheet = spread(first, count)
+    wide = float(np.ptp(np.concatenate([low[:, x], high[:, x]])))
+    aside = 2.0 * wide * sheet
+    room = 1e-12 * (float(aside.max()) + float(abs(low[:, x]).max()) + wide)
+    flat = shapely.box(low[owner, x] + aside - room, low[owner, y], high[owner, x] + aside + room, high[owner, y])
+    tree, found = shapely.STRtree(flat), [np.empty((2, 0), dtype=np.int64)]
+    for begin in range(0, len(flat), _AT_ONCE):
+        one, two = tree.query(flat[begin : begin + _AT_ONCE])
+        left, right = owner[one + begin], owner[two]
+        kept = (left < right) & (sheet[two] == np.maximum(first[left], first[right]))
+        left, right = left[kept], right[kept]
+        near = np.all((low[left] <= high[right]) & (low[right] <= high[left]), axis=1)
+        found.append(np.stack([left[near], right[near]]))
+    left, right = np.concatenate(found, axis=1)
     order = np.lexsort((right, left))
-    return left[order].astype(np.int64), right[order].astype(np.int64)
+    return left[order], right[order]
 
 
 def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[SpatialContact]:
@@ -117,22 +133,27 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
         inside = np.all((low[facet] <= box_high[other[owner]]) & (high[facet] >= box_low[other[owner]]), axis=1)
         return owner[inside], facet[inside]
 
-    owner_a, facet_a = within(a, b)
-    owner_b, facet_b = within(b, a)
-    first = np.searchsorted(owner_b, np.arange(len(a)))
-    amount = np.bincount(owner_b, minlength=len(a))
-    repeat, position = spread(first[owner_a], amount[owner_a])
-    one, two = facet_a[repeat], facet_b[position]
-    kept = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two]) < _OPPOSITE
-    one, two = one[kept], two[kept]
-    boxes = np.all((low[one] <= high[two]) & (low[two] <= high[one]), axis=1)
-    one, two = one[boxes], two[boxes]
-    apart = facets.origin[two] - facets.origin[one]
-    off = np.abs(np.einsum("ij,ij->i", apart, facets.normal[one]))
-    # as far from one another as the misalignment let through above allows; the gap itself is judged where
-    # they overlap
-    level = off <= 0.05 * (np.linalg.norm(apart, axis=1) + np.minimum(facets.size[one], facets.size[two]))
-    return one[level], two[level]
+    def facing(a: Ints, b: Ints) -> Ints:
+        owner_a, facet_a = within(a, b)
+        owner_b, facet_b = within(b, a)
+        first = np.searchsorted(owner_b, np.arange(len(a)))
+        amount = np.bincount(owner_b, minlength=len(a))
+        repeat, position = spread(first[owner_a], amount[owner_a])
+        one, two = facet_a[repeat], facet_b[position]
+        kept = np.einsum("ij,ij->i", facets.normal[one], facets.normal[two]) < _OPPOSITE
+        one, two = one[kept], two[kept]
+        boxes = np.all((low[one] <= high[two]) & (low[two] <= high[one]), axis=1)
+        one, two = one[boxes], two[boxes]
+        apart = facets.origin[two] - facets.origin[one]
+        off = np.abs(np.einsum("ij,ij->i", apart, facets.normal[one]))
+        # as far from one another as the misalignment let through above allows; the gap itself is judged where
+        # they overlap
+        level = off <= 0.05 * (np.linalg.norm(apart, axis=1) + np.minimum(facets.size[one], facets.size[two]))
+        return np.stack([one[level], two[level]])
+
+    parts = [facing(a[k : k + _AT_ONCE], b[k : k + _AT_ONCE]) for k in range(0, len(a), _AT_ONCE)]
+    one, two = np.concatenate([np.empty((2, 0), dtype=np.int64), *parts], axis=1)
+    return one, two
 
 
 @dataclass(frozen=True)
