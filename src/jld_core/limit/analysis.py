@@ -134,8 +134,7 @@ class Climb:
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
             ray = self.prover.ray(raw.point, self.labels)
-            proven = ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING
-            proof.ray = ray if proven else None
+            proof.ray = ray if ray.to_rounding else None
         else:
             proof.guess = float(raw.point[-1])
             proof.offer_state(self.prover.state(raw.point, self.labels))
@@ -205,8 +204,7 @@ class Climb:
         if found.verdict[0] == LOCKED and found.rays is not None and found.forces is not None:
             self.proof.offer_state(self.prover.state(np.append(found.forces[0], found.low[0]), self.labels))
             ray = self.prover.ray(np.append(found.rays[0], 1.0), self.labels)
-            proven = ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING
-            self.proof.ray = ray if proven else self.proof.ray
+            self.proof.ray = ray if ray.to_rounding else self.proof.ray
 
     def vertex(self) -> None:
         """A vertex by dual simplex, exact to rounding."""

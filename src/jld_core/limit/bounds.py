@@ -35,6 +35,11 @@ class State:
         """The exact solution next to these rounded numbers is inside every yield set."""
         return self.slack >= 2.0 * self.error
 
+    @property
+    def to_rounding(self) -> bool:
+        """Equilibrium and cones hold to rounding: what is asked of a ray."""
+        return self.slack >= -tolerances.ROUNDING and self.error <= tolerances.ROUNDING
+
 
 @dataclass(frozen=True)
 class Motion:

@@ -151,7 +151,7 @@ class Repair:
             for _ in range(2):
                 point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
         ray = self.prover.ray(np.append(point, 1.0), labels)
-        return ray if ray.slack >= -tolerances.ROUNDING and ray.error <= tolerances.ROUNDING else None
+        return ray if ray.to_rounding else None
 
     def _with_most_slack(
         self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0
