@@ -37,10 +37,10 @@ SIZES: Final = {"planar": (10, 32, 100, 178, 317), "spatial": (5, 10, 16, 22, 47
 
 PHASES: Final = ("scene", "contacts", "symmetry", "space", "driver", "λ")
 
-SECONDS: Final = 90
+SECONDS: Final = 300
 """Processor time of one size."""
 
-BYTES: Final = 8 << 30
+BYTES: Final = 12 << 30
 """Address space of one size."""
 
 Found = dict[str, Any]
