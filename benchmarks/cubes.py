@@ -1,4 +1,4 @@
-"""A long proof in one process and in two: the first step down from the bound at the root, on the same scene.
+"""A long proof by one job and by two: the first step down from the bound at the root, on the same scene.
 
 The clock is of the proof alone, from the first relaxation to the moment at which all labellings above the next step are
 refuted; processor seconds are of all processes together, so that they say what sharing costs whoever else is at work
@@ -100,10 +100,10 @@ def main(most: float = SECONDS) -> None:
     head += ["gain by the clock", "gain on free cores"]
     note = (
         "Gain on free cores: processor seconds of one job over those of all processes, times the jobs; what the clock "
-        "would say were there a core for each and none ever idle. Of two jobs the first second or two pass alone, "
-        "while the others start, and this process hands out cubes beside them."
+        "would say were there a core for each and none ever idle. Two jobs are two threads in the kernel beside one that "
+        "draws labellings; processes, which close cubes, take over where drawing takes more than half of the time."
     )
-    write("cubes", "\n\n".join(("# A proof in two processes", about(__doc__), table(head, rows), note)))
+    write("cubes", "\n\n".join(("# A proof by two jobs", about(__doc__), table(head, rows), note)))
 
 
 if __name__ == "__main__":

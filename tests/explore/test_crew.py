@@ -20,10 +20,12 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cases import grid_document
 from jld_core.build import build_assembly
+from jld_core.lanes import chosen
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.drivers import Exact, Formula, certify
 from jld_explore.drivers.exact.cubes import EVERYTHING, parted
+from jld_explore.drivers.exact.lightest import Lightest
 from jld_explore.report import Exploration
 from jld_explore.space import search_space
 from jld_explore.verification import verify
@@ -75,6 +77,48 @@ def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
         if aim == "front":
             fronts = [{row["count"]: row["load_factor"] for row in done.summary["front"]} for done in (one, two)]
             assert fronts[1] == pytest.approx(fronts[0], rel=1e-6)
+
+
+@pytest.mark.usefixtures("_in_threads")
+def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
+    require = {"front": {"count": "blocks", "sense": "min"}, "require": {"load_factor": 0.6}}
+    scene = scene_of([*["aaaa"] * 2, "####"], {"tension": 8e3, "shear": 8e3, "block_cells": [1, 3], **require})
+    found = []
+    for name, settings in (("one", ALONE), ("two", TWO)):
+        driver = Lightest(search_space(scene, build_assembly(scene)), search=0, alone=0)
+        found.append(explore(scene, tmp_path / name, settings, driver=driver).summary["require"])
+        assert driver._hunters is not None
+        assert (driver._hunters.solves > 0) is (settings is TWO)
+    assert found[0]["proven"] is found[1]["proven"] is True
+    assert found[0]["best"] == found[1]["best"] is not None
+
+
+@pytest.mark.skipif(chosen() is None, reason="without a kernel one thread draws and shrinks")
+def test_two_threads_prove_the_same_twice_and_call_others_when_drawing_takes_too_long(
+    tmp_path: Path, _in_threads: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
+    how: dict[str, Any] = {"alone": None, "by_blocks": "off"}
+    one, _ = prove(scene, tmp_path / "one", ALONE, **how)
+    runs = [prove(scene, tmp_path / f"two {k}", **how) for k in range(2)]
+    for two, driver in runs:
+        assert driver._hunters is not None
+        assert driver._hunters.solves == 0  # nobody else was called
+        assert two.summary["proven"] is True
+        assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
+        assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
+    first, second = (driver._conflicts[:] for _, driver in runs)
+    assert len(first) == len(second) > 50
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a.faces, b.faces)
+        assert a.bound == b.bound
+    monkeypatch.setattr("jld_explore.drivers.exact.hunters.ALONE", (1, 1))
+    monkeypatch.setattr("jld_explore.drivers.exact.hunting._SOON", 0.0)
+    monkeypatch.setattr("jld_explore.drivers.exact.hunting._STRAINED", 0.0)
+    away, driver = prove(scene, tmp_path / "away", **how)
+    assert driver._hunters is not None
+    assert driver._hunters.solves > 0
+    assert away.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
 
 
 @pytest.mark.usefixtures("_in_threads")

@@ -74,7 +74,7 @@ class CaseRelaxation:
         found: list[Fallen] = []
         left, carried = np.arange(len(labellings)), np.ones(len(labellings), dtype=bool)
         counts = [0] * len(self._cases)
-        for case in self._order:
+        for case in tuple(self._order):
             if not left.size:
                 break
             unit = self._units[case]
@@ -90,7 +90,7 @@ class CaseRelaxation:
                     fallen.add(labelling)
             counts[case] = len(fallen)
             left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
-        self._order.sort(key=lambda case: -counts[case])
+        self._order = sorted(self._order, key=lambda case: -counts[case])  # other threads may be at the last one
         return found + [Fallen(k, True, free, None, bool(carried[k])) for k in left.tolist()]
 
     def bound(self, labels: Bits, undecided: Bools) -> float:

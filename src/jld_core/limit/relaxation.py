@@ -11,6 +11,7 @@ rows were: a bound is right for every labelling it speaks of, however loose the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Lock
 from typing import Final
 
 import numpy as np
@@ -31,6 +32,9 @@ _ANY: Final = 1e12
 
 _RESIDUAL: Final = 1e-10
 """Asked of the solver: bounds are computed from its answer, so that it need not be exact."""
+
+_COUNTING: Final = Lock()
+"""Several threads may shrink, each its own labellings."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,8 @@ class Relaxation:
         """
         assert self._lanes is not None
         raw = self._lanes.shrink(labellings, free, thresholds, how, seed)
-        self.solves += int(raw.relaxations.sum())
+        with _COUNTING:
+            self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
         left = np.arange(len(begun))[raw.fate[begun] == PROVEN]

@@ -22,7 +22,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
-from jld_explore.space import SearchSpace
+from jld_explore.space import Range, SearchSpace
 
 _KEPT: Final = 4
 """Proofs that a process keeps what it knows of; a worker of a cluster may serve several, one after the other."""
@@ -48,7 +48,7 @@ class Order:
     """One task. seat: its name. number: orders the seat was given before. recipe: with the first one.
 
     news: conflicts since the last order. passed: labellings (k, m) that are dealt with, since then. step: of the
-    ladder, each of which has a formula of its own; count: what the count of the front is to be, None for any;
+    ladder, each of which has a formula of its own; count: as `Formula` takes it;
     threshold: scaled λ to be refuted, never lower within a step. cube: where to hunt; seconds: how long.
     """
 
@@ -58,7 +58,7 @@ class Order:
     news: tuple[Conflict, ...]
     passed: Bits
     step: int
-    count: int | None
+    count: int | Range | None
     threshold: float
     cube: Cube
     seconds: float

@@ -12,7 +12,7 @@ closed cube is what a satisfiability solver says of a formula of such conflicts.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from dataclasses import dataclass
@@ -29,10 +29,13 @@ from jld_explore.drivers.exact.hunting import Catch
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.evaluation import Seat, Seats
-from jld_explore.space import SearchSpace
+from jld_explore.space import Range, SearchSpace
 
 MOMENT: Final = 0.3
 """Seconds for which a cube is lent: sending takes a hundredth of that, and news are no older."""
+
+_AHEAD: Final = 2
+"""Cubes that a process has at a time: one where it hunts, and one to go on with at once."""
 
 _WAITING: Final = 2
 """Cubes for each process there are to be at the least, while any lasts."""
@@ -68,7 +71,7 @@ class _Lent:
     cube: Cube
     times: int
     step: int
-    count: int | None
+    count: int | Range | None
     threshold: float
 
 
@@ -99,7 +102,7 @@ class Crew:
         self._caught = Catch()
         self._formula: Formula | None = None
         self._step, self._threshold = 0, 0.0
-        self._count: int | None = None
+        self._count: int | Range | None = None
         self.solves, self.closed = 0, 0
         self.moments: list[float] = []
 
@@ -113,8 +116,8 @@ class Crew:
         """Whether there are processes, or some are being started."""
         return len(self._seats) > 0
 
-    def begin(self, formula: Formula, count: int | None, threshold: float) -> None:
-        """Go on with another formula. count: what the count of the front is to be in it; threshold: scaled λ."""
+    def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
+        """Go on with another formula. count: as `Formula` takes it; threshold: scaled λ."""
         self._formula, self._count, self._threshold = formula, count, threshold
         self._step += 1
         self._cubes = deque([(EVERYTHING, 0)])
@@ -139,17 +142,19 @@ class Crew:
     def pump(self) -> None:
         """Take what has been done, and lend what waits to those who are free."""
         for future in [future for future in self._lent if future.done()]:
-            self._take(future, self._lent.pop(future))
+            if future in self._lent:  # what another says of a seat may take back all that it was lent
+                self._take(future, self._lent.pop(future))
         if self._formula is None:
             return
         for seat in self._seats.fill():
             self._lost(seat)
-        busy = {one.seat.name for one in self._lent.values()}
-        for seat in [seat for seat in self._seats if seat.name not in busy]:
-            self._part()
-            if not self._cubes:
-                return
-            self._lend(seat, *self._cubes.popleft())
+        for most in range(_AHEAD):
+            held = Counter(one.seat.name for one in self._lent.values())
+            for seat in [seat for seat in self._seats if held[seat.name] <= most]:
+                self._part()
+                if not self._cubes:
+                    return
+                self._lend(seat, *self._cubes.popleft())
 
     def close(self, patience: float) -> Catch:
         """Let all go, and return what is found meanwhile. patience: seconds."""

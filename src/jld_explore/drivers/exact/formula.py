@@ -29,10 +29,10 @@ class Formula:
     """Labellings one after the other, each a model of all clauses so far.
 
     space: what is searched. blocks: its possible blocks, None where they are not listed. count: what the count of
-    the front is to be, None for any.
+    the front is to be, whatever its limits, or bounds on it beside its limits; None for any.
     """
 
-    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, count: int | None = None) -> None:
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, count: int | Range | None = None) -> None:
         self.space, self.blocks = space, blocks
         self._solver = Solver(_SOLVER)
         candidates = np.flatnonzero(space.candidates)
@@ -46,17 +46,15 @@ class Formula:
         self._chosen: list[int] = []
         if blocks is not None:
             self._list(blocks)
-        self._count(count)
+        self._count(count if isinstance(count, int) else None)
+        if isinstance(count, Range):
+            self._between(count_named(space.search.front.axes[0][0]), count)
         for lock in space.laying.locks if space.laying is not None else ():
             self.forbid(lock.faces, lock.labels)
 
     def close(self) -> None:
         """Free the solver."""
         self._solver.delete()
-
-    def limit(self, count: Count, bounds: Range) -> None:
-        """Rule out all labellings of which a count is not within bounds. Raises ValueError for one without terms."""
-        self._between(count, bounds)
 
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""

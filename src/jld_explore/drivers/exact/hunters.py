@@ -1,4 +1,6 @@
-"""Who hunts: this process alone, until a proof has lasted; then a crew of others as well, where there may be some."""
+"""Who hunts: this process, in two threads where there may be two; then a crew of others in its place, where there may
+be more, or where this process cannot draw labellings as fast as two threads of the kernel shrink them.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,13 @@ from jld_explore.drivers.exact.hunting import Catch, Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import AnyRelaxation
 from jld_explore.evaluation import client_of_cluster
-from jld_explore.space import SearchSpace
+from jld_explore.space import Range, SearchSpace
 
 ALONE: Final = (8000, 1000)
 """Relaxations after which others help, with the kernel and without: about as long as it takes to start them."""
+
+_THREADS: Final = 2
+"""Threads of this process that are of use: drawing labellings, which is a third of the work, is one thread's."""
 
 _LAST: Final = 0.5
 """Seconds in which what others are at is still taken in at the end."""
@@ -27,7 +32,8 @@ class Hunters:
 
     relaxation: of the space. blocks: listed. free: (m,) faces that may take either label. seed: of preferences. known,
     passed: the proof's conflicts and labellings that are dealt with; whoever steps adds to them what is caught. alone:
-    relaxations after which others help; 0: it is left to them from the first. `solves`: relaxations that others solved.
+    relaxations after which other processes help, 0: it is left to them from the first; None: where they are of use.
+    `solves`: relaxations that others solved.
     """
 
     def __init__(
@@ -44,20 +50,23 @@ class Hunters:
         self._hunt = Hunt(relaxation, free, seed)
         self._relaxation, self._space, self._blocks, self._free, self._seed = relaxation, space, blocks, free, seed
         self._known, self._passed = known, passed
-        self._alone = ALONE[not relaxation.many] if alone is None else alone
-        self._jobs, self._helped = 1, False
+        self._alone = alone
+        self._jobs, self._helped, self._away = 1, False, False
         self.solves = 0
         self._formula: Formula | None = None
-        self._count: int | None = None
+        self._count: int | Range | None = None
         self.crew: Crew | None = None
 
     def employ(self, jobs: int) -> None:
         """How many processes may help; on a cluster its workers do, however many."""
-        self._jobs = jobs
-        self._helped = jobs > 1 or client_of_cluster() is not None
+        self._jobs, self._away = jobs, client_of_cluster() is not None
+        self._helped = jobs > 1 or self._away
+        if jobs > 1:
+            self._hunt.close()
+            self._hunt = Hunt(self._relaxation, self._free, self._seed, threads=min(jobs, _THREADS))
 
-    def begin(self, formula: Formula, count: int | None, threshold: float) -> None:
-        """Go on with another formula. count: what the count of the front is to be in it; threshold: scaled λ."""
+    def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
+        """Go on with another formula. count: as `Formula` takes it; threshold: scaled λ."""
         self._formula, self._count = formula, count
         self._hunt.begin(formula)
         if self.crew is not None:
@@ -77,14 +86,14 @@ class Hunters:
     def step(self, threshold: float) -> Catch:
         """A moment's catch. threshold: scaled λ, not lower than before in this formula."""
         assert self._formula is not None
-        if self.crew is None and self._helped and self._relaxation.solves >= self._alone:
+        if self.crew is None and self._helped and self._is_time():
             self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._known, self._passed)
             self.crew.begin(self._formula, self._count, threshold)
         if self.crew is None:
             return self._hunt.step(threshold)
         self.crew.pump()
         # alone as long as none of the others is there
-        if not self.crew.at_work and (self._alone > 0 or not self.crew.expected):
+        if not self.crew.at_work and (self._alone != 0 or not self.crew.expected):
             caught, found = self._hunt.step(threshold), self.crew.step(threshold, idle=False)
         else:
             caught, found = Catch(), self.crew.step(threshold, idle=True)
@@ -97,8 +106,16 @@ class Hunters:
             caught.exhausted = False  # not before these are dealt with
         return caught
 
+    def _is_time(self) -> bool:
+        """Whether other processes are of use by now."""
+        if self._alone is not None:
+            return self._relaxation.solves >= self._alone
+        others = self._away or self._jobs > _THREADS or not self._relaxation.many or self._hunt.strained
+        return others and self._relaxation.solves >= ALONE[not self._relaxation.many]
+
     def close(self) -> Catch:
         """Send the others home; what they had found is returned."""
         crew, self.crew = self.crew, None
         self._helped = False
+        self._hunt.close()
         return Catch() if crew is None else crew.close(_LAST)

@@ -19,7 +19,7 @@ from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.hunting import Hunt
+from jld_explore.drivers.exact.hunters import Hunters
 from jld_explore.drivers.exact.proving import Proving
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, may_meet, meets
@@ -29,18 +29,23 @@ from jld_explore.space import Range, SearchSpace, count_named, values_of
 class Lightest(Proving):
     """The exact driver where `search.require` asks for a load factor: its sense turned round.
 
-    search: labellings evaluated before the proof, for each face that can change. Spaces that have no formula, counts
-    that are no sum of ones among them, are enumerated, which proves the same.
+    search: labellings evaluated before the proof, for each face that can change. alone: as of `Exact`. Spaces that have
+    no formula, counts that are no sum of ones among them, are enumerated, which proves the same.
     """
 
-    def __init__(self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, search: int = 5) -> None:
+    def __init__(
+        self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, search: int = 5, alone: int | None = None
+    ) -> None:
         if space.search.require is None or aim != "best":
             raise InputError("--aim", "a front is not what search.require asks for", "best")
         name, sense = space.search.front.axes[0]
         self._count, self._least = count_named(name), sense == "min"
         super().__init__(space, seed, self._count)
         self._threshold = space.search.require.threshold
-        self._hunt = None if self._relaxation is None else Hunt(self._relaxation, self._free, seed)
+        self._hunters: Hunters | None = None
+        if self._relaxation is not None:
+            proof = self._conflicts, self._passed
+            self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
         self._genetic = Genetic(space, seed)
         self._left = search * int(space.candidates.sum())
         self._searching = True
@@ -74,12 +79,25 @@ class Lightest(Proving):
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """See `Driver.facts`: what the proof took."""
-        solves = 0 if self._relaxation is None else self._relaxation.solves
+        parts = (self._relaxation, self._hunters)
+        solves = sum(part.solves for part in parts if part is not None)
         return {"conflicts": len(self._conflicts), "relaxations": solves}
+
+    def employ(self, jobs: int) -> None:
+        """See `Driver.employ`: they refute parts of the space."""
+        if self._hunters is not None:
+            self._hunters.employ(jobs)
+
+    def close(self) -> None:
+        """See `Driver.close`."""
+        if self._hunters is not None:
+            self._conflicts.add(self._hunters.close().conflicts)
 
     def ask(self, limit: int | None = None) -> Bits:
         if self._everything is not None:
             return self._everything.ask(limit)
+        if self._hunters is not None:
+            self._hunters.pump()
         if self._left > 0:
             found = self._genetic.ask(self._left if limit is None else min(limit, self._left))
             self._left = self._left - len(found) if len(found) else 0
@@ -87,10 +105,10 @@ class Lightest(Proving):
                 return found
         self._searching = False
         while not len(self._waiting) and not self._done and not self._late:
-            assert self._hunt is not None
+            assert self._hunters is not None
             if self._formula is None:
-                self._begin(self._hunt)
-            caught = self._hunt.step(self._threshold / self._scale)
+                self._begin(self._hunters)
+            caught = self._hunters.step(self._threshold / self._scale)
             self._conflicts.add(caught.conflicts)
             self._heartbeat()
             self._done = caught.exhausted
@@ -99,6 +117,8 @@ class Lightest(Proving):
 
     def _offer(self, labels: Bits) -> Bits:
         """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
+        if self._formula is not None:
+            self._formula.forbid(np.arange(len(labels)), labels)
         row = self._pass(labels)
         return row[:0] if np.packbits(row[0]).tobytes() in self._known else row
 
@@ -111,6 +131,8 @@ class Lightest(Proving):
         before = self.best
         self._learn(labellings, evaluations)
         if self.best != before and self._formula is not None:
+            if self._hunters is not None:
+                self._hunters.end()
             self._formula.close()
             self._formula = None
 
@@ -120,14 +142,12 @@ class Lightest(Proving):
             state = meets(self.space, found), may_meet(self.space, found), float(value)
             self._known[np.packbits(labels).tobytes()] = state
 
-    def _begin(self, hunt: Hunt) -> None:
+    def _begin(self, hunters: Hunters) -> None:
         """A formula of all that counts better than the best known."""
         best = self.best
-        wanted: tuple[float | None, float | None] | None = None
+        better: Range | None = None
         if best is not None and math.isfinite(best):
-            wanted = (None, best - 1) if self._least else (best + 1, None)
-        self._formula = Formula(self.space, self._blocks)
-        if wanted is not None:
-            self._formula.limit(self._count, Range.of(wanted, whole=True))
+            better = Range.of((None, best - 1) if self._least else (best + 1, None), whole=True)
+        self._formula = Formula(self.space, self._blocks, better)
         self._forbid_known(self._formula, self._threshold)
-        hunt.begin(self._formula)
+        hunters.begin(self._formula, better, self._threshold / self._scale)
