@@ -100,7 +100,7 @@ def main(most: float = SECONDS) -> None:
     head += ["gain by the clock", "gain on free cores"]
     note = (
         "Gain on free cores: processor seconds of one job over those of all processes, times the jobs; what the clock "
-        "would say were there a core for each and none ever idle. Two jobs are two threads in the kernel beside one that "
+        "would say were there a core for each and none ever idle. Two jobs are two threads in the kernel and one that "
         "draws labellings; processes, which close cubes, take over where drawing takes more than half of the time."
     )
     write("cubes", "\n\n".join(("# A proof by two jobs", about(__doc__), table(head, rows), note)))

@@ -93,9 +93,10 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
     assert found[0]["best"] == found[1]["best"] is not None
 
 
+@pytest.mark.usefixtures("_in_threads")
 @pytest.mark.skipif(chosen() is None, reason="without a kernel one thread draws and shrinks")
 def test_two_threads_prove_the_same_twice_and_call_others_when_drawing_takes_too_long(
-    tmp_path: Path, _in_threads: None, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     how: dict[str, Any] = {"alone": None, "by_blocks": "off"}
