@@ -20,7 +20,21 @@ from cases import CASES, grid_assembly
 from jld_core import Assembly, LimitAnalysis, Status, tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.lanes import FALLS, LOCKED, OPEN, PROVEN, Graph, Joining, Lanes, build, fits, library
+from jld_core.lanes import (
+    CARRIED,
+    CARRIES,
+    FALLS,
+    LOCKED,
+    OPEN,
+    PROVEN,
+    Graph,
+    Joining,
+    Lanes,
+    Shrinking,
+    build,
+    fits,
+    library,
+)
 from jld_core.lanes.kernel import TRIES
 from jld_core.lanes.pattern import factor_pattern
 from jld_core.limit import Relaxation
@@ -220,6 +234,55 @@ def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None
         parts = list(pool.map(lambda part: answers(made, part), (asked[:18], asked[18:])))
     for k, one in enumerate(together):
         np.testing.assert_array_equal(one, np.concatenate([part[k] for part in parts]))
+
+
+@pytest.mark.parametrize("name", ["wall", "arch", "crushable wall", "running bond"])
+def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -> None:
+    """Above a threshold the state at hand is the proof: admissible by the core's own prover, and no lane goes on."""
+    analysis = analysis_of(name)
+    made = lanes(analysis, kernel)
+    asked = labellings(analysis.assembly, 16)
+    known = made.solve(asked)
+    assert (known.verdict == PROVEN).sum() > 3
+    asked, whole = asked[known.verdict == PROVEN], known.low[known.verdict == PROVEN]
+    thresholds = whole - 0.5 * abs(whole)
+    found = made.solve(asked, thresholds=thresholds, vectors=True)
+    assert (found.verdict == CARRIES).all()
+    assert (found.low > thresholds).all()
+    assert (found.low <= whole + 1e-6 * abs(whole)).all()
+    assert found.iterations.sum() < 0.7 * known.iterations[known.verdict == PROVEN].sum()
+    assert found.forces is not None
+    for labels, forces, low in zip(asked, found.forces, found.low, strict=True):
+        state = analysis.prover.state(np.append(forces.ravel(), low), labels, held=True)
+        assert state.admissible
+        assert state.load == pytest.approx(low, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["wall", "crushable inner", "running bond"])
+def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
+    """What begins where an earlier relaxation stood begins at its own."""
+    analysis = analysis_of(name)
+    hull = analysis.template.yield_set.hull()
+    assert hull is not None
+    made = lanes(analysis, kernel, undecided=hull)
+    asked = labellings(analysis.assembly, 21, seed=5)
+    thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
+    free, how = np.ones(asked.shape[1], dtype=bool), Shrinking(tries=3, inner=True)
+
+    def shrunk(rows: Bits) -> list[np.ndarray]:
+        found = made.shrink(rows, free, thresholds[: len(rows)], how)
+        return [found.fate, found.decided, found.velocity, found.relaxations]
+
+    together = shrunk(asked)
+    assert (together[0] == PROVEN).any()
+    assert (together[0] == CARRIED).any()
+    assert together[3].max() > 2
+    order = np.random.default_rng(1).permutation(len(asked))
+    for one, other in zip(together, shrunk(asked[order]), strict=True):
+        np.testing.assert_array_equal(one[order], other)
+    for k in (0, 9, 20):
+        for one, other in zip(together, shrunk(asked[k : k + 1]), strict=True):
+            np.testing.assert_array_equal(one[k], other[0])
 
 
 @pytest.mark.parametrize("name", ["wall", "arch", "running bond", "kern bond"])

@@ -67,6 +67,31 @@ struct Work {
         lanes_of(press)[lane] = how.press > how.margin ? how.press : how.margin;
     }
 
+    // Where a lane stands, for one that begins there: faces, velocities, lambda, and what bounds it.
+    void save(int lane, std::vector<double>& to) const {
+        to.resize((3 + Face::ROWS) * face.size() + u.size() + 3);
+        double* next = to.data();
+        for (const Face& one : face) one.save(lane, next), next += 3 + Face::ROWS;
+        for (const Lane& x : u) *next++ = lanes_of(x)[lane];
+        next[0] = lanes_of(load)[lane], next[1] = lanes_of(s0)[lane], next[2] = lanes_of(z0)[lane];
+    }
+
+    // A labelling into a lane that begins where another one stood. space: least slack; product: least one of a slack
+    // and its multiplier.
+    void resume(const JldProblem& p, int lane, const uint8_t* labels, const JldTry& how, const double* from, double space,
+                double product) {
+        for (int f = 0; f < p.faces; ++f, from += 3 + Face::ROWS) {
+            int64_t at = int64_t(labels[f]) * p.faces + f;
+            face[f].resume(lane, p.rows + Face::NUMBERS * at, p.keep[at], from, space, product);
+        }
+        for (Lane& x : u) lanes_of(x)[lane] = *from++;
+        const double least = product / from[1];
+        lanes_of(load)[lane] = from[0], lanes_of(s0)[lane] = from[1];
+        lanes_of(z0)[lane] = from[2] > least ? from[2] : least;
+        lanes_of(lag)[lane] = 1.0, lanes_of(delta)[lane] = how.proximal;
+        lanes_of(press)[lane] = how.press > how.margin ? how.press : how.margin;
+    }
+
     // one lane of another
     void copy(const Work& from, int source, int lane) {
         for (size_t f = 0; f < face.size(); ++f) face[f].copy(from.face[f], source, lane);
@@ -94,6 +119,10 @@ struct Work {
 
 struct Measures {
     Lane gap, balance, jumps, speed, dual;
+    Lane room, error;  // least slack of the rows as they are, error of equilibrium
+
+    // Are forces admissible? Then lambda is a bound, however far iterations are from their end.
+    bool admissible(int lane) const { return lanes_of(room)[lane] >= 1e-8 && lanes_of(error)[lane] <= 1e-9; }
 };
 
 template <class Face>
@@ -120,8 +149,8 @@ struct Interior {
         }
     }
 
-    // One step of every lane.
-    JLD_ONCE void step(Measures& out) {
+    // One step of every lane. refined: does equilibrium count to the last digit?
+    JLD_ONCE void step(Measures& out, bool refined = true) {
         typedef Factor<Q, Lane> Solver;
         const int n = Q * p.elements;
         Lane *u = w.u.data(), *du = w.du.data(), *reach = w.rhs.data(), *rhs = w.rhs.data() + n, *left = w.left.data();
@@ -129,7 +158,7 @@ struct Interior {
         const Lane one = splat(1.0), none = splat(0.0);
         Iteration o;
         o.margin = how.margin, o.press = w.press, o.delta = w.delta, o.lag = w.lag;
-        o.gap = w.s0 * w.z0, o.worst = o.next = o.value = o.moved = o.bent = none;
+        o.room = splat(1e300), o.gap = w.s0 * w.z0, o.worst = o.next = o.value = o.moved = o.bent = none;
         for (int k = 0; k < n; ++k)
             left[k] = p.dead[k] + p.live[k] * w.load, rhs[k] = none, reach[k] = splat(p.live[k]);
         w.clear();
@@ -186,13 +215,15 @@ struct Interior {
         dl = (side0 - w.dot(p.live, rhs)) / corner;
         for (int k = 0; k < n; ++k) du[k] = rhs[k] + reach[k] * dl;
 
-        // once more for what rounding has left of equilibrium
-        for (int k = 0; k < n; ++k) rhs[k] = left[k] + p.live[k] * dl;
-        faces(du, rhs, [&](Face& face, const Lane* jump, Lane* x) { face.move(jump, x); });
-        Solver::template solve<1>(p.pattern, diagonal, off, rhs, n);
-        Lane more = -w.dot(p.live, rhs) / corner;
-        for (int k = 0; k < n; ++k) du[k] += rhs[k] + reach[k] * more;
-        dl += more;
+        if (refined) {
+            // once more for what rounding has left of equilibrium
+            for (int k = 0; k < n; ++k) rhs[k] = left[k] + p.live[k] * dl;
+            faces(du, rhs, [&](Face& face, const Lane* jump, Lane* x) { face.move(jump, x); });
+            Solver::template solve<1>(p.pattern, diagonal, off, rhs, n);
+            Lane more = -w.dot(p.live, rhs) / corner;
+            for (int k = 0; k < n; ++k) du[k] += rhs[k] + reach[k] * more;
+            dl += more;
+        }
 
         ds0 = dl - lack0;
         dz0 = (o.centre - cross0) / w.s0 - w.z0 - weight0 * ds0;
@@ -212,7 +243,8 @@ struct Interior {
         w.load += o.alpha_s * dl, w.s0 += o.alpha_s * ds0, w.z0 += o.alpha_z * dz0;
         w.lag *= 1.0 - o.alpha_s;
         out.gap = o.next + w.s0 * w.z0;
-        out.balance = unbalanced * (1.0 - o.alpha_s) + w.lag;
+        out.room = o.room, out.error = unbalanced * (1.0 - o.alpha_s);
+        out.balance = out.error + w.lag;
         if constexpr (Face::BOWED) out.balance += o.bent;
         out.jumps = o.worst * (1.0 - o.alpha_z) + o.alpha_z * w.delta * o.moved + (w.press - how.margin);
         w.press = larger(splat(how.margin), smaller(w.press, how.press * out.gap / count));

@@ -8,7 +8,7 @@ struct Iteration {
     double margin;
     Lane press, delta, lag, centre, alpha_s, alpha_z;
     // sums and maxima over faces
-    Lane gap, worst, hit_s, hit_z, over, under, zds, dsdz, next, value, moved, bent;
+    Lane gap, worst, hit_s, hit_z, over, under, zds, dsdz, next, value, moved, bent, room;
 };
 
 }  // namespace jld

@@ -166,7 +166,7 @@ struct Run {
                 bool solved = gap <= 2.0 * how.target * size && balance <= 5e-11 && jumps <= how.jumps * (1.0 + speed);
                 bool falls = how.aim > 0.0 && dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
                 // forces that carry more than matters say all that is asked
-                bool carries = thresholds && load > thresholds[in_lane[i]] && balance <= 1e-9;
+                bool carries = thresholds && load > thresholds[in_lane[i]] && m.admissible(i);
                 bool ray = how.aim < 0.0 && load <= -0.5 && balance <= 1e-9;
                 // no motion comes near what would stop it
                 bool free = jumps > 1e-3 * (1.0 + speed) && how.endless < 1e30;

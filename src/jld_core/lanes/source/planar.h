@@ -145,6 +145,29 @@ struct PlanarFace {
         lanes_of(F[0])[lane] = forces[0], lanes_of(F[1])[lane] = kept * forces[1], lanes_of(F[2])[lane] = forces[2];
     }
 
+    // Forces and multipliers of a lane, for one that begins there.
+    void save(int lane, double* to) const {
+        for (int k = 0; k < 3; ++k) to[k] = lanes_of(F[k])[lane];
+        for (int r = 0; r < ROWS; ++r) to[3 + r] = lanes_of(z[r])[lane];
+    }
+
+    // The same into a lane under another label; product: the least of a slack and its multiplier.
+    void resume(int lane, const double* row, double kept, const double* from, double space, double product) {
+        const double forces[3] = {from[0], kept * from[1], from[2]};
+        for (int k = 0; k < 3; ++k) lanes_of(F[k])[lane] = forces[k];
+        for (int k = 0; k < PAIRS; ++k, row += 3) {
+            lanes_of(a[k])[lane] = row[0], lanes_of(b[k])[lane] = row[1], lanes_of(h[k])[lane] = row[2];
+            const double middle = row[2] + row[0] * forces[0], side = row[1] * forces[bends(k) ? 2 : 1];
+            for (int r = 0; r < 2; ++r) {
+                const double own = r ? middle + side : middle - side, slack = own > space ? own : space;
+                const double push = from[3 + 2 * k + r], least = product / slack;
+                lanes_of(s[2 * k + r])[lane] = slack, lanes_of(lack[2 * k + r])[lane] = slack - own;
+                lanes_of(z[2 * k + r])[lane] = push > least ? push : least;
+            }
+        }
+        lanes_of(keep)[lane] = kept;
+    }
+
     // numbers of a ray; whether shear is bounded, so that a ray has none
     static bool recede(double* row) {
         const bool bounded = row[3] == 0.0;
@@ -243,7 +266,9 @@ struct PlanarFace {
             s[r] += it.alpha_s * ds[r], z[r] += it.alpha_z * dz[r];
             it.next += s[r] * z[r];
             it.value += h[r / 2] * z[r];
+            if constexpr (!BOWS) it.room = smaller(it.room, s[r] + it.margin - (1.0 - it.alpha_s) * short_of(it, r));
         }
+        if constexpr (BOWS) it.room = smaller(it.room, slack(F));
     }
 
     // least slack of forces in the rows

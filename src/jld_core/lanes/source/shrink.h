@@ -1,6 +1,8 @@
 // Whole shrinkings: labellings that are too weak, with fewer and fewer faces decided, one relaxation after the other in
-// the lane that is free next. A relaxation ends early where its forces carry more than matters; a motion that refutes is
-// waited for to the end, since one that is stopped as soon as it does frees fewer faces and makes for more conflicts.
+// the lane that is free next. A relaxation ends early where its forces are admissible and carry more than matters; a
+// motion that refutes is waited for until it hardly moves any more, since one that is stopped as soon as it refutes frees
+// fewer faces and makes for more conflicts. What is asked next differs in few faces and begins where iterations of the
+// last one were still far from all rows.
 #pragma once
 #include <deque>
 #include <memory>
@@ -20,6 +22,10 @@ struct Job {
     std::vector<uint8_t> tried;    // (faces) tried alone
     std::vector<double> cost;      // (faces) of the mechanism at hand
     std::vector<double> velocity;  // its own
+    // where this relaxation begins, none for a cold start, where the next may, and where neighbours do
+    std::vector<double> start, passed, first;
+    double product = 0.0, further = 0.0, earliest = 0.0;  // of a slack and its multiplier there, on the mean
+    bool thorough = false;  // to the last digit?
     double excess = 0.0;
     bool refuted = false;
     int alone = -1, vain = 0, relaxations = 0;
@@ -28,6 +34,14 @@ struct Job {
 template <class Face>
 struct Shrink {
     static constexpr int Q = Face::Q;
+    // only rows that are linear know how to begin elsewhere
+    static constexpr bool WARM = Q == 3 && !Face::BOWED;
+    // relative gap at which another relaxation may begin; least slack there, and share of the mean product
+    static constexpr double FAR = 0.5, SPACE = 1e-3, SHARE = 0.1;
+    // relative gap and error of jumps at which a motion is good enough where it refutes
+    static constexpr double GOOD = 1e-5;
+    // lanes that may idle before motions are weighed: a weighing takes as long however many there are
+    static constexpr int IDLE = W > 3 ? 3 : W;
     const JldProblem& p;
     const JldTry& how;
     const JldShrinking& s;
@@ -77,6 +91,10 @@ struct Shrink {
         Job* job = queue.front();
         queue.pop_front();
         in_lane[lane] = job, age[lane] = 0, ++busy, ++job->relaxations;
+        job->passed.clear();
+        if constexpr (WARM)
+            if (!job->start.empty())
+                return work.resume(p, lane, job->asked.data(), how, job->start.data(), SPACE, SHARE * job->product);
         work.put(p, lane, job->asked.data(), how);
     }
 
@@ -89,11 +107,11 @@ struct Shrink {
         for (int i = 0; i < W; ++i) fill(i);
         while (busy) {
             Measures m;
-            interior.step(m);
+            interior.step(m, false);
             for (int i = 0; i < W; ++i)
                 if (in_lane[i]) look(i, m);
             // nobody waits for what may be decided now
-            if (waiting && queue.empty()) settle();
+            if (waiting && queue.empty() && W - busy >= IDLE) settle();
             for (int i = 0; i < W; ++i)
                 if (!in_lane[i]) fill(i);
         }
@@ -105,8 +123,14 @@ struct Shrink {
         double gap = lanes_of(m.gap)[i], balance = lanes_of(m.balance)[i], jumps = lanes_of(m.jumps)[i];
         double load = lanes_of(work.load)[i], dual = lanes_of(m.dual)[i], speed = lanes_of(m.speed)[i];
         double size = std::fabs(load) > 1e-4 ? std::fabs(load) : 1e-4;
-        bool carries = load > job->threshold && balance <= s.balance;
-        bool solved = gap <= 2.0 * how.target * size && balance <= 5e-11 && jumps <= how.jumps * (1.0 + speed);
+        bool carries = load > job->threshold && (balance <= s.balance || m.admissible(i));
+        double target = job->thorough ? how.target : GOOD, error = job->thorough ? how.jumps : GOOD;
+        bool solved = gap <= 2.0 * target * size && jumps <= error * (1.0 + speed);
+        if constexpr (WARM)
+            if (job->passed.empty() && gap < FAR * size && m.admissible(i)) {
+                work.save(i, job->passed);
+                job->further = gap / (Face::ROWS * p.faces + 1);
+            }
         bool falls = dual < -1e-6 && jumps <= 1e-10 * (1.0 + speed);
         bool lost = !(gap < 1e30) || !(speed < 1e30) || age[i] >= how.most;
         if (carries) {
@@ -182,7 +206,8 @@ struct Shrink {
             double spent = lanes_of(total)[i] + lanes_of(noise)[i], works = lanes_of(work_done)[i];
             double excess = job->threshold * works - spent;
             if (!(lanes_of(least)[i] >= 0.0 && spent < 1e200 && works >= 0.0 && excess > 0.0)) {
-                advance(job, false, LEFT_OPEN);
+                if (job->thorough) advance(job, false, LEFT_OPEN);
+                else job->thorough = true, begin_at_passed(job), queue.push_back(job);
                 continue;
             }
             job->excess = excess;
@@ -191,6 +216,12 @@ struct Shrink {
             for (int f = 0; f < p.faces; ++f) job->cost[f] = lanes_of(cost[f])[i];
             advance(job, true, REFUTED);
         }
+    }
+
+    void begin_at_passed(Job* job) {
+        if (job->passed.empty()) return;
+        job->start.swap(job->passed), job->product = job->further;
+        if (job->first.empty() && s.neighbours) job->first = job->start, job->earliest = job->product;
     }
 
     // What is asked next, once it is known whether the last relaxation refuted.
@@ -202,7 +233,8 @@ struct Shrink {
             job->asked[job->alone] = job->labels[job->alone];
             ++job->vain;
         }
-        job->refuted = true, job->alone = -1;
+        job->refuted = true, job->alone = -1, job->thorough = false;
+        if (refuted) begin_at_passed(job);
         std::vector<std::pair<double, int>> order;
         order.reserve(p.faces);
         for (int f = 0; f < p.faces; ++f)
@@ -237,7 +269,7 @@ struct Shrink {
             std::memcpy(s.velocity + job->row * u.size(), job->velocity.data(), 8 * u.size());
             if (job->drawn && s.neighbours) spawn(job, decided);
         }
-        job->asked = {}, job->tried = {}, job->cost = {}, job->velocity = {};
+        job->asked = {}, job->tried = {}, job->cost = {}, job->velocity = {}, job->start = {}, job->passed = {}, job->first = {};
     }
 
     // The same labelling with one face of its conflict undecided from the start.
@@ -251,6 +283,7 @@ struct Shrink {
             size_t at = (state >> 11) % inside.size();
             Job* next = begin(job->row + 1 + k, job->labels, job->threshold, false);
             next->asked[inside[at]] = 2;
+            next->start = job->first, next->product = job->earliest;
             inside.erase(inside.begin() + at);
         }
     }

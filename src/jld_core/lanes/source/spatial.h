@@ -278,6 +278,7 @@ struct SpatialFace {
             s[r] += o.alpha_s * ds[r], z[r] += o.alpha_z * dz[r];
             o.next += s[r] * z[r];
             o.value += (r < B ? bend.side(r) : h) * z[r];
+            o.room = smaller(o.room, s[r] + o.margin - (1.0 - o.alpha_s) * short_of(o, r));
         }
         for (int j = 0; j < 3; ++j) {
             S[j] += o.alpha_s * dS[j], Z[j] += o.alpha_z * dZ[j];
