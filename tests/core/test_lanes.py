@@ -473,6 +473,6 @@ def test_what_crushes_is_bounded_by_rows_that_enclose_its_hull(kernel: str, monk
         if one is None or other is None:
             continue
         finite += 1
-        assert other.bound * (1.0 - 1e-6) <= one.bound <= 1.2 * other.bound
+        assert other.bound * (1.0 - 1e-6) <= one.bound <= 1.01 * other.bound
         assert in_lanes.bound(asked[k], loose[k]) == pytest.approx(min(one.bound, other.bound), rel=1e-9)
     assert finite > 6

@@ -172,6 +172,7 @@ class Lanes:
         self.faces, self.size = len(template.assembly.interfaces), template.structure.equalities
         self._q = q = template.assembly.freedoms
         self._rows, self._pairs, self._keep, self._bows = rows.rows, rows.pairs, rows.keep, rows.bows
+        self._meets = rows.meets
         usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
         if rows.bows is not None:
             usual = tuple(one for one in usual if one.aim > 0.0)  # edges and rays of parabolas are left to others
@@ -332,6 +333,7 @@ class Lanes:
             _PUSH,
             self._zero,
             _pointer(self._bows),
+            int(self._meets),
         )
 
 

@@ -69,6 +69,7 @@ class Problem(ctypes.Structure):
         ("push", ctypes.c_double),
         ("zero", ctypes.c_double),
         ("bows", _doubles),
+        ("meets", ctypes.c_int32),
     )
 
 

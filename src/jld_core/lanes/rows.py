@@ -59,13 +59,16 @@ class Sheets:
     crush. In space the same of M1, M2, and MT with t, the bound on shear; or, where any hull has other edges, a, p, q,
     h of −a N + p M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h of MT. pairs: of rows, in space 2
     of bending or how many edges there is room for. keep: (labels, m) 1 where V counts. bows: (labels, m, 2) c and n₀ of
-    a first pair b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, None where no face has one.
+    a first pair b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, None where no face has one. meets:
+    where undecided faces crush V and M meet, and the numbers of `Bow.meeting` follow n₀ in `bows`, 0 where a label is
+    decided.
     """
 
     rows: Floats
     pairs: int
     keep: Floats
     bows: Floats | None = None
+    meets: bool = False
 
 
 def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
@@ -94,18 +97,22 @@ def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
             return Sheets(np.ascontiguousarray(paired), 2, keep)
         rows = _along_edges(rows)
         return Sheets(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
-    bows = None
+    bows, meets = None, False
     if own.pattern.cones:
         bowed = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
         if any(one is None for one in bowed):
             return None
-        bows = np.zeros((len(rows), len(every), 2))
+        meets = rows.shape[2] == 3 and any(one is not None and one.meeting is not None for one in bowed)
+        bows = np.zeros((len(rows), len(every), 14 if meets else 2))
         for label, one in enumerate(bowed, start=1):
             assert one is not None
             crushed = one.crushed
-            bows[label, crushed] = one.bow
+            bows[label, crushed, :2] = one.bow
             rows[label, crushed] = one.rows[:, : rows.shape[2]]
-    return Sheets(np.ascontiguousarray(rows.reshape(*rows.shape[:2], -1)), rows.shape[2], keep, bows)
+            if meets and one.meeting is not None:
+                bows[label, crushed, 2:] = one.meeting
+    flat = np.ascontiguousarray(rows.reshape(*rows.shape[:2], -1))
+    return Sheets(flat, rows.shape[2], keep, bows, meets)
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:

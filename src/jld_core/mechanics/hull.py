@@ -8,12 +8,17 @@ With compressive strengths, or where inner faces have the more friction, the row
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.mechanics.frictional import Frictional
 from jld_core.mechanics.yield_set import Bow, RowPattern
+
+_STEPS: Final = 257
+"""Places on a parabola at which planes are weighed."""
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
@@ -53,7 +58,7 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> Bow | None:
     T = σtA, and its top ((C − T)/2, (C + T)/6): the parabola from the point n₀ on where the tangent through the top
     touches it, that tangent, and the line from the foot to the top; or the tangent through the foot where that passes
     above the top. From (x, y) it touches at n₀ = x + √(x² − N_c (x − y)). In N and V it is the line through
-    (−T, τA − μ_inner T) that all corners are below.
+    (−T, τA − μ_inner T) that all corners are below. Where V and M meet see `_meeting`.
     """
     tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
     if not np.all(inner_limit <= limit):
@@ -79,7 +84,46 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> Bow | None:
     rows = np.array([[one, one, none], [slope / size, one / size, height / size], line]).transpose(2, 0, 1)
     holds = (sets.shear + sets.inner_friction + sets.friction + sets.cohesion)[crushed] > 0.0
     rows[~holds, 1] = (0.0, 1.0, 1.0)
-    return Bow(crushed, np.column_stack([1.0 / limit, knee]), rows)
+    strengths = np.column_stack([limit, dry, sets.cohesion[crushed], tension, inner_limit, sets.shear[crushed], inner])
+    meeting = _meeting(strengths)
+    meeting[~holds] = 0.0
+    return Bow(crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([meeting, strengths]))
+
+
+def _meeting(strengths: Floats) -> Floats:
+    """(k, 5) N and m of an inner corner, what its shear is above the dry line, and between which N of the parabola
+    planes that touch both enclose either label; zeros where there are none.
+
+    Shear beyond c + μN asks for a share w of inner corners, mostly of (−T, 0), so that the hull bulges between a corner
+    (n, m) and the parabola: of planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁, a = 1 + μb − 2N₁/N_c, that with
+    b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. Where the others do not pass it, it is
+    one of the hull. The corner is (−T, 0) where it has any, else the one that has most: at the top, where planes of
+    all directions meet, one plane alone says little. strengths: (k, 7) as `Bow.meeting` has them.
+    """
+    limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
+    top = 0.5 * (inner_limit - tension)
+    normal = np.stack([-tension, top, inner_limit])[:, :, None]
+    moment = np.stack([0.0 * top, (inner_limit + tension) / 6.0, 0.0 * top])[:, :, None]
+    more = (shear - cohesion)[:, None] + (inner_friction - friction)[:, None] * normal
+    share = np.linspace(0.0, 1.0, _STEPS)
+    touch, slope = share * limit[:, None], 1.0 - 2.0 * share
+    above = moment - slope * normal - share * touch  # how far corners stand above the tangent
+    found, most = np.zeros((len(limit), 5)), np.zeros(len(limit), dtype=np.int64)
+    for corner in range(3):
+        has = more[corner] > 0.0
+        b = -above[corner] / np.where(has, more[corner], 1.0)
+        passed = np.max(above + b * more, axis=0) > tolerances.ROUNDING * limit[:, None]
+        good = has & (b >= 0.0) & ~passed
+        # the last run of what is good
+        last = _STEPS - 1 - np.argmax(good[:, ::-1], axis=1)
+        broken = ~good & (np.arange(_STEPS) < last[:, None])
+        first = np.where(broken.any(axis=1), _STEPS - np.argmax(broken[:, ::-1], axis=1), 0)
+        length = np.where(good.any(axis=1), last - first, 0)
+        better = length > most
+        most = np.where(corner == 0, np.where(better, _STEPS, 0), np.maximum(most, length))
+        own = [array[corner, :, 0] for array in (normal, moment, more)]
+        found[better] = np.column_stack([*own, share[first] * limit, share[last] * limit])[better]
+    return found
 
 
 def _widen_crushing(sets: Frictional, data: Floats, rhs: Floats) -> None:

@@ -64,12 +64,16 @@ class Bow:
     """Planar faces that crush: b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, and their shear.
 
     crushed: (k,) faces. bow: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending, of −a N ± b V ≤ h, and of a line
-    −a N ± b M ≤ h that bounds bending too, with a = b = 0 where there is none.
+    −a N ± b M ≤ h that bounds bending too, with a = b = 0 where there is none. meeting: (k, 12) where V and M
+    meet, |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) with N₁ = N − w n and |V| = c + μN + w (shear above): N and m of a corner
+    of the inner set, its shear above the dry line (0: nowhere), the first and the last N₁/(1 − w); then both labels,
+    N_c, μ and c of dry joints, σtA, N_c, shear strength and μ of inner ones. None of decided faces.
     """
 
     crushed: Ints
     bow: Floats
     rows: Floats
+    meeting: Floats | None = None
 
 
 @dataclass(frozen=True)

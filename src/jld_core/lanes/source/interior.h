@@ -59,7 +59,7 @@ struct Work {
         for (int f = 0; f < p.faces; ++f) {
             int64_t at = int64_t(labels ? labels[f] : 0) * p.faces + f;
             face[f].put(lane, p.rows + Face::NUMBERS * at, p.keep[at], p.forces + Q * f, p.jumps + Q * f, p.room, p.push);
-            if constexpr (Face::BOWED) face[f].bend(lane, p.bows + 2 * at, p.room);
+            if constexpr (Face::BOWED) face[f].bend(lane, p.bows + Face::BENT * at, p.room, p.push);
         }
         for (size_t k = 0; k < u.size(); ++k) lanes_of(u[k])[lane] = p.speed[k];
         lanes_of(load)[lane] = p.load, lanes_of(s0)[lane] = p.load + p.floor > 1.0 ? p.load + p.floor : 1.0;
@@ -93,7 +93,7 @@ struct Work {
     }
 
     // one lane of another
-    void copy(const Work& from, int source, int lane) {
+    void copy(Work& from, int source, int lane) {
         for (size_t f = 0; f < face.size(); ++f) face[f].copy(from.face[f], source, lane);
         for (size_t k = 0; k < u.size(); ++k) lanes_of(u[k])[lane] = lanes_of(from.u[k])[source];
         lanes_of(load)[lane] = lanes_of(from.load)[source];

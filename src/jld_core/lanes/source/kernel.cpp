@@ -217,7 +217,8 @@ bool with_faces(const JldProblem& p, Call call) {
         if (p.bows) call(PlanarFace<2, true>{});
         else call(PlanarFace<2>{});
     } else if (p.pairs == 3) {
-        if (p.bows) call(PlanarFace<3, true>{});
+        if (p.meets) call(PlanarFace<3, true, true>{});
+        else if (p.bows) call(PlanarFace<3, true>{});
         else call(PlanarFace<3>{});
     } else {
         return false;

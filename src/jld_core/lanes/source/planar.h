@@ -2,21 +2,26 @@
 // compressive strength, whatever their label. Source of the reductions: docs/guide/kernel.md.
 #pragma once
 #include "iteration.h"
+#include "meeting.h"
 
 namespace jld {
 
-template <int PAIRS, bool BOWS = false>
+template <int PAIRS, bool BOWS = false, bool MEETS = false>
 struct PlanarFace {
-    static constexpr int Q = 3, P = PAIRS, ROWS = 2 * PAIRS, CONES = 0, SIDES = 7;
-    static constexpr int NUMBERS = 3 * PAIRS;
-    static constexpr bool BOWED = BOWS;
+    static constexpr int Q = 3, P = PAIRS, ROWS = 2 * PAIRS + Meeting<MEETS>::ROWS, CONES = 0, SIDES = 7;
+    static constexpr int NUMBERS = 3 * PAIRS, BENT = 2 + Meeting<MEETS>::NUMBERS;
+    static constexpr bool BOWED = BOWS, COUPLED = MEETS;
     Lane a[PAIRS], b[PAIRS], h[PAIRS], keep;
     Lane F[3], s[ROWS], z[ROWS], lack[ROWS];
     // of one iteration: 1/s, G H^-1 e_N by rows, pivot of N, columns of the elimination, inverse pivots of V and M
     Lane is[ROWS], k[ROWS], g, v, m, iv, im, c[3], second[ROWS], dF[3], ds[ROWS], dz[ROWS];
 
     // of a first pair that bows: its numbers before a tangent takes their place, c, n0, and what its rows lack
-    Lane a0, h0, bow, knee, off[2];
+    Lane a0, h0, bow, knee, off[ROWS];
+
+    // rows in which V and M meet; how M follows V there, and rows that follow V
+    Meeting<MEETS> meeting;
+    Lane vm, l[ROWS];
 
     static constexpr bool bends(int pair) { return pair != 1; }
     // resultants that a face without friction has not
@@ -28,12 +33,31 @@ struct PlanarFace {
         slope = a0 - 2.0 * bow * at, height = h0 + bow * at * at;
     }
 
+    // -G of N, V and M in a row
+    Lane normal(int r, int of) const {
+        if constexpr (COUPLED)
+            if (r >= 2 * PAIRS) return meeting.row(r - 2 * PAIRS, of);
+        if (of == 0) return a[r / 2];
+        return bends(r / 2) == (of == 2) ? (r % 2 ? b[r / 2] : -b[r / 2]) : splat(0.0);
+    }
+
+    Lane height(int r) const {
+        if constexpr (COUPLED)
+            if (r >= 2 * PAIRS) return meeting.h;
+        return h[r / 2];
+    }
+
     void touch() {
         tangent(F[0], a[0], h[0]);
         for (int r = 0; r < 2; ++r) off[r] = s[r] - (h[0] + a[0] * F[0] - (r ? -b[0] : b[0]) * F[2]);
+        if constexpr (COUPLED) {
+            meeting.touch(F);
+            for (int r = 2 * PAIRS; r < ROWS; ++r)
+                off[r] = s[r] - (height(r) + normal(r, 0) * F[0] + normal(r, 1) * F[1] + normal(r, 2) * F[2]);
+        }
     }
 
-    void bend(int lane, const double* numbers, double space) {
+    void bend(int lane, const double* numbers, double space, double push) {
         lanes_of(a0)[lane] = lanes_of(a[0])[lane], lanes_of(h0)[lane] = lanes_of(h[0])[lane];
         lanes_of(bow)[lane] = numbers[0], lanes_of(knee)[lane] = numbers[1];
         double n = lanes_of(F[0])[lane], at = n > numbers[1] ? n : numbers[1];
@@ -41,6 +65,16 @@ struct PlanarFace {
         for (int r = 0; r < 2; ++r) {
             double own = lanes_of(s[r])[lane] - lanes_of(lack[r])[lane] + lower, slack = own > space ? own : space;
             lanes_of(s[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
+        }
+        if constexpr (COUPLED) {
+            meeting.put(lane, numbers + 2);
+            meeting.touch(F);
+            for (int r = 2 * PAIRS; r < ROWS; ++r) {
+                Lane room = height(r) + normal(r, 0) * F[0] + normal(r, 1) * F[1] + normal(r, 2) * F[2];
+                double own = lanes_of(room)[lane], slack = own > space ? own : space;
+                lanes_of(s[r])[lane] = slack, lanes_of(lack[r])[lane] = slack - own;
+                lanes_of(z[r])[lane] = push;
+            }
         }
     }
 
@@ -53,6 +87,38 @@ struct PlanarFace {
             Lane by = 1.0 / (s[4] * s[5]);
             is[4] = by * s[5], is[5] = by * s[4];
         }
+        if constexpr (COUPLED)
+            for (int r = 2 * PAIRS; r < ROWS; r += 2) {
+                Lane by = 1.0 / (s[r] * s[r + 1]);
+                is[r] = by * s[r + 1], is[r + 1] = by * s[r];
+            }
+    }
+
+    // The same elimination where V and M meet: first M, then V. What is left of N is the least sum of squares that V and
+    // M can make of it, positive terms again, in which what they follow may be wrong by a digit.
+    void couple(const Lane* w, Lane delta) {
+        const Lane none = splat(0.0), *meet = w + 2 * PAIRS, *push = z + 2 * PAIRS;
+        const Lane same = meet[0] + meet[1], other = meet[2] + meet[3];
+        const Lane bb = meeting.b * meeting.b, cc = meeting.c * meeting.c, pushed = push[0] + push[1] + push[2] + push[3];
+        const Lane curve = 2.0 * meeting.curve * pushed, along_n = meeting.along_n, along_v = meeting.along_v;
+        Lane bending = none, sliding = b[1] * b[1] * (w[2] + w[3]) + curve * along_v * along_v;
+        for (int p = 0; p < PAIRS; ++p)
+            if (bends(p)) bending += b[p] * b[p] * (w[2 * p] + w[2 * p + 1]);
+        Lane both = same + other, pm = delta + bending + cc * both, pv = delta + sliding + bb * both;
+        Lane det = bending * sliding + (bending * bb + sliding * cc) * both + 4.0 * bb * cc * same * other;
+        det += delta * (pm + pv - delta);
+        im = 1.0 / pm, iv = pm / det, vm = -(meeting.b * meeting.c * (same - other)) * im;
+        Lane with_m = none, with_v = curve * along_n * along_v;
+        for (int r = 0; r < ROWS; ++r) with_v += w[r] * normal(r, 0) * normal(r, 1), with_m += w[r] * normal(r, 0) * normal(r, 2);
+        v = -iv * (with_v + vm * with_m), m = vm * v - im * with_m;
+        Lane left = delta * (1.0 + m * m + v * v) + select(F[0] >= knee, 2.0 * bow * (z[0] + z[1]), none);
+        left += curve * (along_n + along_v * v) * (along_n + along_v * v);
+        for (int r = 0; r < ROWS; ++r) {
+            k[r] = -(normal(r, 0) + normal(r, 1) * v + normal(r, 2) * m);
+            l[r] = -(normal(r, 1) + normal(r, 2) * vm);
+            left += w[r] * k[r] * k[r];
+        }
+        g = 1.0 / left;
     }
 
     // H = G'WG + delta, eliminated in the order M, V, N so that every pivot is a sum of positive terms.
@@ -60,6 +126,7 @@ struct PlanarFace {
         Lane w[ROWS];
         invert();
         for (int r = 0; r < ROWS; ++r) w[r] = z[r] * is[r];
+        if constexpr (COUPLED) return couple(w, delta);
         Lane pm = delta, pv = delta, cm = splat(0.0), plus[PAIRS];
         for (int p = 0; p < PAIRS; ++p) {
             plus[p] = w[2 * p] + w[2 * p + 1];
@@ -100,12 +167,14 @@ struct PlanarFace {
 
     // x = H^-1 y
     void apply(const Lane* y, Lane* x) const {
+        if constexpr (COUPLED) return follow(y, x, nullptr);
         Lane n = g * (y[0] + v * y[1] + m * y[2]);
         x[0] = n, x[1] = v * n + iv * y[1], x[2] = m * n + im * y[2];
     }
 
     // x = H^-1 y, and G x without the digits that x has lost
     void apply(const Lane* y, Lane* x, Lane* rows) const {
+        if constexpr (COUPLED) return follow(y, x, rows);
         Lane n = g * (y[0] + v * y[1] + m * y[2]), slip = iv * y[1], turn = im * y[2];
         x[0] = n, x[1] = v * n + slip, x[2] = m * n + turn;
         for (int p = 0; p < PAIRS; ++p) {
@@ -113,6 +182,13 @@ struct PlanarFace {
             rows[2 * p] = k[2 * p] * n + part;
             rows[2 * p + 1] = k[2 * p + 1] * n - part;
         }
+    }
+
+    void follow(const Lane* y, Lane* x, Lane* rows) const {
+        Lane n = g * (y[0] + v * y[1] + m * y[2]), slip = iv * (y[1] + vm * y[2]), turn = im * y[2];
+        x[0] = n, x[1] = v * n + slip, x[2] = m * n + turn + vm * slip;
+        if (rows)
+            for (int r = 0; r < ROWS; ++r) rows[r] = k[r] * n + l[r] * slip - normal(r, 2) * turn;
     }
 
     // out = G't
@@ -123,6 +199,9 @@ struct PlanarFace {
             Lane d = b[p] * (t[2 * p] - t[2 * p + 1]);
             if (bends(p)) x += d; else q += d;
         }
+        if constexpr (COUPLED)
+            for (int r = 2 * PAIRS; r < ROWS; ++r)
+                n -= normal(r, 0) * t[r], q -= normal(r, 1) * t[r], x -= normal(r, 2) * t[r];
         out[0] = n, out[1] = q, out[2] = x;
     }
 
@@ -178,20 +257,21 @@ struct PlanarFace {
         return bounded;
     }
 
-    void copy(const PlanarFace& from, int source, int lane) {
+    void copy(PlanarFace& from, int source, int lane) {
         auto move = [&](Lane& to, const Lane& x) { lanes_of(to)[lane] = lanes_of(x)[source]; };
         for (int k = 0; k < PAIRS; ++k) move(a[k], from.a[k]), move(b[k], from.b[k]), move(h[k], from.h[k]);
         for (int k = 0; k < ROWS; ++k) move(s[k], from.s[k]), move(z[k], from.z[k]);
         for (int k = 0; k < 3; ++k) move(F[k], from.F[k]);
         move(keep, from.keep);
         if constexpr (BOWS) move(a0, from.a0), move(h0, from.h0), move(bow, from.bow), move(knee, from.knee);
+        if constexpr (COUPLED) meeting.copy(from.meeting, source, lane);
     }
 
     // What is left of h - G F = s at the start shrinks with every step.
     Lane short_of(const Iteration& it, int row) const {
         Lane rest = it.lag * (lack[row] + it.margin);
         if constexpr (BOWS)
-            if (row < 2) return select(bow > 0.0, off[row] + it.margin, rest);
+            if (row < 2 || row >= 2 * PAIRS) return select(bow > 0.0, off[row] + it.margin, rest);
         return rest;
     }
 
@@ -261,11 +341,15 @@ struct PlanarFace {
     void advance(Iteration& it) {
         // what the tangent missed, which the next one mends
         if constexpr (BOWS) it.bent = larger(it.bent, bow * (it.alpha_s * dF[0]) * (it.alpha_s * dF[0]));
+        if constexpr (COUPLED) {
+            Lane along = it.alpha_s * (meeting.along_n * dF[0] + meeting.along_v * dF[1]);
+            it.bent = larger(it.bent, meeting.curve * along * along);
+        }
         for (int k = 0; k < 3; ++k) F[k] += it.alpha_s * dF[k], it.moved = larger(it.moved, absolute(dF[k]));
         for (int r = 0; r < ROWS; ++r) {
             s[r] += it.alpha_s * ds[r], z[r] += it.alpha_z * dz[r];
             it.next += s[r] * z[r];
-            it.value += h[r / 2] * z[r];
+            it.value += height(r) * z[r];
             if constexpr (!BOWS) it.room = smaller(it.room, s[r] + it.margin - (1.0 - it.alpha_s) * short_of(it, r));
         }
         if constexpr (BOWS) it.room = smaller(it.room, slack(F));
@@ -280,6 +364,7 @@ struct PlanarFace {
                 if (p == 0) tangent(y[0], slope, height);
             least = smaller(least, height + slope * y[0] - absolute(b[p] * y[bends(p) ? 2 : 1]));
         }
+        if constexpr (COUPLED) least = smaller(least, meeting.slack(y));
         return least;
     }
 
@@ -307,6 +392,7 @@ struct PlanarFace {
         if constexpr (BOWS) {
             Mask bowed = bow > 0.0;
             work = select(bowed, bowing(jump), work);
+            if constexpr (COUPLED) work = select(meeting.limit > 0.0, meeting.dissipation(jump, keep), work);
             margin = select(bowed, dearest, margin);
         }
     }

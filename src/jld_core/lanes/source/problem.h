@@ -32,9 +32,10 @@ struct JldProblem {
     double load;           // lambda there
     double room, push;     // least slack and multiplier at the start
     double zero;           // lambda beside which a bracket around zero may be narrow
-    // (labels, faces, 2) c and n0 of planar first pairs that bow, b |M| <= h + a N - c N^2 from n0 on and its tangent
-    // at n0 below; null where none does
+    // (labels, faces, 2 or more) c and n0 of planar first pairs that bow, b |M| <= h + a N - c N^2 from n0 on and its
+    // tangent at n0 below; where V and M meet the numbers of Meeting follow. Null where none does
     const double* bows;
+    int32_t meets;         // do V and M meet under any label?
 };
 
 struct JldTry {

@@ -109,21 +109,19 @@ struct Proof {
             Face& o = w.face[f];
             if constexpr (Face::BOWED) o.touch();
             Lane P[6] = {splat(1.0), splat(0.0), splat(1.0), splat(0.0), splat(0.0), splat(1.0)};
-            for (int k = 0; k < Face::P; ++k)
-                for (int r = 0; r < 2; ++r) {
-                    Lane normal[3] = {-o.a[k], splat(0.0), splat(0.0)};
-                    normal[Face::bends(k) ? 2 : 1] = r ? -o.b[k] : o.b[k];
-                    Lane v[3];
-                    v[0] = P[0] * normal[0] + P[1] * normal[1] + P[3] * normal[2];
-                    v[1] = P[1] * normal[0] + P[2] * normal[1] + P[4] * normal[2];
-                    v[2] = P[3] * normal[0] + P[4] * normal[1] + P[5] * normal[2];
-                    Lane size = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-                    Lane whole = o.a[k] * o.a[k] + o.b[k] * o.b[k];
-                    Mask on = ((o.s[2 * k + r] < how.active) | (o.z[2 * k + r] > wild)) & (size > 1e-12 * whole);
-                    Lane by = select(on, 1.0 / select(on, size, splat(1.0)), splat(0.0));
-                    P[0] -= by * v[0] * v[0], P[1] -= by * v[0] * v[1], P[2] -= by * v[1] * v[1];
-                    P[3] -= by * v[0] * v[2], P[4] -= by * v[1] * v[2], P[5] -= by * v[2] * v[2];
-                }
+            for (int r = 0; r < Face::ROWS; ++r) {
+                Lane normal[3] = {o.normal(r, 0), o.normal(r, 1), o.normal(r, 2)};
+                Lane v[3];
+                v[0] = P[0] * normal[0] + P[1] * normal[1] + P[3] * normal[2];
+                v[1] = P[1] * normal[0] + P[2] * normal[1] + P[4] * normal[2];
+                v[2] = P[3] * normal[0] + P[4] * normal[1] + P[5] * normal[2];
+                Lane size = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+                Lane whole = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
+                Mask on = ((o.s[r] < how.active) | (o.z[r] > wild)) & (size > 1e-12 * whole);
+                Lane by = select(on, 1.0 / select(on, size, splat(1.0)), splat(0.0));
+                P[0] -= by * v[0] * v[0], P[1] -= by * v[0] * v[1], P[2] -= by * v[1] * v[1];
+                P[3] -= by * v[0] * v[2], P[4] -= by * v[1] * v[2], P[5] -= by * v[2] * v[2];
+            }
             P[1] *= o.keep, P[2] *= o.keep, P[4] *= o.keep;
             for (int k = 0; k < 6; ++k) spans[6 * f + k] = P[k];
             sides.template full<Lane>(f, P, w.diagonal.data(), w.off.data());

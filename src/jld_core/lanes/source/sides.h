@@ -57,27 +57,32 @@ struct Sides<3> {
         out[0] = n, out[1] = s * keep, out[2] = m;
     }
 
-    // S += A (g v v' + diag(0, iv, im)) A', v = (1, v, m), of one face
+    // S += A (g v v' + iv t t' + diag(0, 0, im)) A', v = (1, v, m), of one face; t = (0, 1, 0) but where V and M meet
     template <class Face>
     void condensed(int f, const Face& o, Lane* diagonal, Lane* off) const {
         const Lane g = o.g, v = o.v, m = o.m, iv = o.iv * o.keep, im = o.im;
         const double* b = p.sides + 14 * f;
         const int end[2] = {p.low[f], p.high[f]};
-        Lane q[2][3], gq[2][3], sv[2][3];
+        Lane q[2][3], gq[2][3], sv[2][3], t[2][3];
         for (int side = 0; side < 2; ++side, b += 7) {
             if (end[side] < 0) continue;
             q[side][0] = b[0] + b[1] * v, q[side][1] = b[2] + b[3] * v, q[side][2] = b[4] + b[5] * v + b[6] * m;
-            for (int r = 0; r < 3; ++r) gq[side][r] = g * q[side][r], sv[side][r] = iv * b[2 * r + 1];
+            for (int r = 0; r < 3; ++r) {
+                t[side][r] = splat(b[2 * r + 1]);
+                if constexpr (Face::COUPLED)
+                    if (r == 2) t[side][r] += b[6] * o.vm;
+                gq[side][r] = g * q[side][r], sv[side][r] = iv * t[side][r];
+            }
             Lane* d = diagonal + 6 * end[side];
             for (int r = 0; r < 3; ++r)
-                for (int c = 0; c <= r; ++c) d[at(r, c)] += gq[side][r] * q[side][c] + sv[side][r] * b[2 * c + 1];
+                for (int c = 0; c <= r; ++c) d[at(r, c)] += gq[side][r] * q[side][c] + sv[side][r] * t[side][c];
             d[5] += im * (b[6] * b[6]);
         }
         if (p.block[f] >= 0) {
             b = p.sides + 14 * f;  // the block stands in the row of the later element
             Lane* at_block = off + 9 * p.block[f];
             for (int r = 0; r < 3; ++r)
-                for (int c = 0; c < 3; ++c) at_block[3 * r + c] += gq[1][r] * q[0][c] + sv[1][r] * b[2 * c + 1];
+                for (int c = 0; c < 3; ++c) at_block[3 * r + c] += gq[1][r] * q[0][c] + sv[1][r] * t[0][c];
             at_block[8] += im * (b[6] * b[13]);
         }
     }
