@@ -14,6 +14,7 @@ from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits
+from jld_core.geometry import outlines
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space import BlockShapes, blocks_of, connectivity
 
@@ -57,6 +58,34 @@ def test_blocks_cut_otherwise_have_one_shape() -> None:
     assembly = build_assembly(parse_scene(scene))
     blocks = blocks_of(connectivity(assembly), assembly.labels[None])
     assert BlockShapes(assembly).different(blocks).tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["aab", "cab", "ccb", "###"],
+        ["aaa", "aba", "aaa", "###"],  # around a hole
+        ["aab", "aba", "aaa", "###"],  # touching itself in a corner
+        ["aabb", "abbc", "###."],
+    ],
+)
+def test_outlines_by_shared_edges_are_those_of_any_union(rows: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Polygons that share whole edges against shapely's union of them; half a brick aside, edges are shared in part."""
+    for step in (0.0, 0.4):
+        cells = [
+            np.array([[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]]) + [step * (row % 2), 0.0]
+            for row, line in enumerate(rows)
+            for x, y, name in ((k, -row, name) for k, name in enumerate(line))
+            if name == "a"
+        ]
+        quick = outlines.flat_outline(cells, 1e-6)
+        with monkeypatch.context() as patch:
+            patch.setattr(outlines, "_whole", lambda *_: None)
+            slow = outlines.flat_outline(cells, 1e-6)
+        assert (quick.count, quick.reentrant) == (slow.count, slow.reentrant)
+        assert [quick.size, quick.aspect] == pytest.approx([slow.size, slow.aspect], rel=1e-9)
+        each = [sorted(map(tuple, (np.round(one.points, 6) + 0.0).tolist())) for one in (quick, slow)]
+        assert each[0] == each[1]
 
 
 def test_solids() -> None:

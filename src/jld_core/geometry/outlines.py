@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,6 +18,12 @@ from jld_core.geometry.vectors import across, area_vector
 
 _REACH: Final = 1e-6
 """Distance, relative to the structure, within which corners of congruent blocks fall on one another."""
+
+_SNAP: Final = 1e-3
+"""Part of that distance within which corners are one before any shape is known."""
+
+_PLACE: Final = 0.37
+"""Where corners are rounded: off the halves, which rounding would throw to either side."""
 
 _FLAT: Final = 1e-5
 """Share of its hull's area or volume that a block may lack and still count as convex."""
@@ -54,19 +61,17 @@ def outline_of(assembly: Assembly, members: Ints) -> Outline:
 
 def flat_outline(polygons: Sequence[Floats], reach: float) -> Outline:
     """Of the union of polygons (k, 2). reach: distance within which corners are one."""
-    if len(polygons) == 1:
-        region = shapely.Polygon(polygons[0])
-    else:
-        region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=1e-3 * reach)
+    region = shapely.Polygon(polygons[0]) if len(polygons) == 1 else _whole(polygons, _SNAP * reach)
+    if region is None:
+        region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=_SNAP * reach)
     centre = shapely.get_coordinates(region.centroid)[0]
     corners, middles, inwards = [], [], 0
     for part in shapely.get_parts(region):
-        for ring in [part.exterior, *part.interiors]:
+        for ring, outer in [(part.exterior, True), *((hole, False) for hole in part.interiors)]:
             points = _straightened(shapely.get_coordinates(ring)[:-1], reach)
             before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
             turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
             way = 1.0 if ring.is_ccw else -1.0
-            outer = ring is part.exterior or ring.equals(part.exterior)
             inwards += int(np.count_nonzero(way * turn < 0.0 if outer else way * turn > 0.0))
             corners.append(points - centre)
             middles.append(points + 0.5 * after - centre)
@@ -75,6 +80,40 @@ def flat_outline(polygons: Sequence[Floats], reach: float) -> Outline:
     points = np.concatenate(corners + middles)
     count = sum(len(ring) for ring in corners)
     return Outline(points, count, float(region.area), float(sides.max() / sides.min()), inwards)
+
+
+def _whole(polygons: Sequence[Floats], step: float) -> shapely.Polygon | None:
+    """The union of polygons (k, 2) that share whole edges, a tenth of the time of any union; None for others.
+
+    step: distance within which corners are one.
+    """
+    edges: dict[tuple[tuple[int, int], tuple[int, int]], tuple[float, float]] = {}
+    for polygon in polygons:
+        points = [(x, y) for x, y in polygon.tolist()]
+        if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
+            points.reverse()
+        names = [(math.floor(x / step + _PLACE), math.floor(y / step + _PLACE)) for x, y in points]
+        for k, name in enumerate(names):
+            # an edge that two polygons share is run along both ways
+            if edges.pop((name, names[k - 1]), None) is None:
+                edges[names[k - 1], name] = points[k - 1]
+    after = {start: (end, point) for (start, end), point in edges.items()}
+    if len(after) < len(edges):
+        return None  # boundaries that touch in a corner
+    rings = []
+    while after:
+        at, ring = next(iter(after)), []
+        while at in after:
+            at, point = after.pop(at)
+            ring.append(point)
+        if len(ring) < 3:
+            return None
+        rings.append(shapely.LinearRing(ring))
+    outer = [ring for ring in rings if ring.is_ccw]
+    if len(outer) != 1:
+        return None
+    found = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
+    return found if found.is_valid else None  # edges that lie on one another in part
 
 
 def solid_outline(
@@ -95,6 +134,7 @@ def solid_outline(
 
 def _straightened(points: Floats, reach: float) -> Floats:
     """A ring (k, 2) without corners that lie on the line of their neighbours within the reach."""
+    exact = True  # those on it to rounding go together, as on a grid nearly all do
     while len(points) > 3:
         before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
         chord = after - before
@@ -104,6 +144,11 @@ def _straightened(points: Floats, reach: float) -> Floats:
         idle = off <= reach
         if not idle.any():
             return points
+        if exact:
+            exact, told = False, off <= _SNAP * reach
+            if 3 <= len(points) - int(told.sum()) < len(points):
+                points = points[~told]
+                continue
         # one at a time where neighbours are idle both, the flattest first
         kept = np.ones(len(points), dtype=bool)
         kept[int(np.argmin(np.where(idle, off, np.inf)))] = False

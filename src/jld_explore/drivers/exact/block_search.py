@@ -71,23 +71,27 @@ class BlockSearch:
         self._seen: set[bytes] = set()
         self._blunt = 0
 
-    def start(self, least: float, root: float) -> None:
-        """Begin a tree where there is to be one. least, root: scaled λ to reach, and bound."""
+    def start(self, least: float, root: float) -> float:
+        """Begin a tree where there is to be one, and bound all labellings by what stands at its root.
+
+        least, root: scaled λ to reach, and bound. Returns a bound, not above that one.
+        """
         blocks = self._blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
-            return
+            return root
         if not all(applies_to(analysis) for analysis in self._analyses):
-            return
-        near = self._relaxation.many and root - least <= _NEAR * abs(root)
+            return root
         listed = _LISTED * len(self._space.assembly.elements.free)
-        if self._wanted == "auto" and (near or len(blocks) > listed):
-            return
+        if self._wanted == "auto" and len(blocks) > listed:
+            return root
         each = [BlockRelaxation(analysis, blocks.members, blocks.inside) for analysis in self._analyses]
         required = self._space.assembly.required.tolist()
         self._choices = CaseBlockRelaxation(each, required) if self._space.assembly.cases else each[0]
         tree = BlockTree(self._choices, self._space, blocks, least, root)
-        if self._wanted == "on" or root - tree.root.bound >= _CLOSER * (root - least):
+        near = self._relaxation.many and root - least <= _NEAR * abs(root)
+        if self._wanted == "on" or (not near and root - tree.root.bound >= _CLOSER * (root - least)):
             self._tree = tree
+        return min(root, tree.root.bound)
 
     def abandon(self) -> None:
         """Give the tree up."""

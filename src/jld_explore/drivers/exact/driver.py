@@ -208,7 +208,8 @@ class Exact(Proving):
         if self._formula is None:
             if target is None:
                 self._lower(target, self._root())
-                self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
+                root = self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
+                self._lower(target, root * self._scale)
             self._begin(target)
         if self.found[target].proven:
             self._settle(target)
