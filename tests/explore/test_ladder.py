@@ -12,15 +12,16 @@ from jld_explore.drivers.exact.ladder import Ladder
 def test_without_a_bound_or_close_to_the_end_it_goes_all_the_way() -> None:
     assert Ladder(100).aim(math.inf, 0.5) == 0.5
     assert Ladder(100).aim(0.51, 0.5) == 0.5
+    assert Ladder(100).aim(0.75, 0.65) == 0.65
 
 
-def test_steps_are_a_part_of_the_bound_and_widen_where_they_are_quick() -> None:
+def test_steps_of_a_wide_gap_are_half_of_it_and_widen_where_they_are_quick() -> None:
     ladder = Ladder(100)
-    assert ladder.aim(0.75, 0.65) == pytest.approx(0.75 - 0.035 * 0.75)
+    assert ladder.aim(0.75, 0.25) == 0.5
     ladder.proven(90)
-    assert ladder.aim(0.72, 0.6) == pytest.approx(0.72 - 0.035 * 0.75)
+    assert ladder.aim(0.70, 0.3) == pytest.approx(0.45)
     ladder.proven(10)
-    assert ladder.aim(0.70, 0.5) == pytest.approx(0.70 - 1.5 * 0.035 * 0.75)
+    assert ladder.aim(0.70, 0.1) == pytest.approx(0.70 - 1.5 * 0.25)
 
 
 def test_a_step_that_takes_too_long_is_halved_and_has_more_patience() -> None:

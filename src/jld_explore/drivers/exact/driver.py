@@ -47,7 +47,7 @@ from jld_explore.space import SearchSpace, count_named, registered
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
-_PATIENCE: Final = (3000, 500)
+_PATIENCE: Final = (6000, 500)
 """Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
 
 
@@ -69,7 +69,7 @@ class Exact(Proving):
         seed: int = 0,
         aim: Aim = "best",
         *,
-        search: int = 30,
+        search: int = 20,
         by_blocks: ByBlocks = "auto",
         list_blocks: bool = True,
         step_after: int | None = None,

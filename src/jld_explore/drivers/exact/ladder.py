@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-_STEP: Final = 0.035
-"""First step down, beside the bound."""
+_NEAR: Final = 0.2
+"""Gap, beside the bound, up to which all of it is tried at once: steps on the way are a third more conflicts in all."""
 
-_QUARTER: Final = 0.25
-"""Or this part of the gap, where that is more."""
+_HALF: Final = 0.5
+"""First step of a wider gap, beside the gap."""
 
 _LAST: Final = 0.75
 """A step of this part of the gap or more goes all the way."""
@@ -38,7 +38,7 @@ class Ladder:
             return low
         gap = bound - low
         if self._step is None:
-            self._step = max(_STEP * abs(bound), _QUARTER * gap)
+            self._step = gap if gap <= _NEAR * abs(bound) else _HALF * gap
         return low if self._step >= _LAST * gap else bound - self._step
 
     def proven(self, conflicts: int) -> None:
