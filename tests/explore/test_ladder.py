@@ -13,6 +13,9 @@ def test_without_a_bound_or_close_to_the_end_it_goes_all_the_way() -> None:
     assert Ladder(100).aim(math.inf, 0.5) == 0.5
     assert Ladder(100).aim(0.51, 0.5) == 0.5
     assert Ladder(100).aim(0.75, 0.65) == 0.65
+    ladder = Ladder(100)
+    assert ladder.aim(0.5, 0.5 + 1e-9) == 0.5 + 1e-9  # nothing to be refuted says nothing of steps
+    assert ladder.aim(0.9, 0.5) == pytest.approx(0.7)
 
 
 def test_steps_of_a_wide_gap_are_half_of_it_and_widen_where_they_are_quick() -> None:

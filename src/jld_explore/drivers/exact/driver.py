@@ -95,7 +95,8 @@ class Exact(Proving):
         self._left = search * int(space.candidates.sum())
         self._incumbents = Incumbents(space, self._count)
         quick = self._relaxation is not None and self._relaxation.many
-        self._ladder = Ladder(step_after or _PATIENCE[not quick])
+        self._patience = step_after or _PATIENCE[not quick]
+        self._ladder = Ladder(self._patience)
         self._turns = Turns(quick=quick, never=search == 0)
         self._hunters: Hunters | None = None
         if self._relaxation is not None:
@@ -314,6 +315,7 @@ class Exact(Proving):
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)
         self._targets.remove(target)
+        self._ladder = Ladder(self._patience)
         if self._by_blocks is not None:
             self._by_blocks.abandon()
         if self._formula is not None:

@@ -37,6 +37,8 @@ class Ladder:
         if not math.isfinite(bound):
             return low
         gap = bound - low
+        if gap <= 0.0:
+            return low
         if self._step is None:
             self._step = gap if gap <= _NEAR * abs(bound) else _HALF * gap
         return low if self._step >= _LAST * gap else bound - self._step
