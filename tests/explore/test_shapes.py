@@ -73,7 +73,7 @@ def test_outlines_by_shared_edges_are_those_of_any_union(rows: list[str], monkey
     """Polygons that share whole edges against shapely's union of them; half a brick aside, edges are shared in part."""
     for step in (0.0, 0.4):
         cells = [
-            np.array([[x, y], [x + 1.0, y], [x + 1.0, y + 1.0], [x, y + 1.0]]) + [step * (row % 2), 0.0]
+            np.array([x + step * (row % 2), y]) + [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
             for row, line in enumerate(rows)
             for x, y, name in ((k, -row, name) for k, name in enumerate(line))
             if name == "a"
