@@ -71,9 +71,10 @@ def test_blocks_cut_otherwise_have_one_shape() -> None:
 )
 def test_outlines_by_shared_edges_are_those_of_any_union(rows: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Polygons that share whole edges against shapely's union of them; half a brick aside, edges are shared in part."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     for step in (0.0, 0.4):
         cells = [
-            np.array([x + step * (row % 2), y]) + [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            np.array([x + step * (row % 2), y]) + square
             for row, line in enumerate(rows)
             for x, y, name in ((k, -row, name) for k, name in enumerate(line))
             if name == "a"
