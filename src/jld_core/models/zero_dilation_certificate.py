@@ -19,7 +19,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Bools, Floats
 from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import (
@@ -61,14 +61,16 @@ class Certifier:
         # velocities whose products equilibrium is not taken off, (3n + m,)
         self.alone = np.zeros(modes.rates.shape[1], dtype=bool)
         self.sign_free = np.append(region.held, [False, False])
-        self._change: Any = None
+        # what rows are divided by, and multipliers of rows times b_λ·u
+        self.largest = abs(self.facts * self.size).max(axis=1)
+        self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
         """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
         over, live = BinaryFractions.of(cut(multipliers.over)), BinaryFractions.of(cut(multipliers.live[:, None]))
         bound = BinaryFractions.of(cut(np.array([[multipliers.bound]])))
         over.values[:, self.region.closed] = 0
-        correct, largest = None, abs(self.facts * self.size).max(axis=1)
+        correct: Any = None
         proven, slack = -math.inf, self.slack
         last, idle = math.inf, 0
         for _ in range(_ROUNDS):
@@ -87,8 +89,8 @@ class Certifier:
                 break
             if correct is None:
                 near, price = over.floats(), live.floats()[:, 0]
-                over.values[~self.free & (near * largest[:, None] < _GONE)] = 0
-                live.values[~self.sign_free & (price * largest[:-1] < _GONE)] = 0
+                over.values[~self.free & (near * self.largest[:, None] < _GONE)] = 0
+                live.values[~self.sign_free & (price * self.prices < _GONE)] = 0
                 rest = self._settled(over, live, bound, slack)
                 correct = self._correction(near, price)
             change = correct(rest)
@@ -106,7 +108,7 @@ class Certifier:
         Forces are taken as shares of the largest there can be, and rows by the largest of their numbers, so that all
         that is compared is of order one; small multipliers change in proportion.
         """
-        largest = abs(self.facts * self.size).max(axis=1)
+        largest = self.largest
         facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(self.modes.rates @ self.motions)
         live = self.modes.live_rate @ self.motions
         weight = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / _FREE, 1.0))
@@ -118,7 +120,7 @@ class Certifier:
         last = np.append(g, len(facts) - 1)
         by_live = products(facts, live[None], last, np.zeros(len(last), dtype=np.int64))
         rows = sp.vstack([products(facts, rates, i, j), by_live], format="csr")
-        solve = _least_change(rows, np.concatenate([weight[i, j], dear[g], [1.0]]))
+        solve = least_change(rows, np.concatenate([weight[i, j], dear[g], [1.0]]))
         scales = 1.0 / np.concatenate([largest[i], largest[last]])
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
@@ -135,20 +137,9 @@ class Certifier:
 
     def _settled(self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float) -> Floats:
         """R (3m + 2, 3n + m): what is left of the identity once Q and Ψ have taken off it what they can, twice."""
-        modes = self.modes
-        rates, statics = _exact_rates(modes), BinaryFractions.of(modes.statics)
-        closed = rates.rows(self.region.closed)
+        rates = _exact_rates(self.modes)
         lacking = self._lacking(over, live, bound, slack, rates)
-        by_statics = np.linalg.pinv(modes.statics.T, rcond=1e-12)
-        by_closed = np.linalg.pinv(modes.rates[self.region.closed], rcond=1e-12) if len(closed.values) else None
-        for turn in (1, 2):
-            rest = lacking.floats()
-            rest[:, self.alone] = 0.0
-            q = BinaryFractions.of(cut(by_statics @ rest, turn * BITS))
-            lacking = lacking - statics.transposed() @ q
-            if by_closed is not None:
-                lacking = lacking - BinaryFractions.of(cut(lacking.floats() @ by_closed, turn * BITS)) @ closed
-        return lacking.floats()
+        return taken_off(lacking, self.modes.statics, rates.rows(self.region.closed), self.alone)
 
     def _lacking(
         self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float, rates: BinaryFractions
@@ -168,12 +159,29 @@ class Certifier:
         return total - cost.times(slack) - facts.transposed() @ (over @ rates)
 
 
+def taken_off(lacking: BinaryFractions, statics: Floats, still: BinaryFractions, alone: Bools) -> Floats:
+    """A form in Φ and w less what products with equilibrium, K Φ = 0, and with velocities that are zero take off it.
+
+    statics: K. still: (e, w) forms of w that are zero. alone: (w,) velocities without products with equilibrium.
+    """
+    exact, by_statics = BinaryFractions.of(statics), np.linalg.pinv(statics.T, rcond=1e-12)
+    by_still = np.linalg.pinv(still.floats(), rcond=1e-12) if len(still.values) else None
+    for turn in (1, 2):
+        rest = lacking.floats()
+        rest[:, alone] = 0.0
+        q = BinaryFractions.of(cut(by_statics @ rest, turn * BITS))
+        lacking = lacking - exact.transposed() @ q
+        if by_still is not None:
+            lacking = lacking - BinaryFractions.of(cut(lacking.floats() @ by_still, turn * BITS)) @ still
+    return lacking.floats()
+
+
 def clean(table: Floats) -> Floats:
     """Numbers of order one without those that are rounding."""
     return np.where(abs(table) < 1e-11, 0.0, table)
 
 
-def _least_change(rows: Any, share: Floats) -> Any:
+def least_change(rows: Any, share: Floats) -> Any:
     """Target → least weighted change of multipliers with rowsᵀ change = target, nearly: by refined normal equations."""
     weighted = sp.csr_array(sp.diags_array(share) @ rows)
     normal = sp.csc_array(weighted.T @ weighted)

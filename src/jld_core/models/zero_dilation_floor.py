@@ -18,9 +18,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.mechanics import PrescribedFriction
 from jld_core.models.zero_dilation_blocks import BlockCertifier, multipliers_in_blocks
 from jld_core.models.zero_dilation_certificate import Certifier
+from jld_core.models.zero_dilation_frozen import frozen_friction
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import Region, Relaxed, relax
 from jld_core.models.zero_dilation_statics import Statics, reach
@@ -40,7 +40,6 @@ _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is
 _LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
 _STALL: Final = 0.05  # share of the distance that a sweep must win, else rows are added or the region is branched
 _TRUSTED: Final = 1e-7  # what an unproven bound is lowered by, relative: more than the solver's own tolerance
-_CHEAP: Final = 8  # rounds of frozen friction
 _BLOCKS: Final = 25  # faces from which one program by blocks is tried first
 _DEPTH: Final = 6  # branches above one another
 
@@ -143,26 +142,18 @@ class FloorSearch:
 
     def _frozen(self, bounds: _Bounds, none: Bools) -> _Bounds:
         """λ with friction frozen at the least N of each face: every solution has more, and it rises with them."""
-        base = self.analysis.template.yield_set.associative
-        for turn in range(_CHEAP):
-            statics = Statics(self.modes, bounds.proven, self._above(bounds.proven), none, self._size)
-            least = np.zeros(self.modes.faces)
-            for face in range(self.modes.faces):
-                pressed = np.zeros(self.modes.matrix.shape[1] + 2)
-                pressed[3 * face] = 1.0
-                least[face] = statics.least(pressed)
+
+        def least(low: float) -> Floats:
+            statics = Statics(self.modes, low, self._above(low), none, self._size)
             self.programs += self.modes.faces
-            template = self.analysis.template.renumbered(PrescribedFriction(base, 0.0, least))
-            known = LimitAnalysis(
-                self.analysis.assembly, template=template, gap=self.analysis.gap, reference=self.labels
-            )
-            proof = known.prove(self.labels)
-            self.programs += proof.solves
-            gained = proof.low - bounds.proven
-            if not gained > _STALL * (self.ceiling - bounds.proven):
+            return np.array([statics.least(row) for row in np.eye(self.modes.matrix.shape[1] + 2)[:-2:3]])
+
+        for turn, (low, solves) in enumerate(frozen_friction(self.analysis, self.labels, least), start=1):
+            self.programs += solves
+            if not low - bounds.proven > _STALL * (self.ceiling - bounds.proven):
                 break
-            bounds = bounds.with_(proof.low, proof.low)
-            self.route.append(f"frozen friction {turn + 1}")
+            bounds = bounds.with_(low, low)
+            self.route.append(f"frozen friction {turn}")
             if self._met(bounds.proven):
                 break
         return bounds

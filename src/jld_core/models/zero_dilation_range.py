@@ -14,6 +14,9 @@ from jld_core.models.zero_dilation_floor import Floor, FloorSearch
 from jld_core.models.zero_dilation_found import FromEverySide
 from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_search import Scheme
+from jld_core.models.zero_dilation_space import space_modes_of
+from jld_core.models.zero_dilation_space_floor import SpaceFloorSearch
+from jld_core.models.zero_dilation_starts import certified
 
 _TRIED: Final = 3  # states of the relaxation that are walked on from
 
@@ -32,8 +35,8 @@ def load_range(
     further step of the bound begins; 0 leaves the bound out. enough: λ, scene units: once a solution is found at or
     below it the search ends. The proof is that of the lowest solution found; `extra` also holds `lowest_found` and
     `highest_found` (λ, None where no solution was certified), `solutions_found`, `highest` (the evidence of the
-    highest: λ, violation, dilation, gap, forces, mechanism) and of the bound, planar scenes without crushing,
-    cohesion of dry faces or friction of inner ones:
+    highest: λ, violation, dilation, gap, forces, mechanism) and of the bound, of scenes without crushing, effective
+    areas, cohesion of dry faces or friction of inner ones:
 
     - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None where
       there is none above zero.
@@ -68,10 +71,12 @@ def load_range(
 def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: float) -> Floor | None:
     """The bound; solutions that its relaxations lead to are taken in."""
     found, modes = side.found, side.modes
-    if found.lowest is None or modes is None or not seconds > 0.0:
+    if found.lowest is None or not seconds > 0.0 or side.pairs.scheme.effective_area:
         return None
     if side.pairs.base.rough or side.pairs.base.cohesive:
         return None  # its certificates were derived for friction of dry faces alone
+    if modes is None:
+        return _space_floor(analysis, labels, side, seconds)
 
     def offer(states: Floats) -> float:
         for state in states[:_TRIED]:
@@ -80,6 +85,22 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
         return found.lowest.state.load
 
     return FloorSearch(analysis, labels, modes, found.lowest.state.load, seconds, offer).search()
+
+
+def _space_floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: float) -> Floor | None:
+    """The same in space, where states of the relaxation often are solutions that no other start leads to."""
+    found, modes = side.found, space_modes_of(analysis.template, labels)
+    if modes is None:
+        return None
+
+    def offer(states: Floats) -> float:
+        for state in states[:_TRIED]:
+            found.offer(certified(side.pairs, state))
+        for state in states[:1]:
+            side.search_from(state[:-1], thorough=False)
+        return found.low
+
+    return SpaceFloorSearch(analysis, labels, modes, found.low, seconds, offer).search()
 
 
 def _of_floor(floor: Floor | None, load: float) -> dict[str, Any]:

@@ -7,23 +7,48 @@ the largest forces there can be, and those are bounded in the same way first.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_modes import Modes
 from jld_core.solvers import LinearRows
 
 _SUMS: Final = 1e-13  # rounding of a sum of a few hundred products, relative to the sum of their sizes
-_MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does not move
-_SEEN: Final = 1e-8  # slack of some state below which it need not be asked
+MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does not move
+SEEN: Final = 1e-8  # slack of some state below which it need not be asked
+
+
+class LinearForces(Protocol):
+    """Forces under linear rows, planar or spatial with polygons of friction: `Modes`, `SpaceModes`.
+
+    matrix: A. dead, live: b, b_λ. rows, constants: C, d with y = C F + d. slacks: y of (F, λ, 1). capacities: (m, ·)
+    what friction or shear strength carries, of (F, λ, 1). faces: m.
+    """
+
+    @property
+    def matrix(self) -> Floats: ...
+    @property
+    def dead(self) -> Floats: ...
+    @property
+    def live(self) -> Floats: ...
+    @property
+    def rows(self) -> Floats: ...
+    @property
+    def constants(self) -> Floats: ...
+    @property
+    def slacks(self) -> Floats: ...
+    @property
+    def capacities(self) -> Floats: ...
+    @property
+    def faces(self) -> int: ...
+    def of(self, forces: Floats) -> Floats: ...
 
 
 class Statics:
     """A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high; held: (4m,) rows that are equations."""
 
-    def __init__(self, modes: Modes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
+    def __init__(self, modes: LinearForces, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
         self.modes, self.low, self.high, self.held = modes, low, high, held
         self._size = size
         count, columns = modes.rows.shape
@@ -74,10 +99,10 @@ class Statics:
         found, seen = np.zeros(len(modes.rows), dtype=bool), np.where(self.held, 0.0, np.inf)
         slacks = modes.slacks
         for mode in range(len(modes.rows)):
-            if seen[mode] > _SEEN:
+            if seen[mode] > SEEN:
                 answer = self._rows.minimise(slacks[mode, :-1])
                 seen = np.minimum(seen, modes.of(answer.point[:-1])) if answer.found else seen
-                found[mode] = answer.found and seen[mode] > _MOVES_NOT and self.least(slacks[mode]) > _MOVES_NOT / 2
+                found[mode] = answer.found and seen[mode] > MOVES_NOT and self.least(slacks[mode]) > MOVES_NOT / 2
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:

@@ -1,0 +1,296 @@
+"""Spatial collapse without dilation, relaxed to products of linear forms, scaled: docs/method.md (4.9).
+
+A solution is forces F and λ, velocities u, and per face weights of its bending rows and a rate of slip t, with
+
+    A F + b + λ b_λ = 0,   b_λ·u = 1,   J = Aᵀu = (δ, s, θ, ω)
+    y_e = N + σtA − c_e·m ≥ 0,   (δ, θ) = Σ_e z_e (1, −c_e),   z_e ≥ 0,   y_e z_e = 0          one e per row of bending
+    |V| + |mT| ≤ C = μN (inner: τA),   t ≥ |s|,   t ≥ |ω|,   C t + V·s + mT ω = 0             each face that rubs
+
+(δ, θ) opens over edges where the resultant stands, V opposes s at full friction where the face slides, and sliding
+opens nothing. The equation that couples friction and slip is linear in products and kept as it is, with V × s = 0,
+which follows from it. Only the two circles give way to polygons around them, with unit directions d:
+
+    C ∓ mT − d·V ≥ 0,   t − d·s ≥ 0,   t ∓ ω ≥ 0
+
+so that every solution satisfies what is asked, and a bound of all that does bounds the solutions. The price is a rate
+of dissipation C t that may fall short of C |s| by 1 − cos(half the angle between directions), nothing where s is
+along one of them; directions may be added at will.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.mechanics import SpatialYield
+from jld_core.program import Template
+
+AXES: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+"""Directions that every face has; |V1| and |V2| are bounded by them."""
+
+_Entries = list[tuple[int, int, float]]
+_DIGITS: Final = 2.0**50  # binary places
+_SAME: Final = 1e-4  # radians within which a direction is there already
+
+
+@dataclass(frozen=True)
+class Forms:
+    """Bilinear forms Σ number · Φ_state · J_motion over their entries; which: the form that each entry belongs to."""
+
+    count: int
+    which: Ints
+    state: Ints
+    motion: Ints
+    number: Floats
+
+    def table(self, form: int, shape: tuple[int, int]) -> Any:
+        """One of them, sparse."""
+        own = self.which == form
+        return sp.csr_array((self.number[own], (self.state[own], self.motion[own])), shape=shape)
+
+
+@dataclass(frozen=True)
+class Way:
+    """A face that slides one way or not at all: sign · (s1, s2 or ω) ≥ 0, and what friction says against it ≤ 0.
+
+    component: 0, 1, 2 for s1, s2, ω. Every solution has one sign or the other.
+    """
+
+    face: int
+    component: int
+    sign: float
+
+
+@dataclass(frozen=True)
+class SpaceModes:
+    """One labelling of one spatial assembly, nothing of it crushing, with polygons in the place of circles.
+
+    matrix: A (6n, q) of the q resultants that are not zero throughout. dead, live: b, b_λ (6n,). rows, constants: C
+    (k, q) and d (k,), y = C F + d ≥ 0, bending of all faces first, then friction. motions: (j, w) J of w = (u, z, t):
+    the jumps of those resultants, then z, then t. rates: (l, j) of J, ≥ 0, the bending modes z first, then slides.
+    ties: (e, j) of J, = 0. coupled: forms in (F, λ, 1) and J, = 0. cost: one form. bending: how many rows bend, each
+    with the mode of its number. face: (k,) of rows; mode_face: (l,) of rates. columns: (m, 6) of the resultants, −1
+    where there is none. extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,) σtA. capacities: (m, q + 2) C of
+    (F, λ, 1). slip: (m,) place of t in J, −1. directions: of each face. near: (m, m) faces that meet at an element.
+    """
+
+    matrix: Floats
+    dead: Floats
+    live: Floats
+    rows: Floats
+    constants: Floats
+    motions: Floats
+    rates: Floats
+    ties: Floats
+    coupled: Forms
+    cost: Forms
+    bending: int
+    face: Ints
+    mode_face: Ints
+    columns: Ints
+    extent: Floats
+    tension: Floats
+    capacities: Floats
+    slip: Ints
+    directions: tuple[Floats, ...]
+    near: Bools
+
+    @property
+    def faces(self) -> int:
+        """m"""
+        return len(self.columns)
+
+    @property
+    def statics(self) -> Floats:
+        """K (6n, q + 2): K (F, λ, 1) = 0 is equilibrium."""
+        return np.column_stack([self.matrix, self.live, self.dead])
+
+    @property
+    def slacks(self) -> Floats:
+        """(k, q + 2): y of (F, λ, 1)."""
+        return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
+
+    @property
+    def live_rate(self) -> Floats:
+        """(w,): b_λ·u."""
+        return np.concatenate([self.live, np.zeros(self.motions.shape[1] - len(self.live))])
+
+    def of(self, forces: Floats) -> Floats:
+        """y (k,) of scaled forces (q,)."""
+        return np.asarray(self.rows @ forces + self.constants)
+
+
+def space_modes_of(
+    template: Template, labels: Bits, directions: tuple[Floats, ...] | None = None, ways: tuple[Way, ...] = ()
+) -> SpaceModes | None:
+    """The relaxed problem of a labelling; None where it is not one of linear rows: planar, crushing, frozen areas.
+
+    directions: of each face, (k, 2), |d| ≤ 1, `AXES` among them; default those alone. ways: of solutions that slide so.
+    """
+    sets = template.yield_set
+    if not isinstance(sets, SpatialYield):
+        return None
+    dry = sets.is_dry(labels)
+    if np.isfinite(np.where(dry, sets.crush_dry, sets.crush_inner)).any():
+        return None
+    return _Sheet(template, sets, labels, directions or (AXES,) * len(labels)).modes(ways)
+
+
+class _Sheet:
+    """Collects rows, rates, ties and forms face by face."""
+
+    def __init__(self, template: Template, sets: SpatialYield, labels: Bits, directions: tuple[Floats, ...]) -> None:
+        self.template, self.sets, self.labels, self.directions = template, sets, labels, directions
+        active = sets.active(labels)
+        self.kept = np.flatnonzero(active.ravel())
+        columns = np.full(active.size, -1, dtype=np.int64)
+        columns[self.kept] = np.arange(len(self.kept))
+        self.columns = columns.reshape(active.shape)
+        self.dry = sets.is_dry(labels)
+        self.of_face = sets.bending.face
+        self.rubs = np.flatnonzero(self.columns[:, 1] >= 0)
+        q, bends = len(self.kept), len(self.of_face)
+        self.slip = np.full(len(labels), -1, dtype=np.int64)
+        self.slip[self.rubs] = q + bends + np.arange(len(self.rubs))
+        self.width = q + bends + len(self.rubs)
+        self.coupled: list[_Entries] = []
+        self.costs: _Entries = []
+
+    def modes(self, ways: tuple[Way, ...]) -> SpaceModes:
+        sets, q, template = self.sets, len(self.kept), self.template
+        corner = np.where(self.dry[self.of_face, None], sets.bending.dry, sets.bending.inner)
+        tension = np.where(self.dry, 0.0, sets.tension)
+        rows, constants, ties = self._bending(corner, tension)
+        capacity = np.zeros((len(self.labels), q + 2))
+        capacity[self.rubs, self.columns[self.rubs, 0]] = sets.friction_of(self.labels)[self.rubs]
+        capacity[:, -1] = sets.cohesion_of(self.labels)
+        rates, owners, faces = list(np.eye(self.width)[q : q + len(rows)]), list(self.of_face), list(self.of_face)
+        more: list[Floats] = []
+        for face in self.rubs.tolist():
+            above, slides = self._friction(face, capacity[face])
+            more += above
+            rates += slides
+            owners += [face] * len(above)
+            faces += [face] * len(slides)
+            self._couple(face, capacity[face])
+        for way in ways:
+            column = int(self.columns[way.face, (1, 2, 5)[way.component]])
+            against, rate = np.zeros(q + 2), np.zeros(self.width)
+            against[column], rate[column] = -way.sign, way.sign
+            more.append(against)
+            rates.append(rate)
+            owners.append(way.face)
+            faces.append(way.face)
+        for row in range(len(rows)):
+            self.costs.append((q + 1, q + row, 1.0))
+        friction = np.array(more).reshape(len(more), q + 2)
+        matrix = np.asarray(template.matrix.toarray())[:, self.kept]
+        extra = self.width - q
+        motions = np.block([[matrix.T, np.zeros((q, extra))], [np.zeros((extra, matrix.shape[0])), np.eye(extra)]])
+        pair, near = template.assembly.interfaces, np.eye(len(self.labels), dtype=bool)
+        for element in range(len(template.assembly.elements)):
+            own = (pair.a == element) | (pair.b == element)
+            near |= np.outer(own, own)
+        corners = np.where(self.dry[self.of_face, None], sets.bending.dry_corners, sets.bending.inner_corners)
+        extent = np.zeros(len(self.labels))
+        np.maximum.at(extent, self.of_face, np.where(sets.point[self.of_face], 0.0, abs(corners).max(axis=1)))
+        return SpaceModes(
+            matrix=matrix,
+            dead=template.dead,
+            live=template.live,
+            rows=np.vstack([rows, friction[:, :q]]),
+            constants=np.concatenate([constants, friction[:, -1]]),
+            motions=motions,
+            rates=np.array(rates),
+            ties=ties,
+            coupled=_forms(self.coupled),
+            cost=_forms([self.costs]),
+            bending=len(rows),
+            face=np.array(owners, dtype=np.int64),
+            mode_face=np.array(faces, dtype=np.int64),
+            columns=self.columns,
+            extent=extent,
+            tension=tension,
+            capacities=capacity,
+            slip=self.slip,
+            directions=self.directions,
+            near=near,
+        )
+
+    def _bending(self, corner: Floats, tension: Floats) -> tuple[Floats, Floats, Floats]:
+        """Rows N + σtA − c·m, and what ties z to the jumps: (δ, θ) − Σ z (1, −c) = 0."""
+        q = len(self.kept)
+        rows, ties = np.zeros((len(corner), q)), list[Floats]()
+        for face in range(len(self.labels)):
+            own = np.flatnonzero(self.of_face == face)
+            n, one, two = self.columns[face, [0, 3, 4]]
+            rows[own, n] = 1.0
+            tie = np.zeros(self.width)
+            tie[n], tie[q + own] = 1.0, -1.0
+            ties.append(tie)
+            for k, moment in enumerate((one, two)):
+                if moment >= 0:
+                    rows[own, moment] = -corner[own, k]
+                    tie = np.zeros(self.width)
+                    tie[moment], tie[q + own] = 1.0, corner[own, k]
+                    ties.append(tie)
+        return rows, tension[self.of_face], np.array(ties)
+
+    def _friction(self, face: int, capacity: Floats) -> tuple[list[Floats], list[Floats]]:
+        """Rows C ∓ mT − d·V of (F, λ, 1), and rates t − d·s, t ∓ ω of J."""
+        one, two, twist = self.columns[face, [1, 2, 5]]
+        rows, rates = [], []
+        for d in self.directions[face]:
+            for sign in (1.0, -1.0) if twist >= 0 else (0.0,):
+                row = capacity.copy()
+                row[one], row[two] = -d[0], -d[1]
+                if twist >= 0:
+                    row[twist] = -sign
+                rows.append(row)
+            rate = np.zeros(self.width)
+            rate[self.slip[face]], rate[one], rate[two] = 1.0, -d[0], -d[1]
+            rates.append(rate)
+        for sign in (1.0, -1.0) if twist >= 0 else ():
+            rate = np.zeros(self.width)
+            rate[self.slip[face]], rate[twist] = 1.0, -sign
+            rates.append(rate)
+        return rows, rates
+
+    def _couple(self, face: int, capacity: Floats) -> None:
+        """What couples friction and slip, and C t as a cost."""
+        one, two, twist = (int(c) for c in self.columns[face, [1, 2, 5]])
+        t = int(self.slip[face])
+        work = [(column, column, 1.0) for column in (one, two, twist) if column >= 0]
+        held = [(state, t, float(capacity[state])) for state in np.flatnonzero(capacity).tolist()]
+        self.costs += held
+        self.coupled += [[*held, *work], [(one, two, 1.0), (two, one, -1.0)]]
+
+
+def _forms(entries: list[_Entries]) -> Forms:
+    flat = [(which, *entry) for which, own in enumerate(entries) for entry in own]
+    which, state, motion = (np.array([e[k] for e in flat], dtype=np.int64) for k in range(3))
+    return Forms(len(entries), which, state, motion, np.array([e[3] for e in flat], dtype=np.float64))
+
+
+def unit_direction(way: Floats) -> Floats:
+    """A direction (2,) with |d| ≤ 1 in its very digits, and all but one."""
+    return np.asarray(np.trunc(way / np.hypot(*way) * _DIGITS) / _DIGITS * (1.0 - 4.0 / _DIGITS))
+
+
+def with_direction(directions: Floats, way: Floats) -> Floats:
+    """Directions of a face with ± one more (2,), where they are not there already."""
+    for sign in (1.0, -1.0):
+        d = unit_direction(sign * way)
+        if float((directions @ d).max()) < np.cos(_SAME):
+            directions = np.vstack([directions, d])
+    return directions
+
+
+def widest(directions: Floats) -> float:
+    """The largest angle between neighbouring directions."""
+    angles = np.sort(np.arctan2(directions[:, 1], directions[:, 0]))
+    return float(np.diff(np.append(angles, angles[0] + 2.0 * np.pi)).max())

@@ -1,0 +1,246 @@
+"""The bound below every spatial solution without dilation: cubes in closed form, parity with the plane, certificates.
+
+A unit cube pushed by λ times its weight slides at μ, and topples at b/h over the cosine between the push and the normal
+of its edge. Where a polygon stands for the circle of friction, the rate of slip may fall short of |s|, and the bound of
+the products alone with it: by cos 45° for a square and a push along its diagonal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+from studies.families import halved_bond
+
+from cases_spatial import assembly as spatial
+from cases_spatial import box
+from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene, solve
+from jld_core.arrays import Floats
+from jld_core.models import Scheme
+from jld_core.models.zero_dilation_found import FromEverySide
+from jld_core.models.zero_dilation_products import Region
+from jld_core.models.zero_dilation_space import AXES, SpaceModes, space_modes_of, unit_direction, widest, with_direction
+from jld_core.models.zero_dilation_space_certificate import SpaceCertifier
+from jld_core.models.zero_dilation_space_floor import SpaceFloorSearch
+from jld_core.models.zero_dilation_space_products import SpaceRelaxed, relax_space
+from jld_core.models.zero_dilation_space_statics import SpaceStatics, space_reach
+from paths import SCENES
+
+GROUND = box("ground", [-3.0, -3.0, -0.5], [9.0, 3.0, 0.0], support=True)
+
+
+def cubes(count: int, friction: float, degrees: float, inner: bool = False) -> Assembly:
+    """Cubes on one another, pushed under an angle to x; inner: glued to one another."""
+    angle = np.radians(degrees)
+    elements = [GROUND, *(box(f"b{k}", [0, 0, k], [1, 1, k + 1]) for k in range(count))]
+    glued = {"labels": {"inner": [[f"b{k}", f"b{k + 1}"] for k in range(count - 1)]}} if inner else {}
+    return spatial(
+        elements,
+        materials={"dry": {"friction_coefficient": friction}},
+        live=[{"body": [float(np.cos(angle)), float(np.sin(angle)), 0.0]}],
+        **glued,
+    )
+
+
+def extruded(
+    bricks: int, courses: int, live: tuple[float, float, float] = (1.0, 0.0, 0.0), depth: float = 2.0
+) -> Assembly:
+    """`halved_bond` with a depth."""
+    elements = [GROUND]
+    for element in halved_bond(bricks, courses).elements[1:]:
+        low, high = np.min(element.polygon, axis=0), np.max(element.polygon, axis=0)
+        elements.append(box(element.id, [low[0], 0.0, low[1]], [high[0], depth, high[1]]))
+    return spatial(elements, materials={"dry": {"friction_coefficient": 0.65}}, live=[{"body": list(live)}])
+
+
+def program(
+    assembly: Assembly, directions: Floats = AXES, slack: float = 1e-8
+) -> tuple[SpaceModes, Region, SpaceStatics, SpaceRelaxed, SpaceCertifier, float]:
+    """The root program of a labelling with all rows, its certifier, and the scale of λ."""
+    analysis = LimitAnalysis(assembly)
+    high = 1.02 * analysis.prove(assembly.labels).bracket[1]
+    modes = space_modes_of(analysis.template, assembly.labels, (directions,) * len(assembly.labels))
+    assert modes is not None
+    none = np.zeros(len(modes.rows), dtype=bool)
+    statics = SpaceStatics(modes, 0.0, high, none)
+    reach = space_reach(statics)
+    assert reach is not None
+    region = Region(0.0, high, statics.closed(), none)
+    pairs = np.ones((len(modes.rows), len(modes.rates)), dtype=bool)
+    relaxed = relax_space(modes, region, statics.size, pairs, slack)
+    assert relaxed is not None
+    check = SpaceCertifier(modes, region, slack, statics.size, reach)
+    return modes, region, statics, relaxed, check, analysis.template.scaling.load
+
+
+def ends(assembly: Assembly, seconds: float = 30.0, **options: Any) -> dict[str, Any]:
+    extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds, **options).extra
+    assert extra["lowest_proven"] <= extra["lowest_found"] * (1.0 + 1e-9)
+    assert extra["lowest_found"] <= extra["highest_found"]
+    return extra
+
+
+@pytest.mark.parametrize(
+    ("count", "friction", "degrees", "value"),
+    [
+        (1, 0.3, 0.0, 0.3),
+        (1, 0.3, 37.0, 0.3),
+        (1, 1.5, 0.0, 1.0),
+        (1, 1.5, 30.0, 1.0 / np.cos(np.pi / 6)),
+        (2, 0.3, 20.0, 0.3),
+        (2, 0.7, 0.0, 0.5),
+        (3, 0.7, 0.0, 1.0 / 3.0),
+    ],
+)
+def test_cubes_slide_at_friction_and_topple_at_their_slenderness(
+    count: int, friction: float, degrees: float, value: float
+) -> None:
+    extra = ends(cubes(count, friction, degrees))
+    assert extra["proven"]
+    assert extra["closed"]
+    assert extra["lowest_proven"] == pytest.approx(value, rel=1e-6)
+    assert extra["lowest_found"] == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.parametrize("contact", ["convex", "concave"])
+def test_glued_cubes_topple_as_one(contact: str) -> None:
+    extra = ends(cubes(2, 0.7, 0.0, inner=True), contact=contact)
+    assert extra["closed"]
+    assert extra["lowest_proven"] == pytest.approx(0.5, rel=1e-6)
+
+
+# --- products alone -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_products_of_a_square_lose_what_its_diagonal_lets_slip(count: int) -> None:
+    """t ≥ max(|s1|, |s2|) = |s| cos 45°; with a direction along the slip nothing is lost."""
+    assembly = cubes(count, 0.3, 45.0)
+    _, _, _, relaxed, check, scale = program(assembly)
+    assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.3 * np.sqrt(0.5), rel=1e-6)
+    sharper = with_direction(AXES, np.array([1.0, 1.0]))
+    assert len(sharper) == 6
+    _, _, _, relaxed, check, scale = program(assembly, sharper)
+    assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.3, rel=1e-6)
+
+
+def test_products_alone_close_toppling_about_an_edge_and_the_given_cubes() -> None:
+    _, _, _, relaxed, check, scale = program(cubes(2, 0.7, 30.0))
+    assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.5 / np.cos(np.pi / 6), rel=1e-6)
+    _, _, _, relaxed, check, scale = program(build_assembly(load_scene(SCENES / "spatial_cubes.json")))
+    assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.3239796753, rel=1e-6)
+
+
+def test_directions_stay_within_the_circle() -> None:
+    rng = np.random.default_rng(0)
+    for way in rng.normal(size=(50, 2)):
+        d = unit_direction(way)
+        assert 1.0 - 1e-12 <= float(np.hypot(*d)) <= 1.0
+    assert widest(AXES) == pytest.approx(np.pi / 2)
+    assert len(with_direction(AXES, np.array([-2.0, 0.0]))) == 4
+
+
+# --- parity -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_wall_with_a_depth_has_the_bound_of_the_plane() -> None:
+    """The ground course slides at μ, as in test_zero_dilation_floor.py; space has more solutions, none lower."""
+    planar = solve(build_assembly(halved_bond(1, 2)), friction="zero-dilation", range=True).extra
+    extra = ends(extruded(1, 2))
+    assert extra["proven"]
+    assert extra["closed"]
+    assert extra["lowest_proven"] == pytest.approx(planar["lowest_proven"], rel=1e-6)
+    assert extra["lowest_proven"] <= planar["lowest_found"] * (1.0 + 1e-9)
+
+
+def test_a_wall_pushed_askew_goes_lower_than_any_start_of_the_search() -> None:
+    """Torsion takes friction off the joints: the relaxation's own forces are the lowest solution, and are certified."""
+    assembly = extruded(1, 2, live=(0.6, 0.8, 0.0), depth=1.0)
+    started = solve(assembly, friction="zero-dilation", range=True, floor_seconds=0.0).extra
+    extra = ends(assembly, seconds=60.0)
+    assert extra["closed"]
+    assert extra["proven"]
+    assert extra["lowest_found"] < 0.8 * started["lowest_found"]
+    assert extra["lowest_found"] == pytest.approx(0.2767675, rel=1e-5)
+
+
+# --- the relaxation and its certificate ------------------------------------------------------------------------------
+
+
+def product_of(modes: SpaceModes, side: FromEverySide) -> list[tuple[Floats, Floats]]:
+    """(F, λ, 1) and w of the solutions at both ends: z by least squares with z ≥ 0, t the rate of slip."""
+    out = []
+    for pair in (side.found.lowest, side.found.highest):
+        assert pair is not None
+        assert pair.motion is not None
+        kept = modes.columns.ravel() >= 0
+        phi = np.append(pair.state.forces.ravel()[kept], [pair.state.load, 1.0])
+        u, q, b = pair.motion.velocity, modes.rows.shape[1], modes.bending
+        jumps = modes.matrix.T @ u
+        z, left = nnls(-modes.ties[:, q : q + b], modes.ties[:, :q] @ jumps)
+        assert left <= 1e-8
+        slips = jumps[modes.columns[modes.slip >= 0][:, [1, 2, 5]]]
+        out.append((phi, np.concatenate([u, z, np.maximum(np.hypot(slips[:, 0], slips[:, 1]), abs(slips[:, 2]))])))
+    return out
+
+
+@pytest.mark.parametrize("live", [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0)])
+def test_true_solutions_obey_every_row_and_reach_no_further(live: tuple[float, float, float]) -> None:
+    assembly = extruded(1, 2, live)
+    analysis = LimitAnalysis(assembly)
+    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    side.search()
+    modes, region, statics, _, check, _ = program(assembly, with_direction(AXES, np.array([0.3, 1.0])))
+    size = statics.size
+    for phi, w in product_of(modes, side):
+        jumps, y = modes.motions @ w, modes.slacks @ phi
+        cost = float(phi @ modes.cost.table(0, (len(phi), len(jumps))) @ jumps)
+        assert cost > 0.0
+        assert y.min() >= -1e-9
+        assert (modes.rates @ jumps).min() >= -1e-8
+        assert abs(modes.ties @ jumps).max() <= 1e-8
+        assert abs((modes.rates @ jumps)[region.closed]).max(initial=0.0) <= 1e-6
+        assert np.max(y[: modes.bending] * w[len(modes.dead) : len(modes.dead) + modes.bending]) <= 1e-5 * cost
+        for form in range(modes.coupled.count):
+            table = modes.coupled.table(form, (len(phi), len(jumps)))
+            assert abs(float(phi @ table @ jumps)) <= 1e-4 * cost
+        assert np.all(abs(phi) <= size * (1.0 + 1e-9))
+        assert np.all(abs(w) <= check.reach * cost * (1.0 + 1e-9))
+
+
+def test_certificate_refuses_what_is_not_true() -> None:
+    _, _, _, relaxed, check, scale = program(extruded(1, 1))
+    true = check.bound(relaxed.multipliers)
+    assert true * scale == pytest.approx(0.65, rel=1e-6)
+    multipliers = relaxed.multipliers
+    for wrong in (
+        replace(multipliers, bound=multipliers.bound + 1e-3),
+        replace(multipliers, over=np.zeros_like(multipliers.over)),
+        replace(
+            multipliers, over=multipliers.over + np.random.default_rng(0).uniform(0.0, 1e-3, multipliers.over.shape)
+        ),
+        replace(multipliers, live=np.zeros_like(multipliers.live)),
+    ):
+        assert check.bound(wrong) * scale <= 0.65 * (1.0 + 1e-9)
+
+
+def test_what_has_no_bound() -> None:
+    """The plane has its own program; crushing and effective areas have none; large scenes the cheap bound alone."""
+    flat = build_assembly(halved_bond(1, 1))
+    assert space_modes_of(LimitAnalysis(flat).template, flat.labels) is None
+    crushed = spatial(
+        [GROUND, box("b", [0, 0, 0], [1, 1, 1])],
+        materials={"dry": {"friction_coefficient": 0.5, "compressive_strength": 50.0}},
+    )
+    assert space_modes_of(LimitAnalysis(crushed).template, crushed.labels) is None
+    extra = solve(cubes(1, 0.3, 0.0), friction="zero-dilation", range=True, effective_area=True).extra
+    assert extra["lowest_proven"] is None
+    row = spatial([GROUND, *(box(f"b{k}", [0.2 * k, 0, 0], [0.2 * (k + 1), 0.2, 0.2]) for k in range(12))])
+    analysis = LimitAnalysis(row)
+    modes = space_modes_of(analysis.template, row.labels)
+    assert modes is not None
+    floor = SpaceFloorSearch(analysis, row.labels, modes, analysis.prove(row.labels).bracket[1], 1.0).search()
+    assert floor.route[-1] == "no products: 23 faces"
