@@ -9,7 +9,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation_space import SpaceModes, widest
-from jld_core.models.zero_dilation_statics import MOVES_NOT, SEEN, Statics
+from jld_core.models.zero_dilation_statics import Statics
 
 _LEAST: Final = 1e-6  # friction, scaled, that is surely mobilised
 _SAME: Final = 1e-9  # part of a motion that counts as none
@@ -69,25 +69,16 @@ class SpaceStatics(Statics):
     def closed(self) -> Bools:
         """(l,) modes that cannot move: y > 0 in every state; slides where no state reaches the circle of friction."""
         modes = self.space
-        found = np.zeros(len(modes.rates), dtype=bool)
-        rubs = [face for face in range(modes.faces) if modes.slip[face] >= 0]
-        tables = [modes.slacks[: modes.bending], *(self._inside(face) for face in rubs)]
-        seen = [np.where(self.held[: modes.bending], 0.0, np.inf), *(np.full(len(t), np.inf) for t in tables[1:])]
-        for place, table in enumerate(tables):
-            for row in range(len(table)):
-                if place > 0 and min(seen[place]) <= SEEN:
-                    break
-                if seen[place][row] > SEEN:
-                    answer = self._rows.minimise(table[row, :-1])
-                    if answer.found:
-                        point = np.append(answer.point, 1.0)
-                        seen = [np.minimum(s, t @ point) for s, t in zip(seen, tables, strict=True)]
-                    sure = answer.found and seen[place][row] > MOVES_NOT and self.least(table[row]) > MOVES_NOT / 2
-                    seen[place][row] = np.inf if sure else min(seen[place][row], 0.0)
-        found[: modes.bending] = np.isposinf(seen[0])
-        for face, kept in zip(rubs, seen[1:], strict=True):
-            if np.isposinf(kept).all():
-                found[modes.bending :] |= modes.mode_face[modes.bending :] == face
+        rubs = np.flatnonzero(modes.slip >= 0)
+        inside = [self._inside(face) for face in rubs.tolist()]
+        forms = np.vstack([modes.slacks[: modes.bending], *inside])
+        asked = np.concatenate([~self.held[: modes.bending], np.ones(len(forms) - modes.bending, dtype=bool)])
+        sure = self.positive(forms, asked)
+        kept = np.split(sure[modes.bending :], np.cumsum([len(table) for table in inside])[:-1]) if inside else []
+        stuck = np.zeros(modes.faces, dtype=bool)
+        stuck[rubs] = [bool(own.all()) for own in kept]
+        found = np.asarray(stuck[modes.mode_face])
+        found[: modes.bending] = sure[: modes.bending]
         return found
 
     def _inside(self, face: int) -> Floats:

@@ -15,8 +15,8 @@ from jld_core.arrays import Bools, Floats
 from jld_core.solvers import LinearRows
 
 _SUMS: Final = 1e-13  # rounding of a sum of a few hundred products, relative to the sum of their sizes
-MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does not move
-SEEN: Final = 1e-8  # slack of some state below which it need not be asked
+_MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does not move
+_SEEN: Final = 1e-8  # slack of some state below which it need not be asked
 
 
 class LinearForces(Protocol):
@@ -95,14 +95,16 @@ class Statics:
 
     def closed(self) -> Bools:
         """(4m,) modes that cannot move, since y > 0 in every state."""
-        modes = self.modes
-        found, seen = np.zeros(len(modes.rows), dtype=bool), np.where(self.held, 0.0, np.inf)
-        slacks = modes.slacks
-        for mode in range(len(modes.rows)):
-            if seen[mode] > SEEN:
-                answer = self._rows.minimise(slacks[mode, :-1])
-                seen = np.minimum(seen, modes.of(answer.point[:-1])) if answer.found else seen
-                found[mode] = answer.found and seen[mode] > MOVES_NOT and self.least(slacks[mode]) > MOVES_NOT / 2
+        return self.positive(self.modes.slacks, ~self.held)
+
+    def positive(self, forms: Floats, asked: Bools) -> Bools:
+        """(k,) which of the asked forms (k, 3m + 2) of (F, λ, 1) are surely above zero in every state."""
+        found, seen = np.zeros(len(forms), dtype=bool), np.where(asked, np.inf, 0.0)
+        for row in range(len(forms)):
+            if seen[row] > _SEEN:
+                answer = self._rows.minimise(forms[row, :-1])
+                seen = np.minimum(seen, forms @ np.append(answer.point, 1.0)) if answer.found else seen
+                found[row] = answer.found and seen[row] > _MOVES_NOT and self.least(forms[row]) > _MOVES_NOT / 2
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
