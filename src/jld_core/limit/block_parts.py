@@ -1,4 +1,4 @@
-"""The possible blocks of a planar assembly, taken apart: what moves, and where its faces open or rub."""
+"""The possible blocks of an assembly, taken apart: what moves, and where its faces open or rub."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from jld_core.limit.bounds import Motion
 from jld_core.program import Template
 
 Q: Final = 3
-"""Equations of an element, and resultants of a face: these are planar assemblies."""
+"""Equations of an element, and resultants of a face, of planar assemblies; in space twice as many."""
 
 
 @dataclass(frozen=True)
 class BlockParts:
     """Struct of arrays over k parts (an element of a block), s sides (a part and a face around its block) and j joints
     (a face inside a block), of p blocks over n free elements and f faces between two of them; scaled as in `Template`.
+    q: equations of an element, 3, in space 6.
 
     part_block, part_element: (k,) block, and place among the free elements. side_part, side_face, side_block: (s,).
     side_shared: (s,) number of the side's face among those between free elements, −1 where a support lies behind.
-    sign: (s,) 1 where the part is element a of its face, −1 where it is b. arm: (s, 3, 3) what the face's resultants do
-    to the part. joint_block, joint_face: (j,). joint_a, joint_b: (j,) parts on either side, arm_a, arm_b: (j, 3, 3).
-    dead, live: (k, 3) loads on parts.
+    sign: (s,) 1 where the part is element a of its face, −1 where it is b. arm: (s, q, q) what the face's resultants do
+    to the part. joint_block, joint_face: (j,). joint_a, joint_b: (j,) parts on either side, arm_a, arm_b: (j, q, q).
+    dead, live: (k, q) loads on parts.
     """
 
     blocks: int
@@ -50,21 +51,22 @@ class BlockParts:
     live: Floats
 
     def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
-        """Half jumps (s, 3) at the sides and jumps (j, 3) at the joints, of parts (k, 3) and shared faces (f, 3)."""
-        still = np.vstack([wall, np.zeros((1, Q))])  # number −1: supports do not move
+        """Half jumps (s, q) at the sides and jumps (j, q) at the joints, of parts (k, q) and shared faces (f, q)."""
+        still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # number −1: supports do not move
         half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
         inner = np.einsum("kij,ki->kj", self.arm_a, velocity[self.joint_a])
         inner += np.einsum("kij,ki->kj", self.arm_b, velocity[self.joint_b])
         return half, inner
 
     def own(self, velocity: Floats) -> Floats:
-        """(s, 3) what a part's velocity adds to the jumps at its sides."""
+        """(s, q) what a part's velocity adds to the jumps at its sides."""
         return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
 
     def halved(self, motion: Motion) -> tuple[Floats, Floats]:
-        """A motion as velocities of parts (k, 3) and of shared faces (f, 3), each halfway between its two sides."""
-        velocity = motion.velocity.reshape(-1, Q)[self.part_element]
-        wall, known = np.zeros((self.shared, Q)), self.side_shared >= 0
+        """A motion as velocities of parts (k, q) and of shared faces (f, q), each halfway between its two sides."""
+        q = self.dead.shape[1]
+        velocity = motion.velocity.reshape(-1, q)[self.part_element]
+        wall, known = np.zeros((self.shared, q)), self.side_shared >= 0
         away = self.sign[:, None] * (0.5 * motion.jumps[self.side_face] - self.own(velocity))
         wall[self.side_shared[known]] = away[known]
         return velocity, wall
@@ -78,6 +80,7 @@ class BlockParts:
 def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
     """The parts of blocks. members: elements of each. inside: faces inside each."""
     assembly = template.assembly
+    q = assembly.freedoms
     free, faces = assembly.elements.free, assembly.interfaces
     place = np.full(len(assembly.elements), -1, dtype=np.int64)
     place[free] = np.arange(len(free))
@@ -113,23 +116,23 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
         side_block=part_block[side_part],
         side_shared=shared[side_face],
         sign=np.where(place[faces.a[side_face]] == part_element[side_part], 1.0, -1.0),
-        arm=_arms(matrix, part_element[side_part], side_face),
+        arm=_arms(matrix, part_element[side_part], side_face, q),
         joint_block=joint_block,
         joint_face=joint_face,
         joint_a=joint_a,
         joint_b=joint_b,
-        arm_a=_arms(matrix, part_element[joint_a], joint_face),
-        arm_b=_arms(matrix, part_element[joint_b], joint_face),
-        dead=template.dead.reshape(-1, Q)[part_element],
-        live=template.live.reshape(-1, Q)[part_element],
+        arm_a=_arms(matrix, part_element[joint_a], joint_face, q),
+        arm_b=_arms(matrix, part_element[joint_b], joint_face, q),
+        dead=template.dead.reshape(-1, q)[part_element],
+        live=template.live.reshape(-1, q)[part_element],
     )
 
 
-def _arms(matrix: sp.csr_array, element: Ints, face: Ints) -> Floats:
-    """A_eq (k, 3, 3) of elements (k,), by place among the free ones, and faces (k,)."""
+def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
+    """A_eq (k, q, q) of elements (k,), by place among the free ones, and faces (k,)."""
     if not len(element):
-        return np.zeros((0, Q, Q))
-    rows = (Q * element[:, None] + np.arange(Q))[:, :, None]
-    columns = (Q * face[:, None] + np.arange(Q))[:, None, :]
+        return np.zeros((0, q, q))
+    rows = (q * element[:, None] + np.arange(q))[:, :, None]
+    columns = (q * face[:, None] + np.arange(q))[:, None, :]
     rows, columns = np.broadcast_arrays(rows, columns)
-    return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, Q, Q)
+    return np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, q, q)

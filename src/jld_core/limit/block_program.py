@@ -12,7 +12,7 @@ from jld_core.limit.block_parts import BlockParts, Q
 from jld_core.mechanics import Wedge
 from jld_core.program import ConicProgram, pack
 
-_LEAST: Final = 0.5
+LEAST: Final = 0.5
 """Share of the threshold that the λ of every block must reach: nearer to one the relaxation is tighter, but then it
 has often no point at all, and proofs of that are worse than those of a low λ."""
 
@@ -28,11 +28,11 @@ class BlockProgram:
     """
 
     def __init__(self, parts: BlockParts, dry: Wedge, inner: Wedge) -> None:
-        self._parts, self._entries = parts, _Entries()
+        self._parts, self._entries = parts, Entries()
         self.stuck = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
         of_stuck, of_joint = parts.side_block[self.stuck], parts.joint_block
-        columns, rows = _Places(), _Places()
+        columns, rows = Places(), Places()
         self.x = columns.of(p)
         rays = columns.of(np.repeat(parts.side_block, 4)).reshape(-1, 4)
         bends = columns.of(np.repeat(of_joint, 3)).reshape(-1, 3)
@@ -113,12 +113,12 @@ class BlockProgram:
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
         """The program of the allowed blocks (p,) alone, and which rows and columns of the whole it has.
 
-        threshold, most: scaled λ; every block's own is sought between a share `_LEAST` of the one and the other.
+        threshold, most: scaled λ; every block's own is sought between a share `LEAST` of the one and the other.
         """
         row, column, value = self._table
         value = value.copy()
         value[self._most] = -most
-        value[self._least] = _LEAST * threshold
+        value[self._least] = LEAST * threshold
         keep = np.append(allowed, True)  # place −1: rows and columns of no block
         rows, columns = keep[self._row_block], keep[self._column_block]
         here = rows[row] & columns[column]
@@ -136,7 +136,7 @@ class BlockProgram:
         return program, np.flatnonzero(rows), np.flatnonzero(columns)
 
 
-class _Places:
+class Places:
     """Rows or columns of a table, given out in their order, each with the block it belongs to (−1: none)."""
 
     def __init__(self) -> None:
@@ -156,7 +156,7 @@ class _Places:
         return self.of(np.full(count, -1))
 
 
-class _Entries:
+class Entries:
     """Places and values of a sparse table, gathered in groups."""
 
     def __init__(self) -> None:
@@ -171,8 +171,8 @@ class _Entries:
         return slice(begin, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
-        """Columns (k,) with three values (k, 3) in three rows (k, 3)."""
-        self.add(rows.ravel(), np.repeat(column, Q), value.ravel())
+        """Columns (k,) with q values (k, q) in q rows (k, q)."""
+        self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def finished(self) -> tuple[Ints, Ints, Floats]:
         """Rows, columns and values of all of them."""

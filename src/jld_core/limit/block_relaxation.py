@@ -1,8 +1,9 @@
-"""Blocks that are not decided: what bounds λ over all ways to choose blocks that cover a planar assembly.
+"""Blocks that are not decided: what bounds λ over all ways to choose blocks that cover an assembly.
 
 Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one.
 The **relaxation by blocks** gives every block forces of its own: on the faces around it in x_p times the dry set, on
-those inside in x_p times the inner one (`YieldSet.wedge`), in equilibrium under x_p times its weight and its share of
+those inside in x_p times the inner one, as rays where faces are wedges (`BlockProgram`), else in the rows and cones of
+the yield sets (`ConeProgram`), in equilibrium under x_p times its weight and its share of
 λ; the forces on a face agree on both sides, and the shares agree on all elements (docs/method.md (6.5), (6.6)). It is
 much tighter than face by face (`relaxation`) where blocks are of a few elements, as it knows that a block is one body.
 
@@ -27,10 +28,11 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_cones import ConeProgram
+from jld_core.limit.block_faces import BlockFaces, FacesOfSets
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
 from jld_core.limit.bounds import usable
-from jld_core.mechanics import Wedge
 from jld_core.solvers import ClarabelSolver, Solver
 
 _RESIDUAL: Final = 1e-7
@@ -80,16 +82,26 @@ class BlockRelaxation:
     def __init__(
         self, analysis: LimitAnalysis, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]
     ) -> None:
-        opening = analysis.interior.opening()
-        if not applies_to(analysis) or opening is None:
+        if not applies_to(analysis):
             raise TypeError("no relaxation by blocks is known of this assembly")
         self.template = analysis.template
-        self._dry, self._inner = _wedges(analysis)
         self.solves = 0
         self._parts = block_parts(analysis.template, members, inside)
-        self._states = BlockProgram(self._parts, self._dry, self._inner)
-        self._opening = self._parts.halved(opening)
-        self._opening_margin = self._margin(*self._opening)
+        self._dry: BlockFaces
+        self._inner: BlockFaces
+        self._states: BlockProgram | ConeProgram
+        dry, inner = (analysis.template.yield_set.wedge(label) for label in (True, False))
+        if dry is None or inner is None:
+            self._dry, self._inner = (FacesOfSets.of(analysis.template, dry=label) for label in (True, False))
+            self._states = ConeProgram(analysis.template, self._parts)
+        else:
+            self._dry, self._inner = dry, inner
+            self._states = BlockProgram(self._parts, dry, inner)
+        strong = self._dry.strength(self._parts.side_face)
+        self._stuck = np.flatnonzero(strong > 0.0)
+        opening = analysis.interior.opening()
+        self._opening = None if opening is None else self._parts.halved(opening)
+        self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the motion that opens all faces does not open them on both sides")
         self._quick = ClarabelSolver(_RESIDUAL)
@@ -151,6 +163,8 @@ class BlockRelaxation:
         velocity, wall = dual[states.balance], dual[states.agree]
         margin = self._margin(velocity, wall, allowed)
         if margin < 0.0:
+            if self._opening is None:
+                return None
             more = -1.01 * margin / self._opening_margin
             velocity, wall = velocity + more * self._opening[0], wall + more * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:
@@ -159,17 +173,16 @@ class BlockRelaxation:
         live = self._sums((parts.live * velocity).sum(axis=1), parts.part_block)
         cost = -self._sums((parts.dead * velocity).sum(axis=1), parts.part_block)
         np.add.at(cost, parts.joint_block, self._inner.dissipation(inner, parts.joint_face))
-        stuck = states.stuck
-        cohesion, block = self._dry.cohesion[parts.side_face[stuck]], parts.side_block[stuck]
-        np.add.at(cost, block, cohesion * abs(half[stuck, 1]))
+        stuck = self._stuck
+        face, block = parts.side_face[stuck], parts.side_block[stuck]
+        np.add.at(cost, block, self._dry.dissipation(half[stuck], face))
         # what rounding may take counts before terms cancel; a jump is six products, far fewer than ROUNDING allows for
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
-        strength = self._inner.tension[parts.joint_face] + self._inner.cohesion[parts.joint_face]
-        np.add.at(size, parts.joint_block, 1e-2 * strength * parts.speed(velocity))
+        np.add.at(size, parts.joint_block, 1e-2 * self._inner.strength(parts.joint_face) * parts.speed(velocity))
         speed = np.einsum("kij,ki->k", abs(parts.arm[stuck]), abs(velocity[parts.side_part[stuck]]))
         still = np.append(abs(wall).sum(axis=1), 0.0)
-        np.add.at(size, block, 1e-2 * cohesion * (speed + still[parts.side_shared[stuck]]))
+        np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[stuck]]))
         return _Mechanism(live, cost, size, dual[states.cover], -dual[states.share])
 
     def _sums(self, value: Floats, block: Ints) -> Floats:
@@ -190,15 +203,11 @@ class BlockRelaxation:
 
 
 def applies_to(analysis: LimitAnalysis) -> bool:
-    """Whether there is a relaxation by blocks: faces are wedges under either label, and joints can all open."""
+    """Whether there is a relaxation by blocks: friction is associative, and all joints can open, or give way."""
     sets = analysis.template.yield_set
-    wedges = sets.wedge(True) is not None and sets.wedge(False) is not None
-    return wedges and analysis.interior.opening() is not None
-
-
-def _wedges(analysis: LimitAnalysis) -> tuple[Wedge, Wedge]:
-    """Faces as dry and as inner ones. Raises TypeError where they are no wedges."""
-    dry, inner = (analysis.template.yield_set.wedge(label) for label in (True, False))
-    if dry is None or inner is None:
-        raise TypeError("no relaxation by blocks is known of these yield sets")
-    return dry, inner
+    if sets.hull() is None:
+        return False
+    if analysis.interior.opening() is not None:
+        return True
+    strengths = analysis.template.assembly.strengths
+    return bool(np.isfinite(strengths.crush_dry).all() and np.isfinite(strengths.crush_inner).all())

@@ -100,6 +100,10 @@ class Wedge:
             self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.cohesion[faces] * slip
         )
 
+    def strength(self, faces: Ints) -> Floats:
+        """(k,) what D grows by at the most, beside the size of a jump."""
+        return np.asarray(self.tension[faces] + self.cohesion[faces])
+
 
 class YieldSet(Rows, Protocol):
     """What a proof needs to know besides.

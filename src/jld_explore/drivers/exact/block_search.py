@@ -14,8 +14,9 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, LimitAnalysis, applies_to
+from jld_core.limit import LimitAnalysis, applies_to
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
+from jld_explore.drivers.exact.choosers import Choosers
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
@@ -66,7 +67,8 @@ class BlockSearch:
         self._wanted = wanted
         self._analyses, self._space, self._relaxation = analyses, space, relaxation
         self._blocks = blocks
-        self._choices: BlockRelaxation | CaseBlockRelaxation | None = None
+        self._choices: Choosers | None = None
+        self._jobs = 1
         self._tree: BlockTree | None = None
         self._seen: set[bytes] = set()
         self._blunt = 0
@@ -84,18 +86,28 @@ class BlockSearch:
         listed = _LISTED * len(self._space.assembly.elements.free)
         if self._wanted == "auto" and len(blocks) > listed:
             return root
-        each = [BlockRelaxation(analysis, blocks.members, blocks.inside) for analysis in self._analyses]
-        required = self._space.assembly.required.tolist()
-        self._choices = CaseBlockRelaxation(each, required) if self._space.assembly.cases else each[0]
+        self._choices = Choosers(self._analyses, self._space, blocks)
+        self._choices.employ(self._jobs)
         tree = BlockTree(self._choices, self._space, blocks, least, root)
         near = self._relaxation.many and root - least <= _NEAR * abs(root)
-        if self._wanted == "on" or (not near and root - tree.root.bound >= _CLOSER * (root - least)):
+        quick = all(map(_has_wedges, self._analyses))
+        if self._wanted == "on" or (quick and not near and root - tree.root.bound >= _CLOSER * (root - least)):
             self._tree = tree
         return min(root, tree.root.bound)
+
+    def employ(self, jobs: int) -> None:
+        """How many processes there may be."""
+        self._jobs = jobs
 
     def abandon(self) -> None:
         """Give the tree up."""
         self._tree = None
+        self.close()
+
+    def close(self) -> None:
+        """Let others go that solved programs."""
+        if self._choices is not None:
+            self._choices.close()
 
     @property
     def active(self) -> bool:
@@ -135,3 +147,8 @@ class BlockSearch:
         self._seen.add(labels.tobytes())
         nothing = np.zeros(len(labels), dtype=bool)
         return labels if self._relaxation.refute(labels, nothing, threshold) is None else None
+
+
+def _has_wedges(analysis: LimitAnalysis) -> bool:
+    """Whether the relaxation by blocks is a linear program: one with cones is too slow for a tree."""
+    return analysis.template.yield_set.wedge(dry=True) is not None

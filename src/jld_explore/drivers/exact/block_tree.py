@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, Choice
+from jld_core.limit import Choice
+from jld_explore.drivers.exact.choosers import Choosers
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import SearchSpace
@@ -85,7 +86,7 @@ class BlockTree:
 
     def __init__(
         self,
-        relaxation: BlockRelaxation | CaseBlockRelaxation,
+        relaxation: Choosers,
         space: SearchSpace,
         blocks: PossibleBlocks,
         threshold: float,
@@ -223,28 +224,33 @@ class BlockTree:
 
     def _tried(self, asked: Question, face: int, inner: float) -> tuple[list[Child], float] | None:
         """Both children of a node, inner first, and how much they gain together; None where time ran out."""
-        children: list[Child] = []
+        if asked.late():
+            return None
+        left = [self._settled(asked.allowed & ~parted[face]) for parted in (self._parted, self._held)]
+        children = self._children(asked, left, face)
         gains = []
-        for label, left in ((False, ~self._parted[face]), (True, ~self._held[face])):
-            if asked.late():
-                return None
-            child = self._child(asked, self._settled(asked.allowed & left), face, label)
+        for label, child in zip((False, True), children, strict=True):
             low = child.choice.bound if isinstance(child, Node) else asked.threshold
             gain = max(asked.node.choice.bound - low, 0.0)
             part = inner if label else 1.0 - inner
             self._effect[int(label), face] += gain / max(part, _PART)
             self._times[int(label), face] += 1.0
-            children.append(child)
             gains.append(max(gain, _SMALL))
         return children, gains[0] * gains[1]
 
-    def _child(self, asked: Question, allowed: Bools | None, face: int, label: bool) -> Child:
-        node = asked.node
-        faces, labels = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
-        if allowed is not None:
-            if not asked.possible(faces, labels):
-                return None
-            choice = self._relaxation.choose(allowed, asked.threshold, node.choice.bound)
+    def _children(self, asked: Question, left: list[Bools | None], face: int) -> list[Child]:
+        """What becomes of a node with either label of a face, inner first. left: (p,) blocks then, None for none."""
+        node, children, waiting = asked.node, list[Child](), list[tuple[int, Node]]()
+        for label, allowed in zip((False, True), left, strict=True):
+            faces, labels = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
+            if allowed is not None and not asked.possible(faces, labels):
+                children.append(None)
+                continue
+            children.append(Conflict(faces, labels, asked.threshold))
+            if allowed is not None:
+                waiting.append((len(children) - 1, Node(faces, labels, allowed, node.choice)))
+        programs = [(child.allowed, asked.threshold, node.choice.bound) for _, child in waiting]
+        for (place, child), choice in zip(waiting, self._relaxation.choose_all(programs), strict=True):
             if not choice.refuted:
-                return Node(faces, labels, allowed, choice)
-        return Conflict(faces, labels, asked.threshold)
+                children[place] = replace(child, choice=choice)
+        return children

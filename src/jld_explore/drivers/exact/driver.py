@@ -153,9 +153,13 @@ class Exact(Proving):
         """See `Driver.employ`: they refute parts of the space."""
         if self._hunters is not None:
             self._hunters.employ(jobs)
+        if self._by_blocks is not None:
+            self._by_blocks.employ(jobs)
 
     def close(self) -> None:
         """See `Driver.close`."""
+        if self._by_blocks is not None:
+            self._by_blocks.close()
         if self._hunters is not None:
             self._conflicts.add(self._hunters.close().conflicts)
 

@@ -1,0 +1,166 @@
+"""The conic program of the relaxation by blocks, of faces of any yield set: those of spatial scenes, and planar ones
+that crush.
+
+Each block carries a copy of the rows of every face it touches, in x times the set: s = x h − G F. Rows and columns are
+those of `RowPattern`, once for each side and joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Bools, Ints
+from jld_core.limit.block_parts import BlockParts
+from jld_core.limit.block_program import LEAST, Entries, Places
+from jld_core.program import ConicProgram, Template, pack
+
+
+@dataclass(frozen=True)
+class _Copies:
+    """Copies of faces under one label. face, block: (k,). column: (k, q) of the resultants. active: (k, q)."""
+
+    face: Ints
+    block: Ints
+    column: Ints
+    active: Bools
+
+
+class ConeProgram:
+    """min −λ under the conditions of docs/method.md (6.5), (6.6), where faces are no wedges.
+
+    Columns: x of each block, resultants and extra variables of each side, of each joint, λ of each block times x, λ.
+    Rows: every element is covered once, the shares of λ agree, the forces on shared faces agree, each part is in
+    equilibrium, linear rows, cones. shape, x, cover, share, agree, balance: as of `BlockProgram`.
+    """
+
+    def __init__(self, template: Template, parts: BlockParts) -> None:
+        self._template, self._parts, self._entries = template, parts, Entries()
+        pattern, q = template.yield_set.pattern, template.assembly.freedoms
+        count = len(template.assembly.interfaces)
+        every = np.ones(count, dtype=bool)
+        p, n = np.arange(parts.blocks), parts.elements
+        columns, rows = Places(), Places()
+        self.x = columns.of(p)
+        self._own_columns = _lists(pattern.face, pattern.column, count, q)
+        sides = self._copies(columns, parts.side_face, parts.side_block, template.yield_set.active(every))
+        joints = self._copies(columns, parts.joint_face, parts.joint_block, template.yield_set.active(~every))
+        own = columns.of(p)
+        load = columns.of_none(1)
+        self.cover, self.share = rows.of_none(n), rows.of_none(n)
+        self.agree = rows.of_none(q * parts.shared).reshape(-1, q)
+        self.balance = rows.of(np.repeat(parts.part_block, q)).reshape(-1, q)
+        self._equalities = len(rows)
+
+        add, vectors = self._entries.add, self._entries.add_vectors
+        add(self.cover[parts.part_element], parts.part_block, 1.0)
+        add(self.share[parts.part_element], own[parts.part_block], 1.0)
+        add(self.share, np.repeat(load, n), -1.0)
+        vectors(self.balance, parts.part_block, parts.dead)
+        vectors(self.balance, own[parts.part_block], parts.live)
+        for copies, part, arm in (
+            (sides, parts.side_part, parts.arm),
+            (joints, parts.joint_a, parts.arm_a),
+            (joints, parts.joint_b, parts.arm_b),
+        ):
+            for turn in range(q):
+                vectors(self.balance[part], copies.column[:, turn], arm[:, :, turn] * copies.active[:, turn, None])
+        known = np.flatnonzero(parts.side_shared >= 0)
+        meets = self.agree[parts.side_shared[known]]
+        add(
+            meets.ravel(),
+            sides.column[known].ravel(),
+            (parts.sign[known, None] * sides.active[known]).ravel(),
+        )
+        most, least, above_zero = rows.of(p), rows.of(p), rows.of(np.concatenate([p, p]))
+        add(most, own, 1.0)
+        self._most = add(most, self.x, -1.0)
+        add(least, own, -1.0)
+        self._least = add(least, self.x, 1.0)
+        add(above_zero, np.concatenate([self.x, own]), -1.0)
+        for linear in (True, False):
+            for copies, dry in ((sides, True), (joints, False)):
+                self._sets(rows, copies, dry=dry, linear=linear)
+            if linear:
+                self._linear = len(rows)
+        self.shape = len(rows), len(columns)
+        self._rhs = np.zeros(len(rows))
+        self._rhs[self.cover] = 1.0
+        self._table = self._entries.finished()
+        self._row_block, self._column_block = rows.owner, columns.owner
+        sizes = set(pattern.cones)
+        if len(sizes) > 1:
+            raise TypeError("cones of more than one size")
+        self._cone = sizes.pop() if sizes else 1
+
+    def _copies(self, columns: Places, face: Ints, block: Ints, active: Bools) -> _Copies:
+        """Columns of copies of faces (k,) for blocks (k,): resultants, and the extra variables of those faces."""
+        q = self._template.assembly.freedoms
+        number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
+        given = columns.of(np.repeat(block, number))
+        begin = given[0] + np.cumsum(number) - number if len(given) else np.zeros(len(face), dtype=np.int64)
+        # the resultants stand first among the columns of a face
+        return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
+
+    def _sets(self, rows: Places, copies: _Copies, *, dry: bool, linear: bool) -> None:
+        """Rows x h − G F of copies: the linear ones, or the cones."""
+        pattern = self._template.yield_set.pattern
+        count = len(self._template.assembly.interfaces)
+        values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
+        wanted = (np.arange(len(rhs)) < pattern.linear) == linear
+        if linear:  # rows that this label does not use
+            wanted &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
+        own_rows = _lists(pattern.row_face[wanted], np.flatnonzero(wanted), count)
+        place_row, place_column = np.zeros(len(rhs), dtype=np.int64), {}
+        for listed in own_rows:
+            place_row[listed] = np.arange(len(listed))
+        for listed in self._own_columns:
+            place_column |= {int(column): k for k, column in enumerate(listed)}
+        used = wanted[pattern.row] & (values != 0.0)
+        entries = _lists(pattern.face[used], np.flatnonzero(used), count)
+        number = np.array([len(one) for one in own_rows], dtype=np.int64)[copies.face]
+        given = rows.of(np.repeat(copies.block, number))
+        begin = (given[0] if len(given) else 0) + np.cumsum(number) - number
+        local = np.array([place_column[int(column)] for column in pattern.column], dtype=np.int64)
+        for face in np.unique(copies.face).tolist():
+            mine = np.flatnonzero(copies.face == face)
+            which, own = entries[face], own_rows[face]
+            row = begin[mine][:, None] + place_row[pattern.row[which]]
+            column = copies.column[mine, 0][:, None] + local[which]
+            self._entries.add(row.ravel(), column.ravel(), np.tile(values[which], len(mine)))
+            tall = own[rhs[own] != 0.0]
+            row = begin[mine][:, None] + place_row[tall]
+            self._entries.add(row.ravel(), np.repeat(copies.block[mine], len(tall)), np.tile(-rhs[tall], len(mine)))
+
+    def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
+        """As `BlockProgram.of`."""
+        row, column, value = self._table
+        value = value.copy()
+        value[self._most] = -most
+        value[self._least] = LEAST * threshold
+        keep = np.append(allowed, True)  # place −1: rows and columns of no block
+        rows, columns = keep[self._row_block], keep[self._column_block]
+        here = rows[row] & columns[column]
+        used = np.zeros(self.shape[0], dtype=bool)
+        used[row[here]] = True
+        used[self._linear :] = True  # a cone is kept whole
+        rows &= used | (self._rhs != 0.0)
+        new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
+        shape = int(rows.sum()), int(columns.sum())
+        matrix = sp.csc_array((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
+        objective = np.zeros(shape[1])
+        objective[-1] = -1.0
+        equal, linear = int(rows[: self._equalities].sum()), int(rows[self._equalities : self._linear].sum())
+        cones = (self._cone,) * (int(rows[self._linear :].sum()) // self._cone)
+        program = pack(matrix, self._rhs[rows], objective, equal, linear, cones)
+        return program, np.flatnonzero(rows), np.flatnonzero(columns)
+
+
+def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
+    """For each of so many faces the values (k,) that belong to it, each once, ascending, its resultants among them."""
+    face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
+    value = np.concatenate([value, np.arange(count * freedoms)])
+    pairs = np.unique(np.column_stack([face, value]), axis=0)
+    return np.split(pairs[:, 1], np.searchsorted(pairs[:, 0], np.arange(1, count)))

@@ -1,0 +1,138 @@
+"""Relaxations by blocks two at a time: one here, and one in another process, where there may be one.
+
+Both children of a node of the tree are asked for together. Which process answers changes nothing: a program is solved
+from scratch, so that under one load the tree is that of one job. An interior point holds the interpreter, so that a
+thread would be of no use. A process that dies costs the program it was at, which is then solved here.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Final
+
+import cloudpickle
+
+from jld_core.arrays import Bools
+from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, Choice, LimitAnalysis
+from jld_core.threads import one_thread
+from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.evaluation import Seat, Seats, client_of_cluster
+from jld_explore.space import SearchSpace
+
+ALONE: Final = 40
+"""Programs solved before another process is begun: it takes two seconds until it is of use."""
+
+Asked = tuple[Bools, float, float]
+"""Blocks allowed (p,), scaled λ to reach, scaled λ that is not exceeded: see `BlockRelaxation.choose`."""
+
+_kept: dict[str, BlockRelaxation | CaseBlockRelaxation] = {}
+
+
+@dataclass(frozen=True)
+class Space:
+    """What a process needs to begin."""
+
+    space: SearchSpace
+    blocks: PossibleBlocks
+
+    def relaxation(self, analyses: Sequence[LimitAnalysis] | None = None) -> BlockRelaxation | CaseBlockRelaxation:
+        """The relaxation by blocks, under one load or all cases. analyses: of the cases, where they are at hand."""
+        assembly = self.space.assembly
+        known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
+        each = [BlockRelaxation(analysis, self.blocks.members, self.blocks.inside) for analysis in known]
+        return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]
+
+
+@one_thread()
+def choose_at_seat(name: str, recipe: bytes | None, asked: Asked | None) -> Choice | None:
+    """Answer in this process; None where there is nothing to answer, or nothing is known of a seat of that name."""
+    if recipe is not None:
+        _kept.clear()
+        made: Space = pickle.loads(recipe)
+        _kept[name] = made.relaxation()
+    if asked is None or name not in _kept:
+        return None
+    return _kept[name].choose(*asked)
+
+
+class Choosers:
+    """The relaxation by blocks of a space, in this process and another. analyses: of its load cases."""
+
+    def __init__(self, analyses: Sequence[LimitAnalysis], space: SearchSpace, blocks: PossibleBlocks) -> None:
+        self._recipe = Space(space, blocks)
+        self._here = self._recipe.relaxation(analyses)
+        self._helped = False
+        self._seats: Seats | None = None
+        self._seat: Seat | None = None
+        self._ready: Future[Choice | None] | None = None
+        self.elsewhere = 0
+
+    @property
+    def solves(self) -> int:
+        """Programs solved."""
+        return self._here.solves + self.elsewhere
+
+    def employ(self, jobs: int) -> None:
+        """Whether there may be another process: with more than one job, or on a cluster."""
+        self._helped = jobs > 1 or client_of_cluster() is not None
+
+    def close(self) -> None:
+        """Let the other process go."""
+        self._helped = False
+        if self._seats is not None:
+            self._seats.close()
+        self._seats = self._seat = None
+
+    def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
+        """See `BlockRelaxation.choose`."""
+        return self._here.choose(allowed, threshold, most)
+
+    def choose_all(self, asked: Sequence[Asked]) -> list[Choice]:
+        """The same of several, the last one elsewhere."""
+        away = self._send(asked[-1]) if len(asked) > 1 else None
+        found = [self._here.choose(*one) for one in (asked if away is None else asked[:-1])]
+        if away is not None:
+            answer = self._answer(away)
+            self.elsewhere += answer is not None
+            found.append(self._here.choose(*asked[-1]) if answer is None else answer)
+        return found
+
+    def _send(self, asked: Asked) -> Future[Choice | None] | None:
+        """Ask the other process, where it is there."""
+        if not self._helped or self._here.solves < ALONE:
+            return None
+        if self._seats is None:
+            self._seats = Seats(1)
+        if self._seat not in self._seats:
+            self._seats.fill()
+            self._seat, self._ready = next(iter(self._seats), None), None
+            if self._seat is not None:
+                self._ready = self._submit(self._seat, cloudpickle.dumps(self._recipe), None)
+        if self._seat is None or self._ready is None or not self._ready.done():
+            return None
+        if self._ready.exception() is not None:
+            self._lose()
+            return None
+        return self._submit(self._seat, None, asked)
+
+    def _submit(self, seat: Seat, recipe: bytes | None, asked: Asked | None) -> Future[Choice | None] | None:
+        try:
+            return seat.submit(choose_at_seat, seat.name, recipe, asked)
+        except Exception:  # whatever a pool says whose process has died
+            self._lose()
+            return None
+
+    def _answer(self, future: Future[Choice | None]) -> Choice | None:
+        try:
+            return future.result()
+        except Exception:  # a process that was killed, a worker that left; an error of the task comes again here
+            self._lose()
+            return None
+
+    def _lose(self) -> None:
+        if self._seats is not None and self._seat is not None and self._seat in self._seats:
+            self._seats.lose(self._seat)
+        self._seat = self._ready = None
