@@ -91,6 +91,8 @@ def explore(
         )
     if settings.certificate is not None:
         check_certifiable(chosen, settings.model, scene)
+        if isinstance(chosen, Exact):
+            chosen.prove_by_faces()
         if settings.robust:
             raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
         if settings.by_experiment:

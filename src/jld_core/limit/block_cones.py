@@ -113,7 +113,8 @@ class ConeProgram:
         if linear:  # rows that this label does not use
             wanted &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
         own_rows = _lists(pattern.row_face[wanted], np.flatnonzero(wanted), count)
-        place_row, place_column = np.zeros(len(rhs), dtype=np.int64), {}
+        place_row = np.zeros(len(rhs), dtype=np.int64)
+        place_column: dict[int, int] = {}
         for listed in own_rows:
             place_row[listed] = np.arange(len(listed))
         for listed in self._own_columns:

@@ -19,9 +19,10 @@ returned, with no trust in its status.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -76,11 +77,16 @@ class _Mechanism:
 class BlockRelaxation:
     """Upper bounds on λ over the segmentations of one assembly into blocks that may be chosen.
 
-    members: elements of each block. inside: faces inside each. Everything is scaled as in `Template`.
+    members: elements of each block. inside: faces inside each. seconds: that one program may take; what it came to is
+    then taken for what it is worth. Everything is scaled as in `Template`.
     """
 
     def __init__(
-        self, analysis: LimitAnalysis, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]
+        self,
+        analysis: LimitAnalysis,
+        members: Sequence[Sequence[int]],
+        inside: Sequence[Sequence[int]],
+        seconds: float = math.inf,
     ) -> None:
         if not applies_to(analysis):
             raise TypeError("no relaxation by blocks is known of this assembly")
@@ -104,8 +110,9 @@ class BlockRelaxation:
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the motion that opens all faces does not open them on both sides")
-        self._quick = ClarabelSolver(_RESIDUAL)
-        self._careful = ClarabelSolver(_FINE, iterative_refinement_enable=True)
+        limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
+        self._quick = ClarabelSolver(_RESIDUAL, **limit)
+        self._careful = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
 
     # --- solving ----------------------------------------------------------------------------------------
 

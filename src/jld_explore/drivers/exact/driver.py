@@ -7,7 +7,8 @@ formula has no model left, nothing is stronger than the λ it was made for, and 
 (`exact.ladder`), down to the best that is known, which annealing looks for before the proof and now and then beside it.
 
 Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
-branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything.
+branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything. Any other
+proof that lasts asks it once for a bound, and for blocks that are ruled out (`exact.narrowing`).
 
 What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`relaxation`,
 `block_relaxation`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
@@ -19,6 +20,7 @@ are too many to be listed) are enumerated, which proves the same.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -37,6 +39,7 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunters import Hunters
 from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
+from jld_explore.drivers.exact.narrowing import Narrowing
 from jld_explore.drivers.exact.optimum import Best, counts_of, front, front_of_all
 from jld_explore.drivers.exact.proving import Proving
 from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
@@ -89,8 +92,11 @@ class Exact(Proving):
         with_factors = zip(space.assembly.by_case, space.assembly.required.tolist(), strict=True)
         self._floor = min(load_floor(case) / factor for case, factor in with_factors)
         self._by_blocks: BlockSearch | None = None
+        self._narrowing: Narrowing | None = None
         if self._relaxation is not None:
             self._by_blocks = BlockSearch(self._analyses, space, self._blocks, self._relaxation, by_blocks)
+            many, wanted = self._relaxation.many, by_blocks != "off"
+            self._narrowing = Narrowing(self._analyses, space, self._blocks, many=many, wanted=wanted)
         self._search = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._left = search * int(space.candidates.sum())
         self._incumbents = Incumbents(space, self._count)
@@ -121,7 +127,7 @@ class Exact(Proving):
     @property
     def relaxations(self) -> int:
         """Programs solved for them."""
-        parts = (self._relaxation, self._by_blocks, self._hunters)
+        parts = (self._relaxation, self._by_blocks, self._narrowing, self._hunters)
         return sum(part.solves for part in parts if part is not None)
 
     @property
@@ -229,6 +235,12 @@ class Exact(Proving):
                 if len(proposed):
                     return proposed
                 continue
+            if target is None and self._narrow(self._narrowing):
+                if self.found[None].proven:
+                    self._settle(None)
+                    return self._none
+                self._begin(None)
+                continue
             caught = self._hunters.step(threshold / self._scale)
             self._conflicts.add(caught.conflicts)
             self._heartbeat()
@@ -247,6 +259,22 @@ class Exact(Proving):
             if len(proposed) or self._left:
                 return proposed
         return self._none
+
+    def _narrow(self, narrowing: Narrowing | None) -> bool:
+        """Have the relaxation by blocks bound all labellings, where its time has come; whether it has."""
+        low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
+        if narrowing is None or not math.isfinite(high) or not narrowing.due(self.relaxations, low):
+            return False
+        left = math.inf if self._deadline is None else self._deadline - time.perf_counter()
+        found = narrowing.narrow(low, high, left, self._late_after_heartbeat)
+        self._conflicts.add(found.conflicts)
+        self._lower(None, found.bound * self._scale)
+        return True
+
+    def prove_by_faces(self) -> None:
+        """Do without what a certificate cannot say: a bound that mechanisms of blocks prove together."""
+        if self._narrowing is not None:
+            self._narrowing.leave()
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
