@@ -193,6 +193,27 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
     assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
 
 
+@pytest.mark.usefixtures("_in_threads")
+@pytest.mark.parametrize("dies", [False, True])
+def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.drivers.exact.choosers.ALONE", 0)
+    if dies:
+        Mortal.made = 0
+        monkeypatch.setattr("jld_explore.evaluation.seats._process", Mortal)
+    scene = scene_of([*["aaaa"] * 4, "####"], {"block_cells": [1, 2]})
+    one, first = prove(scene, tmp_path / "one", ALONE, alone=None, by_blocks="on")
+    two, second = prove(scene, tmp_path / "two", alone=None, by_blocks="on")
+    assert first._by_blocks is not None
+    assert second._by_blocks is not None
+    assert second._by_blocks._choices is not None
+    assert second._by_blocks._choices.elsewhere > 0
+    assert second._by_blocks.solves == first._by_blocks.solves > 10
+    assert (Mortal.made >= 3) is dies
+    assert two.summary["proven"] is True
+    assert two.summary["best"] == one.summary["best"]
+    assert two.summary["bound"] == one.summary["bound"]
+
+
 PROVE = """
 import sys
 sys.path[:0] = {paths!r}

@@ -28,6 +28,9 @@ ALONE: Final = 40
 Asked = tuple[Bools, float, float]
 """Blocks allowed (p,), scaled λ to reach, scaled λ that is not exceeded: see `BlockRelaxation.choose`."""
 
+Answer = tuple[Choice, int]
+"""And the programs solved for it."""
+
 _kept: dict[str, BlockRelaxation | CaseBlockRelaxation] = {}
 
 
@@ -47,7 +50,7 @@ class Space:
 
 
 @one_thread()
-def choose_at_seat(name: str, recipe: bytes | None, asked: Asked | None) -> Choice | None:
+def choose_at_seat(name: str, recipe: bytes | None, asked: Asked | None) -> Answer | None:
     """Answer in this process; None where there is nothing to answer, or nothing is known of a seat of that name."""
     if recipe is not None:
         _kept.clear()
@@ -55,7 +58,10 @@ def choose_at_seat(name: str, recipe: bytes | None, asked: Asked | None) -> Choi
         _kept[name] = made.relaxation()
     if asked is None or name not in _kept:
         return None
-    return _kept[name].choose(*asked)
+    relaxation = _kept[name]
+    before = relaxation.solves
+    choice = relaxation.choose(*asked)
+    return choice, relaxation.solves - before
 
 
 class Choosers:
@@ -67,7 +73,7 @@ class Choosers:
         self._helped = False
         self._seats: Seats | None = None
         self._seat: Seat | None = None
-        self._ready: Future[Choice | None] | None = None
+        self._ready: Future[Answer | None] | None = None
         self.elsewhere = 0
 
     @property
@@ -96,17 +102,20 @@ class Choosers:
         found = [self._here.choose(*one) for one in (asked if away is None else asked[:-1])]
         if away is not None:
             answer = self._answer(away)
-            self.elsewhere += answer is not None
-            found.append(self._here.choose(*asked[-1]) if answer is None else answer)
+            if answer is None:
+                found.append(self._here.choose(*asked[-1]))
+            else:
+                found.append(answer[0])
+                self.elsewhere += answer[1]
         return found
 
-    def _send(self, asked: Asked) -> Future[Choice | None] | None:
+    def _send(self, asked: Asked) -> Future[Answer | None] | None:
         """Ask the other process, where it is there."""
         if not self._helped or self._here.solves < ALONE:
             return None
         if self._seats is None:
             self._seats = Seats(1)
-        if self._seat not in self._seats:
+        if self._seat is None or self._seat not in self._seats:
             self._seats.fill()
             self._seat, self._ready = next(iter(self._seats), None), None
             if self._seat is not None:
@@ -118,14 +127,14 @@ class Choosers:
             return None
         return self._submit(self._seat, None, asked)
 
-    def _submit(self, seat: Seat, recipe: bytes | None, asked: Asked | None) -> Future[Choice | None] | None:
+    def _submit(self, seat: Seat, recipe: bytes | None, asked: Asked | None) -> Future[Answer | None] | None:
         try:
             return seat.submit(choose_at_seat, seat.name, recipe, asked)
         except Exception:  # whatever a pool says whose process has died
             self._lose()
             return None
 
-    def _answer(self, future: Future[Choice | None]) -> Choice | None:
+    def _answer(self, future: Future[Answer | None]) -> Answer | None:
         try:
             return future.result()
         except Exception:  # a process that was killed, a worker that left; an error of the task comes again here
