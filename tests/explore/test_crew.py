@@ -184,6 +184,7 @@ class Mortal(ThreadPoolExecutor):
 
 @pytest.mark.usefixtures("_in_threads")
 def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Mortal, "made", 0)
     monkeypatch.setattr("jld_explore.evaluation.seats._process", Mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     one, _ = prove(scene, tmp_path / "one", ALONE)
@@ -197,8 +198,8 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("dies", [False, True])
 def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.choosers.ALONE", 0)
+    monkeypatch.setattr(Mortal, "made", 0)
     if dies:
-        Mortal.made = 0
         monkeypatch.setattr("jld_explore.evaluation.seats._process", Mortal)
     scene = scene_of([*["aaaa"] * 4, "####"], {"block_cells": [1, 2]})
     one, first = prove(scene, tmp_path / "one", ALONE, alone=None, by_blocks="on")
