@@ -22,9 +22,9 @@ def test_steps_of_a_wide_gap_are_half_of_it_and_widen_where_they_are_quick() -> 
     ladder = Ladder(100)
     assert ladder.aim(0.75, 0.25) == 0.5
     ladder.proven(90)
-    assert ladder.aim(0.70, 0.3) == pytest.approx(0.45)
+    assert ladder.aim(0.70, 0.3) == pytest.approx(0.5)
     ladder.proven(10)
-    assert ladder.aim(0.70, 0.1) == pytest.approx(0.70 - 1.5 * 0.25)
+    assert ladder.aim(0.70, 0.1) == 0.1  # three quarters of what is left and more go all the way
 
 
 def test_a_step_that_takes_too_long_is_halved_and_has_more_patience() -> None:
@@ -34,6 +34,8 @@ def test_a_step_that_takes_too_long_is_halved_and_has_more_patience() -> None:
     assert ladder.stuck(100, 0.75, first)
     second = ladder.aim(0.75, 0.65)
     assert 0.75 - second == pytest.approx(0.5 * (0.75 - first))
-    assert not ladder.stuck(199, 0.75, second)
+    assert not ladder.stuck(399, 0.75, second)
+    ladder.proven(399)
+    assert ladder.aim(second, 0.65) == pytest.approx(0.5 * (second + 0.65))  # half of what is left now
     # a step is never so small that bounds would not move
     assert not ladder.stuck(10**9, 0.75, 0.75 * (1.0 - 1e-3))

@@ -17,7 +17,7 @@ from jld_explore.space import Count, SearchSpace, values_of
 _EACH: Final = 4000
 """Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
 
-_SHARE: Final = (0.04, 0.15)
+_SHARE: Final = (0.025, 0.15)
 """Labellings annealed then for each relaxation since, with the kernel and without: some 10 to 15 % of the time."""
 
 
