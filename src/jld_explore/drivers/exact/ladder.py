@@ -23,7 +23,7 @@ _QUICK: Final = 0.25
 
 _LONGER: Final = 4
 """How many times as many conflicts the next step may take after one that took too many: on the 8 × 10 wall in blocks of
-three 22 thousand leave nothing above 0.723 and 26 thousand nothing above 0.70, so that to step back early is no help."""
+three 22 thousand leave nothing above 0.723, and 26 thousand nothing above 0.70."""
 
 
 class Ladder:
