@@ -23,8 +23,12 @@ FLAGS: Final = ("-std=c++17", "-O3", "-fno-math-errno", "-fno-trapping-math", "-
 """For every variant. No fast-math: proofs compare with infinities and count on the order of sums."""
 
 VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {
-    "avx512": ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx2", "-mfma", "-mprefer-vector-width=512"),
-    "avx2": ("-mavx2", "-mfma"),
+    # the usual tuning is for processors that mind chains of products; it takes a quarter longer
+    "avx512": (
+        *("-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx2", "-mfma"),
+        *("-mprefer-vector-width=512", "-mtune=icelake-server"),
+    ),
+    "avx2": ("-mavx2", "-mfma", "-mtune=haswell"),
     "base": (),
     "neon": (),
 }

@@ -56,7 +56,7 @@ TRIES: Final = (
 the edge. Source: measured, see benchmarks/lanes.py."""
 
 SPATIAL_TRIES: Final = tuple(
-    library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7} | more)
+    library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7, "near": 1e-2} | more)
     for more in (
         {"endless": 1e4, "most": 28},
         {"aim": -1.0, "press": 1e-2, "most": 28},
@@ -72,6 +72,7 @@ _SHARE: Final = 0.7  # of that mean; the rest is the least forces in equilibrium
 _ROOM_BLIND: Final = 3.0  # least slack at the start where no such mean is known
 _ROOM: Final = 1.0
 _PUSH: Final = 1.0  # least multiplier there
+_PUSH_SPATIAL: Final = 0.3
 
 
 @dataclass(frozen=True)
@@ -330,7 +331,7 @@ class Lanes:
             _pointer(start.speed),
             start.load,
             start.room,
-            _PUSH,
+            _PUSH if self._q == 3 else _PUSH_SPATIAL,
             self._zero,
             _pointer(self._bows),
             int(self._meets),

@@ -13,6 +13,7 @@ struct PairBending {
     Lane a[2], b[2], h[2], m[2], im[2], k[4];
 
     void put(int lane, const double* row) {
+        JLD_WHOLE
         for (int j = 0; j < 2; ++j, row += 3)
             lanes_of(a[j])[lane] = row[0], lanes_of(b[j])[lane] = row[1], lanes_of(h[j])[lane] = row[2];
     }
@@ -21,6 +22,7 @@ struct PairBending {
 
     template <class Move>
     void copy(const PairBending& from, Move move) {
+        JLD_WHOLE
         for (int j = 0; j < 2; ++j) move(a[j], from.a[j]), move(b[j], from.b[j]), move(h[j], from.h[j]);
     }
 
@@ -39,6 +41,7 @@ struct PairBending {
 
     // out += G't
     void turned(const Lane* t, Lane* out) const {
+        JLD_WHOLE
         for (int j = 0; j < 2; ++j) {
             out[0] -= a[j] * (t[2 * j] + t[2 * j + 1]);
             out[3 + j] += b[j] * (t[2 * j] - t[2 * j + 1]);
@@ -54,6 +57,7 @@ struct PairBending {
     // what the rows leave of the pivot of N
     Lane condense(const Lane* w, Lane delta) {
         Lane left = splat(0.0);
+        JLD_WHOLE
         for (int j = 0; j < 2; ++j) {
             Lane plus = w[2 * j] + w[2 * j + 1], two = 2.0 * b[j] * b[j];
             im[j] = 1.0 / (b[j] * b[j] * plus + delta);
@@ -69,6 +73,7 @@ struct PairBending {
     Lane lean(const Lane* y) const { return m[0] * y[0] + m[1] * y[1]; }
 
     void solve(Lane n, const Lane* y, Lane* x, Lane* rows) const {
+        JLD_WHOLE
         for (int j = 0; j < 2; ++j) {
             Lane own = y[j] * im[j], part = b[j] * own;
             x[j] = m[j] * n + own;
@@ -103,10 +108,12 @@ struct HullBending {
     Lane ix, iy, xy, xn, yn, k[R], l[R], first[R];
 
     void put(int lane, const double* row) {
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) {
             const double* own = row + 4 * r;
             lanes_of(a[r])[lane] = own[0], lanes_of(p[r])[lane] = own[1], lanes_of(q[r])[lane] = own[2];
             lanes_of(h[r])[lane] = own[3];
+            JLD_WHOLE
             for (int j = 0; j < 2; ++j) lanes_of(corner[r][j])[lane] = row[4 * R + 2 * r + j];
         }
     }
@@ -114,13 +121,16 @@ struct HullBending {
     static bool idle(const double* own) { return own[1] == 0.0 && own[2] == 0.0; }
 
     static void recede(double* row) {
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) row[4 * r + 3] = idle(row + 4 * r) ? 1.0 : 0.0;
     }
 
     template <class Move>
     void copy(const HullBending& from, Move move) {
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) {
             move(a[r], from.a[r]), move(p[r], from.p[r]), move(q[r], from.q[r]), move(h[r], from.h[r]);
+            JLD_WHOLE
             for (int j = 0; j < 2; ++j) move(corner[r][j], from.corner[r][j]);
         }
     }
@@ -134,27 +144,34 @@ struct HullBending {
     Lane side(int r) const { return h[r]; }
 
     void turned(const Lane* t, Lane* out) const {
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) out[0] -= a[r] * t[r], out[3] += p[r] * t[r], out[4] += q[r] * t[r];
     }
 
     static void invert(const Lane* s, Lane* is) {
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) is[r] = 1.0 / s[r];
     }
 
     JLD_ONCE Lane condense(const Lane* w, Lane delta) {
         Lane pp = delta, qq = delta, aa = splat(0.0), none = splat(0.0);
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) pp += w[r] * p[r] * p[r], qq += w[r] * q[r] * q[r], aa += w[r] * a[r] * a[r];
         swap = qq > pp;
         Lane x[R], y[R], d[R][R];
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) first[r] = x[r] = select(swap, q[r], p[r]), y[r] = select(swap, p[r], q[r]);
         Lane pivot = select(swap, qq, pp), det = delta * (pp + qq - delta), follows = none, second = none, pairs = none;
         Lane cross = none;
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) {
             cross += w[r] * x[r] * y[r], follows += w[r] * x[r] * a[r], second += w[r] * y[r] * a[r];
             k[r] = -delta * delta * a[r], l[r] = delta * y[r];
         }
         second *= delta;
+        JLD_WHOLE
         for (int r = 0; r < R; ++r)
+            JLD_WHOLE
             for (int s = r + 1; s < R; ++s) {
                 Lane both = w[r] * w[s], e = x[r] * y[s] - x[s] * y[r], f = x[r] * a[s] - x[s] * a[r];
                 Lane g = y[r] * a[s] - y[s] * a[r], dot = x[r] * x[s] + y[r] * y[s];
@@ -167,8 +184,11 @@ struct HullBending {
                 l[r] -= w[s] * x[s] * e, l[s] += w[r] * x[r] * e;
             }
         Lane triples = none;
+        JLD_WHOLE
         for (int r = 0; r < R; ++r)
+            JLD_WHOLE
             for (int s = r + 1; s < R; ++s)
+                JLD_WHOLE
                 for (int t = s + 1; t < R; ++t) {
                     Lane T = a[r] * d[s][t] - a[s] * d[r][t] + a[t] * d[r][s];
                     Lane rs = w[r] * w[s], rt = w[r] * w[t], st = w[s] * w[t];
@@ -178,6 +198,7 @@ struct HullBending {
         Lane by = 1.0 / det;
         ix = 1.0 / pivot, iy = pivot * by;
         xy = -cross * ix, xn = follows * ix, yn = second * by;
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) k[r] *= by, l[r] *= ix;
         return (triples + delta * pairs + delta * delta * aa) * by;
     }
@@ -191,6 +212,7 @@ struct HullBending {
         Lane one = select(swap, y[1], y[0]), two = select(swap, y[0], y[1]);
         Lane own = iy * (two + xy * one), start = ix * one, last = own + yn * n, lead = start + xy * last + xn * n;
         x[0] = select(swap, last, lead), x[1] = select(swap, lead, last);
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) rows[r] = k[r] * n + l[r] * own + first[r] * start;
     }
 
@@ -205,18 +227,21 @@ struct HullBending {
 
     void further(Lane (*columns)[6], Lane* weight) const {
         Lane none = splat(0.0), one = splat(1.0);
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j) columns[4][j] = none;
         columns[4][3] = select(swap, one, xy), columns[4][4] = select(swap, xy, one), weight[4] = iy;
     }
 
     Lane slack(const Lane* y) const {
         Lane least = splat(1e300);
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) least = smaller(least, h[r] + a[r] * y[0] - p[r] * y[3] - q[r] * y[4]);
         return least;
     }
 
     Lane need(const Lane* jump) const {
         Lane most = splat(0.0);
+        JLD_WHOLE
         for (int r = 0; r < R; ++r) most = larger(most, -(corner[r][0] * jump[3] + corner[r][1] * jump[4]));
         return most;
     }

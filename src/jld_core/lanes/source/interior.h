@@ -201,7 +201,9 @@ struct Interior {
         const double count = (Face::ROWS + Face::CONES) * p.faces + 1;
         Lane ahead = o.gap + o.alpha_s * o.zds + o.alpha_z * (-o.gap - o.zds) + o.alpha_s * o.alpha_z * o.dsdz;
         Lane ratio = larger(ahead, none) / o.gap;
-        o.centre = larger(ratio * ratio * ratio * o.gap / count, (0.3 * how.target) * scale() / count);
+        // cones ask for more centring than rows where a predictor gets far
+        constexpr double least = Face::CONES ? 0.3 : 0.0;
+        o.centre = larger(ratio * larger(ratio * ratio, splat(least)) * o.gap / count, (0.3 * how.target) * scale() / count);
 
         // corrector
         for (int k = 0; k < n; ++k) rhs[k] = held[k];
@@ -251,7 +253,7 @@ struct Interior {
         out.speed = speed;
         // the proximal term holds the motion back as long as forces drift: less of it near the end, more where
         // equilibrium suffers from that
-        Mask drifts = (out.gap < how.relax * scale()) & (out.jumps > 1e-10 * (1.0 + speed)) & (out.balance < 1e-10);
+        Mask drifts = (out.gap < how.relax * scale()) & (out.jumps > 0.01 * how.jumps * (1.0 + speed)) & (out.balance < 1e-10);
         Mask loses = (unbalanced > 1e-10) & (out.gap < 1e-6 * scale());
         w.delta = select(drifts, larger(w.delta * 0.3, splat(1e-9)), w.delta);
         w.delta = select(loses, smaller(w.delta * 10.0, splat(1e-4)), w.delta);

@@ -91,12 +91,6 @@ struct Proof {
         low = select(good, w.load, splat(-std::numeric_limits<double>::infinity()));
     }
 
-    // Velocities moved so that each face jumps along the normals of the rows it lies at. In space the direction of
-    // sliding is known to the root of the gap only, and moving there would lose more than it mends.
-    void polish(Lane* u) {
-        if constexpr (Q == 3) polished(u);
-    }
-
     void polished(Lane* u) {
         const int n = Q * p.elements;
         w.clear();
@@ -202,7 +196,7 @@ struct Proof {
         return least;
     }
 
-    // The motion as it is and polished; the better bound counts.
+    // The motion as it is and, planar, polished; the better bound counts.
     JLD_ONCE void motion() {
         const int n = Q * p.elements;
         Lane* u = w.u.data();
@@ -217,12 +211,19 @@ struct Proof {
         high = splat(std::numeric_limits<double>::infinity());
         falls = high < 0.0;
         bound(best.data(), best.data());
-        polish(u);
+        if constexpr (Q == 3) again(u);
+    }
+
+    // Velocities moved so that each face jumps along the normals of the rows it lies at. In space the direction of
+    // sliding is known to the root of the gap only, and moving there would lose more than it mends.
+    void again(Lane* u) {
+        const int n = Q * p.elements;
+        polished(u);
         Lane unit = w.dot(p.live, u);
         Mask works = unit > 1e-9;
-        Lane again = select(works, 1.0 / select(works, unit, splat(1.0)), splat(1.0));
-        for (int k = 0; k < n; ++k) u[k] *= again;
-        bound(u, best.data(), !p.opening && Q == 3);
+        Lane once = select(works, 1.0 / select(works, unit, splat(1.0)), splat(1.0));
+        for (int k = 0; k < n; ++k) u[k] *= once;
+        bound(u, best.data(), !p.opening);
     }
 
     // Opens a motion just enough, and keeps it where its bound is the lowest yet.

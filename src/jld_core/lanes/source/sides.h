@@ -128,7 +128,8 @@ struct Sides<3> {
     }
 };
 
-// Forces N, V1, V2 in the first three columns, couples, which are moments alone, in the others: 27 numbers a side.
+// Forces N, V1, V2 in the first three columns, couples, which are moments alone, in the others: 27 numbers a side, nine
+// each of forces, of their arms and of couples. Forces on either side are the same but for their sign.
 template <>
 struct Sides<6> {
     const JldProblem& p;
@@ -136,82 +137,159 @@ struct Sides<6> {
     const double* side(int f, int which) const { return p.sides + 54 * f + 27 * which; }
     int end(int f, int which) const { return which ? p.high[f] : p.low[f]; }
 
+    // out = B x, of columns from `first` up to `last`
+    template <int first = 0, int last = 3>
+    static void apply(const double* b, const Lane* x, Lane* out) {
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r) {
+            out[r] = b[3 * r + first] * x[first];
+            JLD_WHOLE
+            for (int c = first + 1; c < last; ++c) out[r] += b[3 * r + c] * x[c];
+        }
+    }
+
+    // out += B'x
+    static void turned(const double* b, const Lane* x, Lane* out) {
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r)
+            JLD_WHOLE
+            for (int c = 0; c < 3; ++c) out[c] += b[3 * r + c] * x[r];
+    }
+
     // V and the torsion that go with it count where they are kept
     void add(int f, const Lane* x, Lane keep, Lane* out) const {
-        const Lane one = x[1] * keep, two = x[2] * keep, twist = x[5] * keep;
-        for (int which = 0; which < 2; ++which)
-            if (end(f, which) >= 0) {
-                const double* b = side(f, which);
-                Lane* o = out + 6 * end(f, which);
-                for (int r = 0; r < 6; ++r) {
-                    Lane sum = b[3 * r] * x[0] + b[3 * r + 1] * one + b[3 * r + 2] * two;
-                    if (r >= 3) sum += b[9 + 3 * r] * x[3] + b[10 + 3 * r] * x[4] + b[11 + 3 * r] * twist;
-                    o[r] += sum;
-                }
-            }
+        if (end(f, 0) < 0) return;
+        const Lane forces[3] = {x[0], x[1] * keep, x[2] * keep}, couples[3] = {x[3], x[4], x[5] * keep};
+        const double *low = side(f, 0), *high = side(f, 1);
+        Lane force[3], arm[3], couple[3], *o = out + 6 * end(f, 0);
+        apply(low, forces, force), apply(low + 9, forces, arm), apply(low + 18, couples, couple);
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r) o[r] += force[r], o[3 + r] += arm[r] + couple[r];
+        if (end(f, 1) < 0) return;
+        o = out + 6 * end(f, 1);
+        apply(high + 9, forces, arm), apply(high + 18, couples, couple);
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r) o[r] -= force[r], o[3 + r] += arm[r] + couple[r];
     }
 
     void jump(int f, const Lane* u, Lane keep, Lane* out) const {
-        for (int c = 0; c < 6; ++c) out[c] = splat(0.0);
-        for (int which = 0; which < 2; ++which)
-            if (end(f, which) >= 0) {
-                const double* b = side(f, which);
-                const Lane* o = u + 6 * end(f, which);
-                for (int r = 0; r < 6; ++r)
-                    for (int c = 0; c < 3; ++c) {
-                        out[c] += b[3 * r + c] * o[r];
-                        if (r >= 3) out[3 + c] += b[9 + 3 * r + c] * o[r];
-                    }
+        Lane j[6], apart[3];
+        JLD_WHOLE
+        for (int c = 0; c < 6; ++c) j[c] = splat(0.0);
+        if (end(f, 0) >= 0) {
+            const double *low = side(f, 0), *high = side(f, 1);
+            const Lane *o = u + 6 * end(f, 0), *other = u + 6 * end(f, 1);
+            JLD_WHOLE
+            for (int r = 0; r < 3; ++r) apart[r] = o[r];
+            if (end(f, 1) >= 0) {
+                JLD_WHOLE
+                for (int r = 0; r < 3; ++r) apart[r] -= other[r];
+                turned(high + 9, other + 3, j), turned(high + 18, other + 3, j + 3);
             }
-        out[1] *= keep, out[2] *= keep, out[5] *= keep;
+            turned(low, apart, j), turned(low + 9, o + 3, j), turned(low + 18, o + 3, j + 3);
+        }
+        out[0] = j[0], out[1] = j[1] * keep, out[2] = j[2] * keep;
+        out[3] = j[3], out[4] = j[4], out[5] = j[5] * keep;
     }
 
-    // A x of one side, x in the axes of the face
-    static void column(const double* b, const Lane* x, Lane* out) {
-        for (int r = 0; r < 6; ++r) {
-            out[r] = b[3 * r] * x[0] + b[3 * r + 1] * x[1] + b[3 * r + 2] * x[2];
-            if (r >= 3) out[r] += b[9 + 3 * r] * x[3] + b[10 + 3 * r] * x[4] + b[11 + 3 * r] * x[5];
-        }
+    // Moments on one side of the columns of pivots: of N and what follows it, of t and what follows, of V along and
+    // across, and of a second moment that meets the first.
+    template <int C>
+    static void moments(const double* b, const Lane (*columns)[6], Lane (*out)[3]) {
+        Lane turn[3];
+        apply(b + 9, columns[0], out[0]), apply(b + 18, columns[0] + 3, turn);
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r) out[0][r] += turn[r];
+        apply<1>(b + 9, columns[1], out[1]);
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r) out[1][r] += b[18 + 3 * r + 2] * columns[1][5];
+        apply<1>(b + 9, columns[2], out[2]), apply<1>(b + 9, columns[3], out[3]);
+        if constexpr (C == 5) apply<0, 2>(b + 18, columns[4] + 3, out[4]);
+    }
+
+    // Moments on moments of one side and another, of weights and of couples: `to` gains the lower triangle where they are
+    // one, a whole block where they are not.
+    template <int C, bool ONE>
+    static void bent(const Lane* weight, const Lane (*rows)[3], const Lane (*columns)[3], const Lane* couple,
+                     const double* high, const double* low, Lane* to) {
+        Lane sum[3][3];
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r)
+            JLD_WHOLE
+            for (int c = 0; c < 3; ++c) sum[r][c] = splat(0.0);
+        JLD_WHOLE
+        for (int k = 0; k < C; ++k)
+            JLD_WHOLE
+            for (int r = 0; r < 3; ++r) {
+                const Lane by = weight[k] * rows[k][r];
+                JLD_WHOLE
+                for (int c = 0; c < (ONE ? r + 1 : 3); ++c) sum[r][c] += by * columns[k][c];
+            }
+        JLD_WHOLE
+        for (int k = 0; k < 3; ++k)
+            JLD_WHOLE
+            for (int r = 0; r < 3; ++r) {
+                const Lane by = couple[k] * high[18 + 3 * r + k];
+                JLD_WHOLE
+                for (int c = 0; c < (ONE ? r + 1 : 3); ++c) sum[r][c] += by * low[18 + 3 * c + k];
+            }
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r)
+            JLD_WHOLE
+            for (int c = 0; c < (ONE ? r + 1 : 3); ++c) to[ONE ? at(3 + r, 3 + c) : 6 * (3 + r) + 3 + c] += sum[r][c];
     }
 
     // S += A H^-1 A': one square for each pivot of the face, of its own column and those that follow it
     template <class Face>
     void condensed(int f, const Face& o, Lane* diagonal, Lane* off) const {
         constexpr int C = Face::COLUMNS;
+        if (end(f, 0) < 0) return;
         Lane columns[C][6], weight[C], couple[3];
         o.pivots(columns, weight), o.couples(couple);
-        Lane q[2][C][6];
-        for (int which = 0; which < 2; ++which) {
-            if (end(f, which) < 0) continue;
-            const double* b = side(f, which);
-            Lane* d = diagonal + 21 * end(f, which);
-            for (int k = 0; k < C; ++k) {
-                Lane* own = q[which][k];
-                column(b, columns[k], own);
-                for (int r = 0; r < 6; ++r) {
-                    Lane by = weight[k] * own[r];
-                    for (int c = 0; c <= r; ++c) d[at(r, c)] += by * own[c];
-                }
-            }
-            for (int r = 3; r < 6; ++r)
-                for (int c = 3; c <= r; ++c)
-                    for (int k = 0; k < 3; ++k) d[at(r, c)] += couple[k] * (b[9 + 3 * r + k] * b[9 + 3 * c + k]);
-        }
-        if (p.block[f] < 0) return;
-        Lane* to = off + 36 * p.block[f];
         const double *low = side(f, 0), *high = side(f, 1);
-        for (int r = 0; r < 6; ++r) {
-            Lane by[C];
-            for (int k = 0; k < C; ++k) by[k] = weight[k] * q[1][k][r];
-            for (int c = 0; c < 6; ++c) {
-                Lane sum = to[6 * r + c];
-                for (int k = 0; k < C; ++k) sum += by[k] * q[0][k][c];
-                to[6 * r + c] = sum;
+        const bool both = p.block[f] >= 0;
+        Lane* d = diagonal + 21 * end(f, 0);
+        Lane *e = diagonal + 21 * (both ? end(f, 1) : 0), *to = off + 36 * (both ? p.block[f] : 0);
+        Lane force[4][3], pressed[4][3], here[C][3], there[C][3];
+        apply(low, columns[0], force[0]);
+        apply<1>(low, columns[1], force[1]), apply<1>(low, columns[2], force[2]), apply<1>(low, columns[3], force[3]);
+        moments<C>(low, columns, here);
+        JLD_WHOLE
+        for (int k = 0; k < 4; ++k)
+            JLD_WHOLE
+            for (int r = 0; r < 3; ++r) pressed[k][r] = weight[k] * force[k][r];
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r)
+            JLD_WHOLE
+            for (int c = 0; c < 3; ++c) {
+                if (c <= r) {
+                    Lane sum = pressed[0][r] * force[0][c];
+                    JLD_WHOLE
+                    for (int k = 1; k < 4; ++k) sum += pressed[k][r] * force[k][c];
+                    d[at(r, c)] += sum;
+                    if (both) e[at(r, c)] += sum, to[6 * r + c] -= sum;
+                    if (both && c < r) to[6 * c + r] -= sum;
+                }
+                Lane sum = here[0][r] * pressed[0][c];
+                JLD_WHOLE
+                for (int k = 1; k < 4; ++k) sum += here[k][r] * pressed[k][c];
+                d[at(3 + r, c)] += sum;
+                if (both) to[6 * c + 3 + r] -= sum;
             }
-        }
-        for (int r = 3; r < 6; ++r)
-            for (int c = 3; c < 6; ++c)
-                for (int k = 0; k < 3; ++k) to[6 * r + c] += couple[k] * (high[9 + 3 * r + k] * low[9 + 3 * c + k]);
+        bent<C, true>(weight, here, here, couple, low, low, d);
+        if (!both) return;
+        moments<C>(high, columns, there);
+        JLD_WHOLE
+        for (int r = 0; r < 3; ++r)
+            JLD_WHOLE
+            for (int c = 0; c < 3; ++c) {
+                Lane sum = there[0][r] * pressed[0][c];
+                JLD_WHOLE
+                for (int k = 1; k < 4; ++k) sum += there[k][r] * pressed[k][c];
+                e[at(3 + r, c)] -= sum, to[6 * (3 + r) + c] += sum;
+            }
+        bent<C, true>(weight, there, there, couple, high, high, e);
+        bent<C, false>(weight, there, here, couple, high, low, to);
     }
 
     template <class T>

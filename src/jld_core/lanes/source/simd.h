@@ -5,6 +5,13 @@
 // what is called from more than one place is compiled once
 #define JLD_ONCE __attribute__((noinline))
 
+// a loop over a few numbers is laid out whole, so that what it gathers stays in registers
+#if defined(__clang__)
+#define JLD_WHOLE _Pragma("clang loop unroll(full)")
+#else
+#define JLD_WHOLE _Pragma("GCC unroll 40")
+#endif
+
 #if defined(JLD_COUNTED)
 #include JLD_COUNTED
 #else

@@ -19,7 +19,7 @@ struct SpatialFace {
     Lane a, b, h, keep;  // of torsion with the bound on shear
     Lane F[6], t, s[ROWS], z[ROWS], lack[ROWS], S[3], Z[3];
     // of one iteration: axes of the scaling (e, and q across it), the scaled point, pivots and what follows them
-    Lane e1, e2, ip, iw, iq, scaled[3], det;
+    Lane e1, e2, ip, iw, iq, scaled[3], unit[3], far, by_root;
     Lane is[ROWS], iT, sT, sv, iv, ic, it, tau, fall, g, upper, lower, first, last;
     Lane c[7], second[ROWS], turned2[3], pull[3], dF[6], dt, ds[ROWS], dz[ROWS], dS[3], dZ[3];
 
@@ -39,6 +39,7 @@ struct SpatialFace {
         bend.put(lane, row);
         const double* twist = row + Bending::NUMBERS;
         lanes_of(a)[lane] = twist[0], lanes_of(b)[lane] = twist[1], lanes_of(h)[lane] = twist[2];
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) {
             double own, turn;
             if (r < B) {
@@ -68,7 +69,9 @@ struct SpatialFace {
         auto move = [&](Lane& to, const Lane& x) { lanes_of(to)[lane] = lanes_of(x)[source]; };
         bend.copy(from.bend, move);
         move(a, from.a), move(b, from.b), move(h, from.h);
+        JLD_WHOLE
         for (int k = 0; k < 6; ++k) move(F[k], from.F[k]);
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) move(s[r], from.s[r]);
         move(keep, from.keep);
     }
@@ -81,6 +84,7 @@ struct SpatialFace {
         Bending::invert(s, is);
         Lane both = 1.0 / (s[B] * s[B + 1]);
         is[B] = both * s[B + 1], is[B + 1] = both * s[B];
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) w[r] = z[r] * is[r];
         const Lane bent = bend.condense(w, delta), one = w[B], two = w[B + 1];
         Lane plus = one + two, square = b * b;
@@ -92,7 +96,7 @@ struct SpatialFace {
         Lane ns = root(S[1] * S[1] + S[2] * S[2]), nz = root(Z[1] * Z[1] + Z[2] * Z[2]);
         Lane rs = root(larger((S[0] - ns) * (S[0] + ns), 1e-24 * (S[0] * S[0])));
         Lane rz = root(larger((Z[0] - nz) * (Z[0] + nz), 1e-24 * (Z[0] * Z[0])));
-        Lane by_s = 1.0 / rs, by_z = 1.0 / rz;
+        Lane both_r = 1.0 / (rs * rz), by_s = both_r * rz, by_z = both_r * rs;
         Lane inner = (S[0] * Z[0] + S[1] * Z[1] + S[2] * Z[2]) * by_s * by_z;
         Lane twice = root(2.0 * (1.0 + inner)), by = 1.0 / twice;
         Lane w0 = (S[0] * by_s + Z[0] * by_z) * by;
@@ -102,12 +106,16 @@ struct SpatialFace {
         Lane away = 1.0 / select(flat, size, splat(1.0));
         e1 = select(flat, x1 * away, splat(1.0)), e2 = select(flat, x2 * away, splat(0.0));
         Lane rho = w0 + size, eta2 = rs * by_z, eta = root(eta2), ieta = 1.0 / eta;
-        det = rs * rz;
         iw = rho * ieta;       // multiplies m
         ip = ieta / rho;       // multiplies p
         iq = ieta;             // multiplies q
         Lane along = e1 * S[1] + e2 * S[2], across = e1 * S[2] - e2 * S[1];
         scaled[0] = (S[0] + along) * ip, scaled[1] = (S[0] - along) * iw, scaled[2] = across * iq;
+        // the same as an arrow and on the unit hyperboloid, and what steps of it are measured by
+        by_root = root(both_r);
+        unit[0] = 0.5 * (scaled[0] + scaled[1]) * by_root, unit[1] = 0.5 * (scaled[0] - scaled[1]) * by_root;
+        unit[2] = scaled[2] * by_root;
+        far = 1.0 / (unit[0] + 1.0);
         Lane wp = 0.5 * ip * ip, wm = 0.5 * iw * iw, wq = iq * iq;
         iv = 1.0 / (wp + wm + delta);
         sv = (wm - wp) * iv;
@@ -128,6 +136,7 @@ struct SpatialFace {
         const Lane normal[6] = {splat(1.0), x * along, y * along, m[0], m[1], twist * fall};
         const Lane bound[6] = {none, x * sv, y * sv, none, none, twist * b};
         const Lane one[6] = {none, x, y, none, none, none}, other[6] = {none, -y, x, none, none, none};
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j)
             columns[0][j] = normal[j], columns[1][j] = bound[j], columns[2][j] = one[j], columns[3][j] = other[j];
         weight[0] = g, weight[1] = it, weight[2] = iv, weight[3] = ic;
@@ -160,6 +169,7 @@ struct SpatialFace {
     void begin(Iteration& o, Lane* jump, Lane* x) {
         condense(o.delta);
         Lane late[ROWS], off[7], lag[7];
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) {
             o.gap += s[r] * z[r];
             late[r] = z[r] * is[r] * short_of(o, r);
@@ -167,11 +177,14 @@ struct SpatialFace {
         o.gap += S[0] * Z[0] + S[1] * Z[1] + S[2] * Z[2];
         jump[0] -= o.press;
         turned(z, off), turned(late, lag);
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j) off[j] += jump[j];
         off[1] -= Z[1], off[2] -= Z[2], off[6] -= Z[0];
+        JLD_WHOLE
         for (int j = 0; j < 7; ++j) o.worst = larger(o.worst, absolute(off[j]));
         turn(jump, c);
         c[6] = splat(0.0);
+        JLD_WHOLE
         for (int j = 0; j < 7; ++j) c[j] = -c[j] - lag[j];
         Lane bound, rows[ROWS], cone[3];
         solve(c, x, bound, rows, cone);
@@ -179,6 +192,7 @@ struct SpatialFace {
 
     // out = G't, of resultants and the bound
     void turned(const Lane* t_, Lane* out) const {
+        JLD_WHOLE
         for (int j = 0; j < 7; ++j) out[j] = splat(0.0);
         bend.turned(t_, out);
         out[0] -= a * (t_[B] + t_[B + 1]), out[5] += b * (t_[B] - t_[B + 1]), out[6] = b * (t_[B] + t_[B + 1]);
@@ -186,10 +200,9 @@ struct SpatialFace {
 
     // longest step of a cone, as the reciprocal: d in scaled coordinates against the scaled point
     Lane reach(const Lane* d) const {
-        Lane by = 1.0 / det, rd = root(by);
-        Lane l0 = 0.5 * (scaled[0] + scaled[1]) * rd, le = 0.5 * (scaled[0] - scaled[1]) * rd, lq = scaled[2] * rd;
-        Lane d0 = 0.5 * (d[0] + d[1]) * rd, de = 0.5 * (d[0] - d[1]) * rd, dq = d[2] * rd;
-        Lane first_part = l0 * d0 - le * de - lq * dq, share = (first_part + d0) / (l0 + 1.0);
+        const Lane l0 = unit[0], le = unit[1], lq = unit[2];
+        Lane d0 = 0.5 * (d[0] + d[1]) * by_root, de = 0.5 * (d[0] - d[1]) * by_root, dq = d[2] * by_root;
+        Lane first_part = l0 * d0 - le * de - lq * dq, share = (first_part + d0) * far;
         Lane re = de - share * le, rq = dq - share * lq;
         return root(re * re + rq * rq) - first_part;
     }
@@ -199,9 +212,11 @@ struct SpatialFace {
     void predict(Iteration& o, const Lane* jump) {
         Lane y[7], x[6], bound, rows[ROWS], cone[3];
         turn(jump, y);
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j) y[j] = c[j] - y[j];
         y[6] = c[6];
         solve(y, x, bound, rows, cone);
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) {
             Lane step = -short_of(o, r) - rows[r], by = step * is[r];
             Lane push = -z[r] - z[r] * by;
@@ -210,6 +225,7 @@ struct SpatialFace {
             second[r] = by * push;
         }
         Lane there[3] = {cone[0] * ip, cone[1] * iw, cone[2] * iq}, back[3];
+        JLD_WHOLE
         for (int j = 0; j < 3; ++j) back[j] = -scaled[j] - there[j];
         o.hit_s = larger(o.hit_s, reach(there)), o.hit_z = larger(o.hit_z, reach(back));
         Lane product = dot(there, back);
@@ -222,16 +238,18 @@ struct SpatialFace {
 
     void correct(const Iteration& o, Lane* x) {
         Lane add[7], t_[ROWS];
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) t_[r] = second[r] - o.centre * is[r];
         turned(t_, add);
         // the scaled point divides what centring and the second order ask
         Lane r0 = o.centre - turned2[0], re = -turned2[1], rq = -turned2[2];
-        Lane l0 = 0.5 * (scaled[0] + scaled[1]), le = 0.5 * (scaled[0] - scaled[1]), lq = scaled[2];
-        Lane u0 = (l0 * r0 - le * re - lq * rq) / det, by = 1.0 / l0;
-        Lane ue = (re - u0 * le) * by, uq = (rq - u0 * lq) * by;
+        const Lane l0 = unit[0], le = unit[1], lq = unit[2];
+        Lane u0 = (l0 * r0 - le * re - lq * rq) * by_root, by = 1.0 / l0;
+        Lane ue = (re * by_root - u0 * le) * by, uq = (rq * by_root - u0 * lq) * by;
         pull[0] = u0 + ue, pull[1] = u0 - ue, pull[2] = uq;
         Lane p = pull[0] * ip, m_ = pull[1] * iw;
         add[6] += 0.5 * (p + m_), add[1] = 0.5 * (p - m_), add[2] = uq * iq;
+        JLD_WHOLE
         for (int j = 0; j < 7; ++j) c[j] += add[j];
         Lane bound, rows[ROWS], cone[3];
         solve(add, x, bound, rows, cone);
@@ -240,6 +258,7 @@ struct SpatialFace {
     void move(const Lane* jump, Lane* x) const {
         Lane y[7], bound, rows[ROWS], cone[3];
         turn(jump, y);
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j) y[j] = c[j] - y[j];
         y[6] = c[6];
         solve(y, x, bound, rows, cone);
@@ -248,9 +267,11 @@ struct SpatialFace {
     void direct(Iteration& o, const Lane* jump) {
         Lane y[7], rows[ROWS], cone[3];
         turn(jump, y);
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j) y[j] = c[j] - y[j];
         y[6] = c[6];
         solve(y, dF, dt, rows, cone);
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) {
             Lane step = -short_of(o, r) - rows[r], by = step * is[r];
             Lane push = o.centre * is[r] - second[r] - z[r] - z[r] * by;
@@ -260,6 +281,7 @@ struct SpatialFace {
             o.over = select(sooner, -push, o.over), o.under = select(sooner, z[r], o.under);
         }
         Lane there[3] = {cone[0] * ip, cone[1] * iw, cone[2] * iq}, back[3];
+        JLD_WHOLE
         for (int j = 0; j < 3; ++j) back[j] = pull[j] - scaled[j] - there[j];
         o.hit_s = larger(o.hit_s, reach(there)), o.hit_z = larger(o.hit_z, reach(back));
         unturn(cone[0], cone[1], cone[2], dS);
@@ -272,14 +294,17 @@ struct SpatialFace {
     }
 
     void advance(Iteration& o) {
+        JLD_WHOLE
         for (int j = 0; j < 6; ++j) F[j] += o.alpha_s * dF[j], o.moved = larger(o.moved, absolute(dF[j]));
         t += o.alpha_s * dt;
+        JLD_WHOLE
         for (int r = 0; r < ROWS; ++r) {
             s[r] += o.alpha_s * ds[r], z[r] += o.alpha_z * dz[r];
             o.next += s[r] * z[r];
             o.value += (r < B ? bend.side(r) : h) * z[r];
             o.room = smaller(o.room, s[r] + o.margin - (1.0 - o.alpha_s) * short_of(o, r));
         }
+        JLD_WHOLE
         for (int j = 0; j < 3; ++j) {
             S[j] += o.alpha_s * dS[j], Z[j] += o.alpha_z * dZ[j];
             o.next += S[j] * Z[j];
