@@ -60,6 +60,8 @@ struct Run {
                 for (int k = 0; k < Q * p.elements; ++k) out.velocity[who * Q * p.elements + k] = lanes_of(proof.best[k])[i];
             judge(who);
             if (out.verdict[who] == 0) {
+                // where no motion bounds anything forces may grow
+                if (!(out.high[who] < 1e300)) grows[who] = 1;
                 next.push_back(who);
                 keep(who, i);
             }

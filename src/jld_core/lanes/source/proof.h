@@ -117,6 +117,9 @@ struct Proof {
                 P[3] -= by * v[0] * v[2], P[4] -= by * v[1] * v[2], P[5] -= by * v[2] * v[2];
             }
             P[1] *= o.keep, P[2] *= o.keep, P[4] *= o.keep;
+            // any jump of a row that bows is paid for: where others cannot open they alone say how it moves
+            if constexpr (Face::BOWED)
+                for (int k = 0; k < 6 && !p.opening; ++k) P[k] = select(o.bow > 0.0, splat(0.0), P[k]);
             for (int k = 0; k < 6; ++k) spans[6 * f + k] = P[k];
             sides.template full<Lane>(f, P, w.diagonal.data(), w.off.data());
         }
