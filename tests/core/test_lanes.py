@@ -17,14 +17,12 @@ from scipy.sparse.csgraph import connected_components
 
 import cases_spatial
 from cases import CASES, grid_assembly
-from jld_core import Assembly, LimitAnalysis, Status, tolerances
-from jld_core.arrays import Bits, Floats
+from jld_core import Assembly, LimitAnalysis
+from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.lanes import (
     CARRIED,
     CARRIES,
-    FALLS,
-    LOCKED,
     OPEN,
     PROVEN,
     Graph,
@@ -38,6 +36,7 @@ from jld_core.lanes import (
 from jld_core.lanes.kernel import TRIES
 from jld_core.lanes.pattern import factor_pattern
 from jld_core.limit import Relaxation
+from kernel_proofs import LAST_DIGITS, assert_proven, lanes_of
 
 PLANAR = list(CASES)
 SPATIAL = {
@@ -102,12 +101,6 @@ def labellings(assembly: Assembly, count: int, seed: int = 0) -> Bits:
     return dice.random((count, len(assembly.interfaces))) < dice.random((count, 1))
 
 
-def lanes(analysis: LimitAnalysis, variant: str, **keys: object) -> Lanes:
-    opening = analysis.interior.opening()
-    velocity = None if opening is None else opening.velocity
-    return Lanes(analysis.template, velocity, zero=analysis.floor, variant=variant, **keys)  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize(("cells", "friction", "expected"), [(1, 0.75, 0.75), (2, 0.75, 0.5), (3, 0.2, 0.2)])
 def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expected: float) -> None:
     """Pushed sideways by λ times its weight a tower b wide and h high falls at λ = min(μ, b / h)."""
@@ -115,7 +108,7 @@ def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expec
     labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
     labels[0, ~assembly.free_faces] = True
     analysis = LimitAnalysis(assembly)
-    found = lanes(analysis, kernel).solve(labels)
+    found = lanes_of(analysis, kernel).solve(labels)
     scale = analysis.template.scaling.load
     assert found.verdict[0] == PROVEN
     assert found.low[0] * scale <= expected + 1e-12
@@ -126,55 +119,9 @@ def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expec
 def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
     asked = labellings(analysis.assembly, 24)
-    found = lanes(analysis, kernel).solve(asked, vectors=True)
-    floor = 1e-3 * analysis.assembly.total_dead / analysis.assembly.total_live / analysis.template.scaling.load
-    assert found.forces is not None
-    assert found.velocity is not None
-    for k, labels in enumerate(asked):
-        proof = analysis.prove(labels)
-        if np.isfinite(found.low[k]):
-            state = analysis.prover.state(np.append(found.forces[k].ravel(), found.low[k]), labels, held=True)
-            assert (state.admissible and abs(state.load - found.low[k]) <= 1e-9) or exact(
-                analysis, found.forces[k], found.low[k], labels
-            )
-        if np.isfinite(found.high[k]):
-            motion = analysis.prover.motion(found.velocity[k], labels)
-            # where joints cannot all open, jumps that must be zero are so but for rounding
-            confined = analysis.interior.opening() is None
-            assert motion.margin >= (-1e-12 * abs(motion.velocity).max() if confined else 0.0)
-            # strengths of 1e9 turn the last digit of a jump into 1e-10 of λ
-            rounding = 1e-9 if "strong" in name or confined else 1e-11
-            assert motion.bound == pytest.approx(found.high[k], rel=rounding, abs=1e-12)
-        if found.verdict[k] == FALLS:
-            assert proof.status is Status.UNSTABLE
-        elif found.verdict[k] == LOCKED:
-            assert proof.status in (Status.LOCKED, Status.UNCERTIFIED)
-            assert found.rays is not None
-            ray = analysis.prover.ray(np.append(found.rays[k].ravel(), 1.0), labels)
-            assert ray.slack >= -tolerances.ROUNDING
-            assert ray.error <= tolerances.ROUNDING
-            assert np.isfinite(found.low[k])
-            assert np.isinf(found.high[k])
-        elif found.verdict[k] == PROVEN:
-            assert proof.status is Status.COLLAPSE
-            size = max(abs(proof.low), floor)
-            assert found.low[k] <= proof.high + 1e-9 * size
-            assert found.high[k] >= proof.low - 1e-9 * size
-            around = floor if found.low[k] <= 0.0 <= found.high[k] else 0.0
-            assert found.high[k] - found.low[k] <= 1e-6 * max(abs(found.low[k]), abs(found.high[k]), around)
-        else:
-            assert found.verdict[k] == OPEN
-
-
-def exact(analysis: LimitAnalysis, forces: Floats, load: float, labels: Bits) -> bool:
-    """Whether forces meet all equations and rows to rounding, at the edge of sets that leave them no room."""
-    template = analysis.template
-    flat = np.where(template.yield_set.active(labels), forces, 0.0).ravel()
-    left = template.matrix @ flat + template.dead + load * template.live
-    met = abs(template.matrix) @ abs(flat) + abs(template.dead) + abs(load * template.live)
-    largest = max(1.0, float(abs(flat).max()))
-    slack = template.yield_set.slack(flat.reshape(forces.shape), labels)
-    return bool((abs(left) <= 2e-12 * met + 1e-15 * largest).all() and (slack >= -2e-12 * largest).all())
+    found = lanes_of(analysis, kernel).solve(asked, vectors=True)
+    # strengths of 1e9 turn the last digit of a jump into 1e-10 of λ
+    assert_proven(analysis, asked, found, 1e-9 if "strong" in name else LAST_DIGITS)
 
 
 SETTLED = {
@@ -206,7 +153,7 @@ SETTLED = {
 @pytest.mark.parametrize(("name", "expected"), SETTLED.items())
 def test_kernel_settles_what_it_is_made_for(kernel: str, name: str, expected: int) -> None:
     analysis = analysis_of(name)
-    found = lanes(analysis, kernel).solve(labellings(analysis.assembly, 24))
+    found = lanes_of(analysis, kernel).solve(labellings(analysis.assembly, 24))
     assert int((found.verdict != OPEN).sum()) >= expected
 
 
@@ -220,7 +167,7 @@ def answers(kernel: Lanes, asked: Bits) -> list[np.ndarray]:
 @pytest.mark.parametrize("name", ["wall", "beam", "no shear strength", "weak arch", "running bond", "hulls"])
 def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
     analysis = analysis_of(name)
-    made = lanes(analysis, kernel)
+    made = lanes_of(analysis, kernel)
     asked = labellings(analysis.assembly, 37, seed=3)
     together = answers(made, asked)
     order = np.random.default_rng(1).permutation(len(asked))
@@ -240,7 +187,7 @@ def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None
 def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -> None:
     """Above a threshold the state at hand is the proof: admissible by the core's own prover, and no lane goes on."""
     analysis = analysis_of(name)
-    made = lanes(analysis, kernel)
+    made = lanes_of(analysis, kernel)
     asked = labellings(analysis.assembly, 16)
     known = made.solve(asked)
     assert (known.verdict == PROVEN).sum() > 3
@@ -264,7 +211,7 @@ def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> No
     analysis = analysis_of(name)
     hull = analysis.template.yield_set.hull()
     assert hull is not None
-    made = lanes(analysis, kernel, undecided=hull)
+    made = lanes_of(analysis, kernel, undecided=hull)
     asked = labellings(analysis.assembly, 21, seed=5)
     thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
     free, how = np.ones(asked.shape[1], dtype=bool), Shrinking(tries=3, inner=True)
@@ -292,7 +239,7 @@ def test_variants_agree(kernels: dict[str, str], name: str) -> None:
         pytest.skip("one variant alone")
     analysis = analysis_of(name)
     asked = labellings(analysis.assembly, 40)
-    found = [answers(lanes(analysis, path), asked) for path in kernels.values()]
+    found = [answers(lanes_of(analysis, path), asked) for path in kernels.values()]
     for one, other in itertools.combinations(found, 2):
         np.testing.assert_array_equal(one[2], other[2])
         np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
@@ -305,7 +252,7 @@ def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name
     asked = labellings(analysis.assembly, 16)
     hasty = library.Try.from_buffer_copy(TRIES[0])
     hasty.most = most
-    found = lanes(analysis, kernel, tries=(hasty,)).solve(asked)
+    found = lanes_of(analysis, kernel, tries=(hasty,)).solve(asked)
     assert (found.verdict == OPEN).any()
     for k, labels in enumerate(asked):
         proof = analysis.prove(labels)

@@ -1,0 +1,70 @@
+"""All hard cases through the kernel: the scenes that break solvers, and those of the table of hard labellings.
+
+Every bound and verdict is held against the core's own prover, λ against what must come out, and what is left open is
+counted: the kernel may leave a case to others, never lie.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from benchmarks.hard_scenes import HardCase, hard_cases, is_near
+from benchmarks.lanes_hard import HARD, SEGMENTED, SPATIAL, labellings_of
+
+from jld_core import LimitAnalysis, Status
+from jld_core.lanes import FALLS, LOCKED, OPEN, PROVEN, chosen, fits
+from jld_core.limit import SolveOptions
+from jld_core.models import limit_analysis
+from kernel_proofs import assert_proven, lanes_of
+
+SCENES = SEGMENTED | HARD | SPATIAL
+FEW = 6
+"""Labellings of each scene."""
+
+STATUS = {PROVEN: Status.COLLAPSE, LOCKED: Status.LOCKED, FALLS: Status.UNSTABLE}
+LEFT = {
+    *("friction: 1e-06", "friction: 0.001", "weights over six decades: seed 0", "weights over six decades: seed 2"),
+    *(f"edge of standing: {edge}" for edge in ("1e-10", "1e-09", "1e-06", "-1e-12")),
+    "rank-deficient equilibrium: cubes without friction",
+}
+"""What the kernel may leave to others: next to no friction, six decades of weights, edges of standing."""
+
+pytestmark = pytest.mark.skipif(chosen() is None, reason="no kernel is built or in use")
+
+
+@pytest.mark.parametrize("case", [case for case in hard_cases() if not case.kind.startswith("1 640")], ids=str)
+@pytest.mark.filterwarnings("ignore")
+def test_a_hard_case_is_proven_or_left(case: HardCase) -> None:
+    assembly = case.make()
+    labels = assembly.labels if case.labels is None else case.labels(assembly)
+    analysis = LimitAnalysis(assembly)
+    found = lanes_of(analysis).solve(labels[None], vectors=True)
+    # strengths to 1e12 and friction of 1000 turn last digits of jumps into 1e-9 of λ
+    assert_proven(analysis, labels[None], found, digits=1e-8, snap=1e-13)
+    if found.verdict[0] == OPEN:
+        assert str(case) in LEFT
+        return
+    assert STATUS[int(found.verdict[0])] is case.status
+    if case.expected is not None:
+        scale = analysis.template.scaling.load
+        assert is_near(0.5 * scale * (found.low[0] + found.high[0]), case, case.expected)
+        assert scale * found.low[0] <= case.expected + 1e-12 * max(1.0, abs(case.expected))
+        assert scale * found.high[0] >= case.expected - 1e-12 * max(1.0, abs(case.expected))
+
+
+def test_a_large_structure_is_left_to_others() -> None:
+    """1 640 blocks, for which a solver made for large ones is the quicker."""
+    case = next(case for case in hard_cases() if case.kind.startswith("1 640"))
+    assert not fits(LimitAnalysis(case.make()).template)
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_a_hard_scene_is_proven(name: str) -> None:
+    hard = replace(SCENES[name], many=FEW)
+    options = SolveOptions(inner_bending="kern") if hard.kern else SolveOptions()
+    analysis = limit_analysis(hard.make(), options)
+    asked = labellings_of(analysis.assembly, hard)
+    found = lanes_of(analysis).solve(asked, vectors=True)
+    assert_proven(analysis, asked, found)
+    assert (found.verdict != OPEN).all()

@@ -1,0 +1,77 @@
+"""What the compiled kernel says of labellings, held against the core's own prover and its own way to λ."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from jld_core import LimitAnalysis, Status, tolerances
+from jld_core.arrays import Bits, Floats
+from jld_core.lanes import FALLS, LOCKED, OPEN, PROVEN, LaneAnswers, Lanes
+
+LAST_DIGITS = 1e-11
+"""What may separate two sums of the same dissipation, relative."""
+
+
+def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object) -> Lanes:
+    """The kernel for an analysis, as the analysis itself makes it; variant: see `Lanes`."""
+    opening = analysis.interior.opening()
+    velocity = None if opening is None else opening.velocity
+    return Lanes(analysis.template, velocity, zero=analysis.floor, variant=variant, **keys)  # type: ignore[arg-type]
+
+
+def assert_proven(
+    analysis: LimitAnalysis, asked: Bits, found: LaneAnswers, digits: float = LAST_DIGITS, snap: float = 0.0
+) -> None:
+    """Every bound of labellings (k, m) by the core's own prover, every verdict by `LimitAnalysis.prove`.
+
+    digits: how near the prover's sum of a dissipation must be, relative. snap: what rounding may make of a margin,
+    beside the fastest velocity.
+    """
+    floor = 1e-3 * analysis.assembly.total_dead / analysis.assembly.total_live / analysis.template.scaling.load
+    assert found.forces is not None
+    assert found.velocity is not None
+    for k, labels in enumerate(asked):
+        proof = analysis.prove(labels)
+        if np.isfinite(found.low[k]):
+            state = analysis.prover.state(np.append(found.forces[k].ravel(), found.low[k]), labels, held=True)
+            near = abs(state.load - found.low[k]) <= 1e-9 * max(1.0, abs(found.low[k]))
+            assert (state.admissible and near) or exact(analysis, found.forces[k], found.low[k], labels)
+        if np.isfinite(found.high[k]):
+            motion = analysis.prover.motion(found.velocity[k], labels)
+            # where joints cannot all open, jumps that must be zero are so but for rounding
+            confined = analysis.interior.opening() is None
+            assert motion.margin >= -max(snap, 1e-12 * confined) * abs(motion.velocity).max()
+            # what falls may move the live load by next to nothing, which the bound is divided by
+            near = max(digits, 1e-9 * confined, 1e-8 * (found.verdict[k] == FALLS))
+            assert motion.bound == pytest.approx(found.high[k], rel=near, abs=1e-12)
+        if found.verdict[k] == FALLS:
+            assert proof.status is Status.UNSTABLE
+        elif found.verdict[k] == LOCKED:
+            assert proof.status in (Status.LOCKED, Status.UNCERTIFIED)
+            assert found.rays is not None
+            ray = analysis.prover.ray(np.append(found.rays[k].ravel(), 1.0), labels)
+            assert ray.slack >= -tolerances.ROUNDING
+            assert ray.error <= tolerances.ROUNDING
+            assert np.isfinite(found.low[k])
+            assert np.isinf(found.high[k])
+        elif found.verdict[k] == PROVEN:
+            assert proof.status is Status.COLLAPSE
+            size = max(abs(proof.low), floor)
+            assert found.low[k] <= proof.high + 1e-9 * size + 1e-15
+            assert found.high[k] >= proof.low - 1e-9 * size - 1e-15
+            around = floor if found.low[k] <= 0.0 <= found.high[k] else 0.0
+            assert found.high[k] - found.low[k] <= 1e-6 * max(abs(found.low[k]), abs(found.high[k]), around)
+        else:
+            assert found.verdict[k] == OPEN
+
+
+def exact(analysis: LimitAnalysis, forces: Floats, load: float, labels: Bits) -> bool:
+    """Whether forces meet all equations and rows to rounding, at the edge of sets that leave them no room."""
+    template = analysis.template
+    flat = np.where(template.yield_set.active(labels), forces, 0.0).ravel()
+    left = template.matrix @ flat + template.dead + load * template.live
+    met = abs(template.matrix) @ abs(flat) + abs(template.dead) + abs(load * template.live)
+    largest = max(1.0, float(abs(flat).max()))
+    slack = template.yield_set.slack(flat.reshape(forces.shape), labels)
+    return bool((abs(left) <= 2e-12 * met + 1e-15 * largest).all() and (slack >= -2e-12 * largest).all())
