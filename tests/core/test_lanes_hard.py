@@ -30,7 +30,11 @@ LEFT = {
 }
 """What the kernel may leave to others: next to no friction, six decades of weights, edges of standing."""
 
-pytestmark = pytest.mark.skipif(chosen() is None, reason="no kernel is built or in use")
+
+@pytest.fixture(autouse=True)
+def kernel() -> None:
+    if chosen() is None:
+        pytest.skip("no compiler, and no kernel")
 
 
 @pytest.mark.parametrize("case", [case for case in hard_cases() if not case.kind.startswith("1 640")], ids=str)
@@ -66,5 +70,6 @@ def test_a_hard_scene_is_proven(name: str) -> None:
     analysis = limit_analysis(hard.make(), options)
     asked = labellings_of(analysis.assembly, hard)
     found = lanes_of(analysis).solve(asked, vectors=True)
-    assert_proven(analysis, asked, found)
+    # a margin that two ways of summing tell apart is rounding
+    assert_proven(analysis, asked, found, snap=1e-15)
     assert (found.verdict != OPEN).all()
