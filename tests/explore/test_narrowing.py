@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +13,11 @@ import pytest
 
 from cases import grid_document
 from jld_core.build import build_assembly
+from jld_core.limit import LimitAnalysis
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers import Exact
+from jld_explore.drivers import Exact, possible_blocks
+from jld_explore.drivers.exact.narrowing import Narrowed, Narrowing
 from jld_explore.space import search_space
 
 WEAK: dict[str, Any] = {"tension": 2e3, "shear": 2e3, "block_cells": [1, 3]}
@@ -66,6 +71,25 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
             for one in driver._conflicts:
                 if (image[one.faces] == one.labels).all():
                     assert load <= one.bound * driver._scale * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1))
+    monkeypatch.setattr("jld_explore.drivers.exact.narrowing._LOOK", 0.0)
+    scene = scenes()["in space"]
+    space = search_space(scene, build_assembly(scene))
+    analyses, blocks = [LimitAnalysis(space.assembly)], possible_blocks(space)
+    found = []
+    for here in (10**9, 0):
+        monkeypatch.setattr("jld_explore.drivers.exact.narrowing._HERE", here)
+        narrowing = Narrowing(analyses, space, blocks, many=True, wanted=True)
+        answers = chain([False], repeat(here == 0 and late))
+        found.append(narrowing.narrow(0.1, 1e3, math.inf, answers.__next__))
+    if late:
+        assert found[1] == Narrowed(1e3, ())
+    else:
+        assert found[1].bound == found[0].bound < 1e3
 
 
 def test_a_certificate_is_of_faces_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

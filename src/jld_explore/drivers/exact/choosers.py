@@ -7,6 +7,7 @@ thread would be of no use. A process that dies costs the program it was at, whic
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Sequence
 from concurrent.futures import Future
@@ -41,11 +42,15 @@ class Space:
     space: SearchSpace
     blocks: PossibleBlocks
 
-    def relaxation(self, analyses: Sequence[LimitAnalysis] | None = None) -> BlockRelaxation | CaseBlockRelaxation:
-        """The relaxation by blocks, under one load or all cases. analyses: of the cases, where they are at hand."""
+    def relaxation(
+        self, analyses: Sequence[LimitAnalysis] | None = None, seconds: float = math.inf
+    ) -> BlockRelaxation | CaseBlockRelaxation:
+        """The relaxation by blocks, under one load or all cases. analyses: of the cases, where they are at hand;
+        seconds: that a program may take.
+        """
         assembly = self.space.assembly
         known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
-        each = [BlockRelaxation(analysis, self.blocks.members, self.blocks.inside) for analysis in known]
+        each = [BlockRelaxation(analysis, self.blocks.members, self.blocks.inside, seconds) for analysis in known]
         return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]
 
 

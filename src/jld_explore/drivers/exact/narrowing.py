@@ -4,7 +4,7 @@ One program over all possible blocks bounds λ far closer than face by face wher
 is wide (docs/method.md (6.5)), but takes as long as thousands of relaxations in the kernel. So a proof by conflicts of
 faces turns to it once it has taken about as long itself. What the mechanism of the program says of single blocks is a
 conflict of each block that is ruled out: all inside it inner, all around it dry. Without those blocks the next program
-is smaller, and bounds closer.
+is smaller, and bounds closer. A long one is solved by a process of its own, which can be stopped while it is at it.
 """
 
 from __future__ import annotations
@@ -12,15 +12,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor, wait
 from dataclasses import dataclass
 from typing import Final
 
+import cloudpickle
 import numpy as np
 
-from jld_core.arrays import Bools
-from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, LimitAnalysis, applies_to
+from jld_core.arrays import Bools, Ints
+from jld_core.limit import Choice, LimitAnalysis, applies_to
+from jld_explore.drivers.exact.choosers import Space, choose_at_seat
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.evaluation import Seats
 from jld_explore.space import SearchSpace
 
 _RELAXATIONS: Final = (5.0, 0.25)
@@ -28,6 +32,12 @@ _RELAXATIONS: Final = (5.0, 0.25)
 
 _MOST: Final = 60_000
 """Sides of blocks above which it is not tried: of 40 000 the program takes 41 s."""
+
+_HERE: Final = 2000
+"""Sides up to which it is solved in this process: within two seconds, which another takes to begin."""
+
+_LOOK: Final = 0.2
+"""Seconds after which it is asked whether time is up."""
 
 _AGAIN: Final = 0.9
 """Part of the blocks, of those before, with which another program is worth its while."""
@@ -89,11 +99,10 @@ class Narrowing:
         conflicts: list[Conflict] = []
         while not late() and time.perf_counter() < end:
             before = int(self._allowed.sum())
-            # made anew for those that are left: what is kept of the others would be most of it
             chosen = np.flatnonzero(self._allowed)
-            found = self._relaxation(chosen, end - time.perf_counter())
-            said = found.choose(np.ones(len(chosen), dtype=bool), least, most)
-            self.solves += found.solves
+            said = self._choose(chosen, (least, most), end - time.perf_counter(), late)
+            if said is None:
+                break
             most = min(most, least if said.refuted else said.bound)
             out = chosen if said.refuted else chosen[said.useless]
             if not said.refuted:
@@ -103,14 +112,37 @@ class Narrowing:
                 break
         return Narrowed(most, tuple(conflicts))
 
-    def _relaxation(self, chosen: np.ndarray, seconds: float) -> BlockRelaxation | CaseBlockRelaxation:
-        """Of some of the blocks (k,). seconds: that each program may take."""
+    def _choose(
+        self, chosen: Ints, range_: tuple[float, float], seconds: float, late: Callable[[], bool]
+    ) -> Choice | None:
+        """What the relaxation of some of the blocks (k,) says, None where it was given up. seconds: it may take."""
         assert self._blocks is not None
-        members = [self._blocks.members[p] for p in chosen.tolist()]
-        inside = [self._blocks.inside[p] for p in chosen.tolist()]
-        each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in self._analyses]
-        required = self._space.assembly.required.tolist()
-        return CaseBlockRelaxation(each, required) if self._space.assembly.cases else each[0]
+        members = tuple(self._blocks.members[p] for p in chosen.tolist())
+        part = Space(self._space, PossibleBlocks(members, tuple(self._blocks.inside[p] for p in chosen.tolist())))
+        asked = np.ones(len(chosen), dtype=bool), *range_
+        if self._sides <= _HERE:
+            relaxation = part.relaxation(self._analyses, seconds)
+            said = relaxation.choose(*asked)
+            self.solves += relaxation.solves
+            return said
+        seats = Seats(1)
+        try:
+            seats.fill()
+            seat = next(iter(seats), None)
+            if seat is None:
+                return None
+            future = seat.submit(choose_at_seat, seat.name, cloudpickle.dumps(part), asked)
+            end = time.perf_counter() + seconds
+            while not wait([future], timeout=_LOOK).done:
+                if late() or time.perf_counter() > end:
+                    return None
+            answer: tuple[Choice, int] = future.result()
+        except BrokenExecutor:  # a process that was killed costs this bound, and no more
+            return None
+        finally:
+            seats.close()
+        self.solves += answer[1]
+        return answer[0]
 
     def _without(self, p: int, least: float) -> Conflict:
         """No labelling that has block p exceeds a scaled λ."""
