@@ -20,6 +20,11 @@ _EACH: Final = 4000
 _SHARE: Final = (0.025, 0.15)
 """Labellings annealed then for each relaxation since, with the kernel and without: some 10 to 15 % of the time."""
 
+_LASTING: Final = 60_000
+_LATER: Final = 0.06
+"""Relaxations by which a proof is one of those that last, and the share from then on: there a relaxation takes half as
+long as a labelling (0.24 and 0.5 ms of the crushable arch), in small walls a seventh."""
+
 
 class Turns:
     """When annealing has another chance beside a proof. quick: the kernel solves relaxations; never: not at all."""
@@ -35,7 +40,7 @@ class Turns:
         if since < self._again:
             return 0
         self._last, self._again = relaxations, 2 * self._again
-        return int(since * self._share)
+        return int(since * (max(self._share, _LATER) if relaxations >= _LASTING else self._share))
 
 
 class Incumbents:
