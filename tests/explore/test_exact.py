@@ -324,6 +324,23 @@ def test_a_tree_that_was_stopped_goes_on(tmp_path: Path) -> None:
     assert rest["best"] == pytest.approx(whole["best"], rel=1e-9)
 
 
+def test_whole_blocks_bound_the_root_unless_a_certificate_has_to_say_so() -> None:
+    """Walls of blocks of two: 0.75 = µ face by face, less where a block is one body; the optimum is below either."""
+    options = {"block_cells": [1, 2], "tension": 2e4, "shear": 2e4, "friction": 0.75}
+    scene = parse_scene(grid_document(["aaaa"] * 5 + ["####"], **options))
+    space, bounds = search_space(scene, build_assembly(scene)), []
+    for by_faces in (False, True):
+        driver = Exact(space, search=0, programs=1)
+        if by_faces:
+            driver.prove_by_faces()
+        driver.start(None, lambda: None)
+        driver.ask()
+        assert driver.bound is not None
+        bounds.append(driver.bound)
+    best = 0.6644093  # benchmarks/results/exact.md
+    assert best < bounds[0] < 0.72 < bounds[1] == pytest.approx(0.75, rel=1e-6)
+
+
 def test_long_proofs_lower_the_bound_in_steps(tmp_path: Path) -> None:
     rows, options = SCENES["weak"]
     every = search(rows, options, tmp_path / "every", "enumeration")

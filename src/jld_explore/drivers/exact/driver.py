@@ -7,8 +7,9 @@ formula has no model left, nothing is stronger than the λ it was made for, and 
 (`exact.ladder`), down to the best that is known, which annealing looks for before the proof and now and then beside it.
 
 Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
-branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything. Any other
-proof that lasts asks it once for a bound, and for blocks that are ruled out (`exact.narrowing`).
+branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything. Where it
+is cheap it bounds all labellings before the first step, and any other proof that lasts asks it once for a bound, and
+for blocks that are ruled out (`exact.narrowing`).
 
 What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`relaxation`,
 `block_relaxation`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
@@ -108,7 +109,7 @@ class Exact(Proving):
         if self._relaxation is not None:
             proof = self._conflicts, self._passed
             self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
-        self._none_asked = True
+        self._none_asked = self._by_more_than_faces = True
         self._aimed = math.inf
         self._began = 0
         self._targets: list[int | None] = [None]
@@ -220,7 +221,8 @@ class Exact(Proving):
             if target is None:
                 self._lower(target, self._root())
                 root = self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
-                self._lower(target, root * self._scale)
+                if self._by_more_than_faces:
+                    self._lower(target, root * self._scale)
             self._begin(target)
         if self.found[target].proven:
             self._settle(target)
@@ -273,6 +275,7 @@ class Exact(Proving):
 
     def prove_by_faces(self) -> None:
         """Do without what a certificate cannot say: a bound that mechanisms of blocks prove together."""
+        self._by_more_than_faces = False
         if self._narrowing is not None:
             self._narrowing.leave()
 

@@ -1,4 +1,4 @@
-"""Which λ is refuted next: from the bound at the root down, in steps that are as large as proofs are quick."""
+"""Which λ is refuted next: all of a gap that is not wide, or else parts of it, as large as proofs are quick."""
 
 from __future__ import annotations
 
