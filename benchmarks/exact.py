@@ -207,7 +207,8 @@ def _size(scene: Scene) -> int | None:
     return total
 
 
-def _summary(scene: Scene, **settings: Any) -> dict[str, Any]:
+def summary_of(scene: Scene, **settings: Any) -> dict[str, Any]:
+    """What a study of a scene comes to, its seconds those of one processor."""
     # one process: its own seconds say the same whoever else is at work on the machine
     with tempfile.TemporaryDirectory() as folder, patch("time.perf_counter", time.process_time):
         return explore(scene, Path(folder) / "out", ExploreSettings(jobs=1, pictures=False, **settings)).summary
@@ -222,7 +223,7 @@ def proof(name: str, most: float, long: float) -> list[str]:
     """The row of one scene."""
     scene, seconds, asked = scenes()[name]
     size = _size(scene)
-    facts = _summary(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
+    facts = summary_of(scene, driver="exact", seconds=min(seconds, most if seconds == SECONDS else long))
     bound, gap = facts["bound"], facts["gap"]
     row = [
         name,
@@ -287,7 +288,7 @@ def fronts() -> list[list[str]]:
     """Rows of the table of whole fronts."""
     rows = []
     for name in FRONTS:
-        facts = _summary(scenes()[name][0], driver="exact", options={"aim": "front"}, seconds=SECONDS)
+        facts = summary_of(scenes()[name][0], driver="exact", options={"aim": "front"}, seconds=SECONDS)
         points = facts["front"]
         proven = sum(bool(point["proven"]) for point in points)
         counts = [point["count"] for point in points]
@@ -310,7 +311,7 @@ def fronts() -> list[list[str]]:
 def rival(name: str, which: int, seed: int) -> float:
     """λ that a rival ends with, −inf where it found nothing."""
     driver, options = RIVALS[which]
-    facts = _summary(scenes()[name][0], driver=driver, options=options, seconds=EQUAL, seed=seed)
+    facts = summary_of(scenes()[name][0], driver=driver, options=options, seconds=EQUAL, seed=seed)
     return -math.inf if facts["best"] is None else float(facts["best"])
 
 
