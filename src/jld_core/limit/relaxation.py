@@ -2,7 +2,8 @@
 
 The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3), which the
 yield set knows (`YieldSet.hull`); a set that does not leaves no relaxation. Where planar joints may crush, its rows are
-wide of the hull, and two copies share the forces instead (`SharedHull`).
+wide of the hull, and two copies share the forces instead (`SharedHull`); the kernel follows it with rows of its own, to
+some hundredths of a percent in an arch (`YieldSet.bow`).
 
 What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the
 rows were: a bound is right for every labelling it speaks of, however loose the program that it came from.
@@ -200,7 +201,7 @@ class Relaxation:
         """Scaled λ that no labelling exceeds that agrees where decided; inf where none was found."""
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._lanes is not None:
-            # the kernel's rows enclose the hull of joints that crush: what the hull itself bounds is less
+            # the kernel's rows enclose the hull of joints that crush: what the hull itself bounds is a little less
             found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
         return min((one.bound for one in found if one is not None), default=np.inf)
 
