@@ -16,6 +16,7 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly
 from jld_core import Assembly, LimitAnalysis, build_assembly, solve
+from jld_core.models.zero_dilation_blocks import BlockCertifier, relax_in_blocks
 from jld_core.models.zero_dilation_certificate import Certifier
 from jld_core.models.zero_dilation_floor import Floor, FloorSearch
 from jld_core.models.zero_dilation_found import FromEverySide
@@ -136,6 +137,27 @@ def test_certificate_refuses_what_is_not_true() -> None:
     assert check.bound(emptied) <= 0.65 / scale
     noise = np.random.default_rng(0).uniform(0.0, 1e-3, relaxed.multipliers.over.shape)
     assert check.bound(replace(relaxed.multipliers, over=relaxed.multipliers.over + noise)) <= 0.65 / scale
+
+
+def test_blocks_agree_with_the_library() -> None:
+    """The same program by blocks of the graph of velocities, and row by row by HiGHS; forces farther off add nothing to
+    a wall of two courses, and what is known of neighbours alone proves less, but not what is untrue."""
+    assembly = build_assembly(halved_bond(2, 2, friction=0.4))
+    scale = LimitAnalysis(assembly).template.scaling.load
+    modes, region, statics, check = certifier(assembly, 0.41 / scale, 1e-6)
+    everything = np.ones((len(modes.rows), len(modes.rows)), dtype=bool)
+    other = relax(modes, region, statics.size, everything, 1e-6)
+    assert other is not None
+    bounds = []
+    for distance in (None, 9, 1):
+        own = relax_in_blocks(modes, region, statics.size, everything, 1e-6, 60.0, distance)
+        assert own is not None
+        blocks = BlockCertifier(modes, region, 1e-6, statics.size, check.reach, distance)
+        bounds.append(own.multipliers.bound)
+        assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
+    assert bounds[0] == pytest.approx(other.multipliers.bound, rel=2e-6)
+    assert bounds[1] == pytest.approx(bounds[0], rel=2e-6)
+    assert bounds[2] < bounds[0]
 
 
 def test_velocities_stay_within_their_reach() -> None:

@@ -12,6 +12,7 @@ in it is a binary fraction, so R follows without rounding; with |Φ| ≤ size an
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -61,6 +62,7 @@ class Certifier:
         # velocities whose products equilibrium is not taken off, (3n + m,)
         self.alone = np.zeros(modes.rates.shape[1], dtype=bool)
         self.sign_free = np.append(region.held, [False, False])
+        self._equilibrium: Callable[[Floats], Floats] | None = None
         # what rows are divided by, and multipliers of rows times b_λ·u
         self.largest = abs(self.facts * self.size).max(axis=1)
         self.prices = self.largest[:-1]
@@ -139,7 +141,7 @@ class Certifier:
         """R (3m + 2, 3n + m): what is left of the identity once Q and Ψ have taken off it what they can, twice."""
         rates = _exact_rates(self.modes)
         lacking = self._lacking(over, live, bound, slack, rates)
-        return taken_off(lacking, self.modes.statics, rates.rows(self.region.closed), self.alone)
+        return taken_off(lacking, self.modes.statics, rates.rows(self.region.closed), self.alone, self._equilibrium)
 
     def _lacking(
         self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float, rates: BinaryFractions
@@ -159,17 +161,26 @@ class Certifier:
         return total - cost.times(slack) - facts.transposed() @ (over @ rates)
 
 
-def taken_off(lacking: BinaryFractions, statics: Floats, still: BinaryFractions, alone: Bools) -> Floats:
+def taken_off(
+    lacking: BinaryFractions,
+    statics: Floats,
+    still: BinaryFractions,
+    alone: Bools,
+    equilibrium: Callable[[Floats], Floats] | None = None,
+) -> Floats:
     """A form in Φ and w less what products with equilibrium, K Φ = 0, and with velocities that are zero take off it.
 
     statics: K. still: (e, w) forms of w that are zero. alone: (w,) velocities without products with equilibrium.
+    equilibrium: from a rest to multipliers of K that take most off it; None: the least.
     """
-    exact, by_statics = BinaryFractions.of(statics), np.linalg.pinv(statics.T, rcond=1e-12)
+    exact = BinaryFractions.of(statics)
+    by_statics = np.linalg.pinv(statics.T, rcond=1e-12) if equilibrium is None else None
     by_still = np.linalg.pinv(still.floats(), rcond=1e-12) if len(still.values) else None
     for turn in (1, 2):
         rest = lacking.floats()
         rest[:, alone] = 0.0
-        q = BinaryFractions.of(cut(by_statics @ rest, turn * BITS))
+        taken = by_statics @ rest if equilibrium is None else equilibrium(rest)
+        q = BinaryFractions.of(cut(taken, turn * BITS))
         lacking = lacking - exact.transposed() @ q
         if by_still is not None:
             lacking = lacking - BinaryFractions.of(cut(lacking.floats() @ by_still, turn * BITS)) @ still

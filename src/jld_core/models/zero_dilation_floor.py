@@ -18,12 +18,12 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.models.zero_dilation_blocks import BlockCertifier, multipliers_in_blocks
 from jld_core.models.zero_dilation_certificate import Certifier
 from jld_core.models.zero_dilation_frozen import frozen_friction
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import Region, Relaxed, relax
 from jld_core.models.zero_dilation_statics import Statics, reach
+from jld_core.models.zero_dilation_sweep import BlockSweep
 
 FACES: Final = 60
 """Faces up to which products are formed; larger scenes have the cheap bounds alone, unless time is given for more."""
@@ -40,7 +40,8 @@ _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is
 _LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
 _STALL: Final = 0.05  # share of the distance that a sweep must win, else rows are added or the region is branched
 _TRUSTED: Final = 1e-7  # what an unproven bound is lowered by, relative: more than the solver's own tolerance
-_BLOCKS: Final = 25  # faces from which one program by blocks is tried first
+_BLOCKS: Final = 25  # faces from which programs are solved by blocks
+_AT_ONCE: Final = 45  # faces up to which the first of them is followed to its end
 _DEPTH: Final = 6  # branches above one another
 
 
@@ -109,7 +110,7 @@ class FloorSearch:
         elif not np.isfinite(self._size).all():
             self.route.append("no products: self-stress is not bounded")
         else:
-            bounds = self._at_once(bounds, none)
+            bounds = self._by_blocks(bounds, none)
             bounds = self._sweep(bounds, none, none, self._first_pairs(), 0)
         sure = bounds.proven >= bounds.believed - tolerances.GAP * max(abs(self.ceiling), _SLACK)
         return Floor(
@@ -158,24 +159,23 @@ class FloorSearch:
                 break
         return bounds
 
-    def _at_once(self, bounds: _Bounds, none: Bools) -> _Bounds:
-        """One program by blocks, of which only what is proven counts: most walls end here."""
+    def _by_blocks(self, bounds: _Bounds, none: Bools) -> _Bounds:
+        """Programs by blocks, of which only what is proven counts: walls end here."""
         if self._reach is None or self.modes.faces < _BLOCKS or self._met(bounds.proven):
             return bounds
         assert self._size is not None
-        low, earned = bounds.proven, _SLACK * max(abs(self.ceiling), 1.0)
-        statics = Statics(self.modes, low, self._above(low), none, self._size)
-        region = Region(low, self._above(low), statics.closed(), none)
-        own = np.kron(np.eye(self.modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
-        pairs = self._first_pairs() & (self.modes.hinges | own)
-        self.programs += 1
-        self.route.append("blocks")
-        multipliers = multipliers_in_blocks(self.modes, region, self._size, pairs, earned, max(self._left, 1.0))
-        if multipliers is None:
-            return bounds
-        check = BlockCertifier(self.modes, region, earned, self._size, self._reach)
-        found = check.bound(multipliers, self.ceiling - 2.0 * _ENOUGH * abs(self.ceiling))
-        return bounds.with_(found, found)
+
+        def note(step: str) -> None:
+            self.route.append(step)
+            self.programs += 1
+
+        steps = BlockSweep(self.modes, self._size, self._reach, self.ceiling, lambda: self._left, note, self.offer)
+        low = bounds.proven
+        if self.modes.faces <= _AT_ONCE:
+            low = max(low, steps.at_once(low))
+        low = steps.sweep(low, none, none)
+        self.ceiling = steps.ceiling
+        return bounds.with_(low, low)
 
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
         """Relaxations of one region, each from the bound of the last; branches where they stall."""

@@ -13,9 +13,14 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation_normal import NormalEquations, Point, ProductSpace
+from jld_core.models.zero_dilation_around import Point, ProductSpace
+from jld_core.models.zero_dilation_normal import NormalEquations
+
+EXACT: Final = 2e-7
+"""Residuals and complementarity, of order one, at which it ends: multipliers nearer to zero are hard to make exact."""
 
 _STEPS: Final = 120
+_FIRST: Final = 0.1  # slacks and multipliers to begin with; of 0.01 and 1 walls take half as many steps again
 _EQUAL: Final = 1e-6  # what equations give way by, per unit that their multipliers change
 _POSITIVE: Final = 1e-8  # the same of what is not negative
 _SHIFT: Final = 1e-9  # added to normal equations
@@ -23,9 +28,8 @@ _REFINED: Final = 3  # corrections of a solution by the same factor, while
 _EXACT: Final = (1e-7, 1e-12)  # more than this is left of the right-hand side, far off and near the end
 _CORRECTORS: Final = 2
 _BACK: Final = 0.995  # share of the way to the boundary
-_DONE: Final = 2e-7  # residuals and complementarity at which it ends: multipliers nearer to zero are hard to make exact
 _CENTRE: Final = 0.5  # share of it that is aimed at
-_SURE: Final = 1e-6  # the same, that are near enough to count
+_SURE: Final = 5.0  # times as much that is near enough to count
 _IDLE: Final = 3  # steps in a row that better nothing, once
 _NEAR: Final = 1e-3  # this has been reached; ten times as many before
 _GAINS: Final = 0.9
@@ -49,7 +53,7 @@ class ProductProgram:
 class ProductAnswer:
     """point, and multipliers (r, modes) of the forms, positive ones ≥ 0; bound: multiplier of b_λ·u = 1, at most 1.
 
-    left: the largest of residuals and complementarity, all of order one. steps: taken. sure: worth the name optimal.
+    left: the largest of residuals and complementarity, all of order one. steps: taken. sure: it is near what was asked.
     """
 
     point: Point
@@ -57,22 +61,23 @@ class ProductAnswer:
     bound: float
     left: float
     steps: int
-
-    @property
-    def sure(self) -> bool:
-        return self.left <= _SURE
+    sure: bool
 
 
-def minimise(program: ProductProgram, seconds: float = np.inf) -> ProductAnswer | None:
-    """The least, as near as it comes within some seconds of processor time; None where the arithmetic fails."""
+def minimise(program: ProductProgram, seconds: float = np.inf, exact: float = EXACT) -> ProductAnswer | None:
+    """The least, as near as it comes within some seconds of processor time; None where the arithmetic fails.
+
+    exact: residuals and complementarity at which it ends.
+    """
     try:
-        return _Path(program).follow(seconds)
+        return _Path(program, exact).follow(seconds)
     except np.linalg.LinAlgError:
         return None
 
 
 class _Path:
-    def __init__(self, program: ProductProgram) -> None:
+    def __init__(self, program: ProductProgram, exact: float) -> None:
+        self.exact = exact
         self.space = space = program.space
         self.shape = program.equal.shape
         self.k, self.l = np.nonzero(program.positive)
@@ -82,7 +87,7 @@ class _Path:
         self.cost = (program.cost[0] - unit, program.cost[1])
         self.x: Point = (np.zeros_like(program.cost[0]), np.zeros_like(program.cost[1]))
         # slacks of the rows, and of 1 − b_λ·u, the last of them
-        self.s, self.v = np.ones(len(self.k) + 1), np.ones(len(self.k) + 1)
+        self.s, self.v = np.full((2, len(self.k) + 1), _FIRST)
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
@@ -115,7 +120,7 @@ class _Path:
             else:
                 idle += 1
             far = best.left > _NEAR
-            if left < _DONE or (idle >= _IDLE and not far) or idle >= 10 * _IDLE or time.process_time() > end:
+            if left < self.exact or (idle >= _IDLE and not far) or idle >= 10 * _IDLE or time.process_time() > end:
                 break
             self._step(rp, re, rd, work / len(self.s), _EXACT[left < _NEAR])
         assert best is not None
@@ -125,7 +130,7 @@ class _Path:
         table = np.zeros(self.shape)
         table[self.k, self.l] = self.v[:-1]
         table[self.ke, self.le] = self.q
-        return ProductAnswer(self.x, table, 1.0 - float(self.v[-1]), left, step)
+        return ProductAnswer(self.x, table, 1.0 - float(self.v[-1]), left, step, left <= _SURE * self.exact)
 
     def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, exact: float) -> None:
         d = 1.0 / (self.s / self.v + _POSITIVE)
@@ -145,7 +150,7 @@ class _Path:
         _, ds, dv, _ = direction(rc, 0)
         a, b = _way(self.s, ds), _way(self.v, dv)
         after = float((self.s + a * ds) @ (self.v + b * dv)) / len(self.s)
-        centre = max(min((after / mu) ** 3, 1.0) * mu, _CENTRE * _DONE / len(self.s))
+        centre = max(min((after / mu) ** 3, 1.0) * mu, _CENTRE * self.exact / len(self.s))
         rc = centre - self.s * self.v - ds * dv
         dx, ds, dv, dq = direction(rc)
         a, b = _way(self.s, ds), _way(self.v, dv)

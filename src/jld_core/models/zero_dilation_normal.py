@@ -9,7 +9,6 @@ does (multifrontal Cholesky; Duff & Reid 1983).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -17,9 +16,7 @@ import scipy.sparse as sp
 from scipy.linalg import blas, lapack
 
 from jld_core.arrays import Bools, Floats, Ints
-
-Point = tuple[Floats, Floats]
-"""(Z, T): coefficients of the states by velocities (k, w), and own products of slides of lone faces (f, 4)."""
+from jld_core.models.zero_dilation_around import Point, ProductSpace
 
 Solve = Callable[[Point, float, int], Point]
 """(right-hand side, share of it that may be left, corrections at the most) → solution."""
@@ -28,51 +25,6 @@ _MORE: Final = 10.0  # by which the shift grows where a factor fails, for good
 _TRIES: Final = 8
 _FLAT: Final = 1e-30  # curvature, relative, that is none
 _AWAY: Final = 1e3  # times the least that was left, at which corrections have gone astray
-
-
-@dataclass(frozen=True)
-class ProductSpace:
-    """Forms y_k z_l over (Z, T).
-
-    facts: (r, k) slacks and the like over free states, the last of them 1. rates: (modes, w) over free velocities.
-    lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s with t of their own: T holds the
-    products of t with the face's own forces and 1, of which `own` (f, 5, 4) makes its slacks and 1, and `states`
-    (f, 4, k) says what they are over free states. live: (w,) b_λ·u.
-    """
-
-    facts: Floats
-    rates: Floats
-    lone: Ints
-    own: Floats
-    states: Floats
-    live: Floats
-
-    def values(self, point: Point) -> Floats:
-        """(r, modes) y_k z_l; of slides of lone faces those with their own slacks and 1 alone mean something."""
-        z, t = point
-        out = np.asarray(self.facts @ z @ self.rates.T)
-        more = np.einsum("frc,fc->rf", self.own, t)
-        rows, one = self._rows
-        for slide in (2, 3):
-            out[rows, one * (4 * self.lone + slide)] += more
-        return out
-
-    def adjoint(self, table: Floats) -> Point:
-        """What a weighted sum of values (r, modes) is over (Z, T)."""
-        rows, one = self._rows
-        both = table[rows, one * (4 * self.lone + 2)] + table[rows, one * (4 * self.lone + 3)]
-        return self.facts.T @ table @ self.rates, np.einsum("frc,rf->fc", self.own, both)
-
-    @property
-    def unit(self) -> Floats:
-        """(k, w) b_λ·u over Z."""
-        return np.outer(self.facts[-1], self.live)
-
-    @property
-    def _rows(self) -> tuple[Ints, Ints]:
-        """(5, f) rows of the own slacks of lone faces and of 1, and ones."""
-        rows = np.vstack([4 * self.lone + k for k in range(4)] + [np.full(len(self.lone), len(self.facts) - 1)])
-        return rows, np.ones((5, 1), dtype=np.int64)
 
 
 class NormalEquations:
@@ -88,7 +40,8 @@ class NormalEquations:
         self._of = [np.flatnonzero(used[:, mode]) for mode in self._modes]
         # of a lone face the two slides act as one, along s
         ways = np.vstack([space.rates[self._modes], space.rates[4 * space.lone + 3]])
-        self._tree = _Tree(ways, groups)
+        self._tree = _Tree(ways, groups, space.of, np.array([basis.shape[1] for basis in space.bases]))
+        self._facts = [space.facts @ basis for basis in space.bases]
         self._shift = 0.0
 
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
@@ -133,22 +86,15 @@ class NormalEquations:
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
         """Right-hand side → solution of what is shifted, as exact as it comes."""
-        space = self.space
-        size, shift = space.facts.shape[1], max(shift, self._shift)
-        tables = np.empty((len(self._modes) + len(space.lone), size, size))
-        for n, (mode, rows) in enumerate(zip(self._modes, self._of, strict=True)):
-            part = space.facts[rows]
-            tables[n] = part.T @ (weights[rows, mode][:, None] * part)
-        rows, one = space._rows
-        first, second = (weights[rows, one * (4 * space.lone + slide)].T[:, :, None] for slide in (2, 3))
+        space, shift = self.space, max(shift, self._shift)
+        slides = space.ones * (4 * space.lone)
+        first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
         across = np.swapaxes(space.own, 1, 2)
         stays, slips = across @ (first * space.own), across @ (second * space.own)
         both = stays + slips + shift * np.eye(4)
         back = np.linalg.inv(both) if len(both) else both
         half = slips @ back @ (stays + shift * np.eye(4))  # slips − slips back slips, without its cancellation
-        tables[len(self._modes) :] = np.swapaxes(space.states, 1, 2) @ (
-            0.5 * (half + np.swapaxes(half, 1, 2)) @ space.states
-        )
+        tables = self._tables(weights, 0.5 * (half + np.swapaxes(half, 1, 2)))
         for _ in range(_TRIES):
             held = self._tree.factor(tables, shift)
             if held is not None:
@@ -164,13 +110,31 @@ class NormalEquations:
 
         def solve(rhs: Point) -> Point:
             t = np.einsum("fab,fb->fa", back, rhs[1])
-            pulled = np.einsum("fak,fa->fk", space.states, np.einsum("fab,fb->fa", slips, t))
-            z = solved(rhs[0] - pulled.T @ ways)
+            pulled = np.zeros((space.facts.shape[1], len(space.of)))
+            for places, part, way in zip(space.at, np.einsum("fab,fb->fa", slips, t), ways, strict=True):
+                pulled[places] += np.outer(part, way)
+            z = solved(rhs[0] - space.gather(pulled))
             z = z - price * float((unit * z).sum()) * along
-            own = np.einsum("fak,fk->fa", space.states, (z @ ways.T).T)
+            own = np.einsum("fpw,fw->fp", space.spread(z)[space.at], ways)
             return z, t - np.einsum("fab,fb->fa", back, np.einsum("fab,fb->fa", slips, own))
 
         return solve
+
+    def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
+        """Cᵀ diag(d_l) C of each way over the states of every two bases that meet there: (ways, k, k′) of each pair."""
+        space, out = self.space, {}
+        for (one, other), ways in self._tree.meetings.items():
+            table = np.empty((len(ways), space.bases[one].shape[1], space.bases[other].shape[1]))
+            for n, way in enumerate(ways):
+                if way < len(self._modes):
+                    rows = self._of[way]
+                    by = weights[rows, self._modes[way]][:, None]
+                    table[n] = self._facts[one][rows].T @ (by * self._facts[other][rows])
+                else:
+                    places = space.at[way - len(self._modes)]
+                    table[n] = space.bases[one][places].T @ lone[way - len(self._modes)] @ space.bases[other][places]
+            out[one, other] = table
+        return out
 
 
 def length(point: Point) -> float:
@@ -183,10 +147,13 @@ def _dot(one: Point, other: Point) -> float:
 
 
 class _Tree:
-    """Elimination of blocks along the graph in which columns of ways (modes, w) meet where a mode has both."""
+    """Elimination of blocks along the graph in which columns of ways (modes, w) meet where a mode has both.
 
-    def __init__(self, ways: Floats, groups: Ints) -> None:
-        """groups: (w,) columns that are taken together, counted from 0."""
+    meetings: for every two bases whose columns meet the ways in which they do.
+    """
+
+    def __init__(self, ways: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
+        """groups: (w,) columns that are taken together, counted from 0. of: (w,) bases of columns; sizes: of bases."""
         touches = np.zeros((len(ways), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (ways != 0.0).T.astype(float))
         order, later = _least_fill((touches.T @ touches) > 0.0)
@@ -195,7 +162,7 @@ class _Tree:
         # groups and what they reach, by place; chains in which nothing is lost become one
         reach = [sorted(int(place[k]) for k in later[int(j)]) for j in order]
         nodes: list[tuple[list[int], list[int]]] = []
-        of = []
+        of_group = []
         for j in range(len(order)):
             last = nodes[-1] if nodes else None
             if last is not None and last[1] and last[1][0] == j and len(last[1]) == len(reach[j]) + 1:
@@ -203,46 +170,64 @@ class _Tree:
                 nodes[-1] = (last[0], reach[j])
             else:
                 nodes.append(([j], reach[j]))
-            of.append(len(nodes) - 1)
-        self._parent = [of[rest[0]] if rest else -1 for _, rest in nodes]
+            of_group.append(len(nodes) - 1)
+        self._parent = [of_group[rest[0]] if rest else -1 for _, rest in nodes]
         columns_of = [np.flatnonzero(groups == j) for j in order]
         order = self._order = np.concatenate([*columns_of, np.zeros(0, dtype=np.int64)]).astype(np.int64)
         ends = np.cumsum([0] + [len(columns) for columns in columns_of])
         self._nodes = [tuple([k for j in part for k in range(ends[j], ends[j + 1])] for part in node) for node in nodes]
-        placed = ways[:, order]
-        self._parts = []
+        self._of, self._sizes = of[order], sizes[of[order]]
+        self._starts = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
+        self._ends = [_Ends(columns, rest, self._sizes, self._starts) for columns, rest in self._nodes]
+        self.meetings, self._parts = self._meetings(ways[:, order])
+
+    def _meetings(self, ways: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
+        """Which blocks of each front are sums of which tables, by pairs of bases."""
+        found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
+        wanted: dict[tuple[int, int], dict[int, int]] = {}
         for columns, rest in self._nodes:
             rows = columns + rest
-            pairs, modes, shares = [], [], []
+            here: dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]] = {}
             for a, j in enumerate(columns):
                 for b in range(a, len(rows)):
-                    here = np.flatnonzero((placed[:, j] != 0.0) & (placed[:, rows[b]] != 0.0))
-                    pairs += [(b, a)] * len(here)
-                    modes += here.tolist()
-                    shares += (placed[here, j] * placed[here, rows[b]]).tolist()
-            distinct = sorted(set(pairs))
-            number = {pair: n for n, pair in enumerate(distinct)}
-            at = [number[pair] for pair in pairs]
-            table = sp.csr_array((shares, (at, modes)), shape=(len(distinct), len(ways)))
-            self._parts.append((distinct, table))
+                    both = np.flatnonzero((ways[:, j] != 0.0) & (ways[:, rows[b]] != 0.0))
+                    if len(both):
+                        key = int(self._of[rows[b]]), int(self._of[j])
+                        number = wanted.setdefault(key, {})
+                        shares = {
+                            number.setdefault(int(way), len(number)): ways[way, j] * ways[way, rows[b]] for way in both
+                        }
+                        here.setdefault(key, {})[b, a] = shares
+            found.append(here)
+        parts = []
+        for here in found:
+            part: list[_Part] = []
+            for key, blocks in here.items():
+                row = [n for n, shares in enumerate(blocks.values()) for _ in shares]
+                way = [k for shares in blocks.values() for k in shares]
+                share = [value for shares in blocks.values() for value in shares.values()]
+                part.append(
+                    (key, list(blocks), sp.csr_array((share, (row, way)), shape=(len(blocks), len(wanted[key]))))
+                )
+            parts.append(part)
+        return {key: list(number) for key, number in wanted.items()}, parts
 
-    def factor(self, tables: Floats, shift: float) -> Callable[[Floats], Floats] | None:
-        """tables: (modes, k, k) of the ways, symmetric. Right-hand side (k, w) → solution; None where it fails."""
-        size, flat = tables.shape[1], tables.reshape(len(tables), -1)
-        updates: list[list[tuple[list[int], Floats]]] = [[] for _ in self._nodes]
+    def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
+        """tables: of each pair of bases that meet (ways, k, k′). Right-hand side (k, w) → solution; None: it fails."""
+        flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
+        updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
         out = []
-        for node, (columns, rest) in enumerate(self._nodes):
-            rows = columns + rest
-            first = len(columns) * size
-            front = np.zeros((len(rows) * size, len(rows) * size), order="F")
-            pairs, shares = self._parts[node]
-            blocks = (shares @ flat).reshape(len(pairs), size, size)
-            for (b, a), block in zip(pairs, blocks, strict=True):
-                front[b * size : (b + 1) * size, a * size : (a + 1) * size] = block
+        for node, ((columns, rest), ends) in enumerate(zip(self._nodes, self._ends, strict=True)):
+            first, at = ends.first, ends.at
+            front = np.zeros((at[-1], at[-1]), order="F")
+            for key, pairs, shares in self._parts[node]:
+                blocks = (shares @ flat[key]).reshape(len(pairs), *tables[key].shape[1:])
+                for (b, a), block in zip(pairs, blocks, strict=True):
+                    front[at[b] : at[b + 1], at[a] : at[a + 1]] = block
             front[np.arange(first), np.arange(first)] += shift
-            at = {row: n for n, row in enumerate(rows)}
-            for where, update in updates[node]:
-                _add(front, update, [at[row] for row in where], size)
+            places = {row: n for n, row in enumerate(columns + rest)}
+            for where, update, its in updates[node]:
+                _add(front, update, [places[row] for row in where], at, its)
             updates[node] = []
             lower, failed = lapack.dpotrf(front[:first, :first], lower=1)
             if failed:
@@ -251,30 +236,49 @@ class _Tree:
             if rest:
                 below = blas.dtrsm(1.0, lower, front[first:, :first], side=1, lower=1, trans_a=1)
                 update = blas.dsyrk(-1.0, below, beta=1.0, c=front[first:, first:], lower=1)
-                updates[self._parent[node]].append((rest, update))
+                updates[self._parent[node]].append((rest, update, at[len(columns) :] - first))
             out.append((lower, below))
         return lambda rhs: self._solve(out, rhs)
 
     def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
-        size = len(rhs)
-        x = np.ascontiguousarray(rhs[:, self._order].T)
-        for (columns, rest), (lower, below) in zip(self._nodes, held, strict=True):
-            part = blas.dtrsv(lower, x[columns].ravel(), lower=1)
-            x[columns] = part.reshape(-1, size)
-            if rest:
-                x[rest] -= (below @ part).reshape(-1, size)
-        for (columns, rest), (lower, below) in zip(reversed(self._nodes), reversed(held), strict=True):
-            part = x[columns].ravel()
-            if rest:
-                part = part - below.T @ x[rest].ravel()
-            x[columns] = blas.dtrsv(lower, part, lower=1, trans=1).reshape(-1, size)
+        rows = np.arange(len(rhs))
+        used = rows[None, :] < self._sizes[:, None]
+        x = rhs.T[self._order][used]
+        for ends, (lower, below) in zip(self._ends, held, strict=True):
+            part = x[ends.own] = blas.dtrsv(lower, x[ends.own], lower=1)
+            if len(below):
+                x[ends.rest] -= below @ part
+        for ends, (lower, below) in zip(reversed(self._ends), reversed(held), strict=True):
+            part = x[ends.own]
+            if len(below):
+                part = part - below.T @ x[ends.rest]
+            x[ends.own] = blas.dtrsv(lower, part, lower=1, trans=1)
+        placed = np.zeros(used.shape)
+        placed[used] = x
         out = np.empty_like(rhs)
-        out[:, self._order] = x.T
+        out[:, self._order] = placed.T
         return out
 
 
-def _add(front: Floats, update: Floats, places: list[int], size: int) -> None:
-    """Add the lower half of an update to a front, run by run of rows that stand together there too."""
+_Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
+"""Bases, blocks (row, column) of a front, and of which tables each is the sum, (blocks, ways)."""
+
+
+class _Ends:
+    """Where columns of one front stand: in it, `at`, and in the whole, `own` and `rest`; first: numbers of its own."""
+
+    def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
+        self.at = np.concatenate([[0], np.cumsum(sizes[columns + rest])]).astype(np.int64)
+        self.first = int(self.at[len(columns)])
+        self.own = np.concatenate([np.arange(starts[j], starts[j + 1]) for j in columns])
+        self.rest = np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(starts[j], starts[j + 1]) for j in rest)])
+
+
+def _add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
+    """Add the lower half of an update to a front, run by run of rows that stand together there too.
+
+    at, its: where columns begin in the front and in the update.
+    """
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):
         if runs and runs[-1][1] + runs[-1][2] == place:
@@ -283,8 +287,8 @@ def _add(front: Floats, update: Floats, places: list[int], size: int) -> None:
             runs.append((n, place, 1))
     for k, (n, place, long) in enumerate(runs):
         for n2, place2, long2 in runs[: k + 1]:
-            front[place * size : (place + long) * size, place2 * size : (place2 + long2) * size] += update[
-                n * size : (n + long) * size, n2 * size : (n2 + long2) * size
+            front[at[place] : at[place + long], at[place2] : at[place2 + long2]] += update[
+                its[n] : its[n + long], its[n2] : its[n2 + long2]
             ]
 
 
