@@ -118,8 +118,8 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
             + "."
         )
         differs.append(
-            f"{len(lower)} of {len(walls)} of them lie lower than published. No floor is sought for these walls here, of "
-            "83 to 141 faces: `python -m benchmarks.zero_dilation_floor` bounds the first in some minutes."
+            f"{len(lower)} of {len(walls)} of them lie lower than published. No floor is sought for these walls here, "
+            "of 83 to 141 faces: `python -m benchmarks.zero_dilation_floor` bounds the first in some minutes."
         )
     arch = table[table["scene"] == "flat arch"].iloc[0]
     differs.append(
