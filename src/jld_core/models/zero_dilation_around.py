@@ -130,9 +130,8 @@ class Surroundings:
         at = np.empty(count + faces, dtype=np.int64)
         for part in range(int(name.max()) + 1):
             members = np.flatnonzero(name == part)
-            inside: Bools = np.vstack([near[members[members < count]], of_face[members[members >= count] - count]]).any(
-                axis=0
-            )
+            own = [near[members[members < count]], of_face[members[members >= count] - count]]
+            inside = np.asarray(np.vstack(own).any(axis=0))
             number = sets.setdefault(inside.tobytes(), len(sets))
             if number == len(elements):
                 elements.append(inside)

@@ -174,13 +174,14 @@ def taken_off(
     equilibrium: from a rest to multipliers of K that take most off it; None: the least.
     """
     exact = BinaryFractions.of(statics)
-    by_statics = np.linalg.pinv(statics.T, rcond=1e-12) if equilibrium is None else None
+    if equilibrium is None:
+        by_statics = np.asarray(np.linalg.pinv(statics.T, rcond=1e-12))
+        equilibrium = by_statics.__matmul__
     by_still = np.linalg.pinv(still.floats(), rcond=1e-12) if len(still.values) else None
     for turn in (1, 2):
         rest = lacking.floats()
         rest[:, alone] = 0.0
-        taken = by_statics @ rest if equilibrium is None else equilibrium(rest)
-        q = BinaryFractions.of(cut(taken, turn * BITS))
+        q = BinaryFractions.of(cut(equilibrium(rest), turn * BITS))
         lacking = lacking - exact.transposed() @ q
         if by_still is not None:
             lacking = lacking - BinaryFractions.of(cut(lacking.floats() @ by_still, turn * BITS)) @ still
