@@ -140,8 +140,8 @@ def test_certificate_refuses_what_is_not_true() -> None:
 
 
 def test_blocks_agree_with_the_library() -> None:
-    """The same program by blocks of the graph of velocities, and row by row by HiGHS; forces farther off add nothing to
-    a wall of two courses, and what is known of neighbours alone proves less, but not what is untrue."""
+    """Blocks of the graph of velocities beside HiGHS row by row, which has products with b_λ·u as well: what slack costs
+    differs by that. On a wall of two courses nothing is farther than 9 faces; neighbours alone prove no more."""
     assembly = build_assembly(halved_bond(2, 2, friction=0.4))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, statics, check = certifier(assembly, 0.41 / scale, 1e-6)
@@ -155,9 +155,10 @@ def test_blocks_agree_with_the_library() -> None:
         blocks = BlockCertifier(modes, region, 1e-6, statics.size, check.reach, distance)
         bounds.append(own.multipliers.bound)
         assert -np.inf < blocks.bound(own.multipliers) <= 0.4 / scale
-    assert bounds[0] == pytest.approx(other.multipliers.bound, rel=2e-6)
+    assert bounds[0] == pytest.approx(other.multipliers.bound, rel=1e-5)
+    assert bounds[0] <= other.multipliers.bound * (1.0 + 1e-6)
     assert bounds[1] == pytest.approx(bounds[0], rel=2e-6)
-    assert bounds[2] < bounds[0]
+    assert bounds[2] <= bounds[0] * (1.0 + 1e-6)
 
 
 def test_velocities_stay_within_their_reach() -> None:
