@@ -140,7 +140,7 @@ def test_certificate_refuses_what_is_not_true() -> None:
 
 
 def test_blocks_agree_with_the_library() -> None:
-    """Blocks of the graph of velocities beside HiGHS row by row, which has products with b_λ·u as well: what slack costs
+    """Blocks along the graph of velocities beside HiGHS row by row, with products with b_λ·u as well: what slack costs
     differs by that. On a wall of two courses nothing is farther than 9 faces; neighbours alone prove no more."""
     assembly = build_assembly(halved_bond(2, 2, friction=0.4))
     scale = LimitAnalysis(assembly).template.scaling.load
