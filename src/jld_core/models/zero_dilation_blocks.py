@@ -16,7 +16,7 @@ from jld_core.arrays import Bools, Floats
 from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation_around import Surroundings, lone_faces, velocities_of
 from jld_core.models.zero_dilation_certificate import Certifier, clean
-from jld_core.models.zero_dilation_interior import EXACT, ProductProgram, minimise
+from jld_core.models.zero_dilation_interior import ProductProgram, minimise
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_normal import NormalEquations
 from jld_core.models.zero_dilation_products import Multipliers, Region, cost_of, equal_pairs, extended, units_of
@@ -48,7 +48,7 @@ def relax_in_blocks(
     slack: float,
     seconds: float,
     distance: int | None = None,
-    exact: float = EXACT,
+    exact: float | None = None,
 ) -> BlockAnswer | None:
     """The program that `relax` states; None where the method does not end well. As for `relax`.
 

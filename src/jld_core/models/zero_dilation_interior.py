@@ -16,9 +16,6 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation_around import Point, ProductSpace
 from jld_core.models.zero_dilation_normal import NormalEquations
 
-EXACT: Final = 2e-7
-"""Residuals and complementarity, of order one, at which it ends: multipliers nearer to zero are hard to make exact."""
-
 _STEPS: Final = 120
 _FIRST: Final = 0.1  # slacks and multipliers to begin with; of 0.01 and 1 walls take half as many steps again
 _EQUAL: Final = 1e-6  # what equations give way by, per unit that their multipliers change
@@ -30,6 +27,7 @@ _CORRECTORS: Final = 2
 _BACK: Final = 0.995  # share of the way to the boundary
 _CENTRE: Final = 0.5  # share of it that is aimed at
 _SURE: Final = 5.0  # times as much that is near enough to count
+_DONE: Final = 2e-7  # residuals and complementarity at which it ends: multipliers nearer to zero are hard to make exact
 _IDLE: Final = 3  # steps in a row that better nothing, once
 _NEAR: Final = 1e-3  # this has been reached; ten times as many before
 _GAINS: Final = 0.9
@@ -64,13 +62,13 @@ class ProductAnswer:
     sure: bool
 
 
-def minimise(program: ProductProgram, seconds: float = np.inf, exact: float = EXACT) -> ProductAnswer | None:
+def minimise(program: ProductProgram, seconds: float = np.inf, exact: float | None = None) -> ProductAnswer | None:
     """The least, as near as it comes within some seconds of processor time; None where the arithmetic fails.
 
-    exact: residuals and complementarity at which it ends.
+    exact: residuals and complementarity at which it ends; None: as near as multipliers can be made exact.
     """
     try:
-        return _Path(program, exact).follow(seconds)
+        return _Path(program, _DONE if exact is None else exact).follow(seconds)
     except np.linalg.LinAlgError:
         return None
 

@@ -16,12 +16,11 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation_blocks import BlockAnswer, BlockCertifier, relax_in_blocks
-from jld_core.models.zero_dilation_interior import EXACT
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_products import Region
 from jld_core.models.zero_dilation_statics import Statics
 
-ENOUGH: Final = 4e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
+_ENOUGH: Final = 4e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
 _LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
 _FINE, _COARSE = 1e-8, 1e-5  # λ that a unit of cost earns in the program, relative to λ or to 1: at the least, and most
@@ -60,7 +59,7 @@ class BlockSweep:
     def at_once(self, low: float) -> float:
         """What the fewest rows that close walls prove, followed to the end: most walls end here."""
         none = np.zeros(len(self.modes.rows), dtype=bool)
-        return self._step("near hinges", self._region(low, none, none), self.near, _FINE, EXACT)[1]
+        return self._step("near hinges", self._region(low, none, none), self.near, _FINE, None)[1]
 
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
         """The bound in which steps from `low` end, with some modes (4m,) closed and others held."""
@@ -69,7 +68,7 @@ class BlockSweep:
             name, pairs = self.stages[stage]
             slack = max(slack, self._slack(low))
             region = self._region(low, closed, held)
-            exact = _ROUGHLY if self.ceiling - low > _FAR * self._unit else EXACT
+            exact = _ROUGHLY if self.ceiling - low > _FAR * self._unit else None
             answer, found = self._step(f"branch {depth}" if depth else name, region, pairs, slack, exact)
             if answer is not None and self.offer is not None and depth == 0:
                 self.ceiling = min(self.ceiling, self.offer(answer.states))
@@ -106,7 +105,7 @@ class BlockSweep:
         return Region(low, high, closed | Statics(self.modes, low, high, held, self.size).closed(), held)
 
     def _step(
-        self, name: str, region: Region, pairs: Bools, slack: float, exact: float
+        self, name: str, region: Region, pairs: Bools, slack: float, exact: float | None
     ) -> tuple[BlockAnswer | None, float]:
         """One program and what is proven by it."""
         earned = slack * max(abs(self.ceiling), 1.0)
@@ -117,7 +116,7 @@ class BlockSweep:
             return None, -math.inf
         check = BlockCertifier(self.modes, region, earned, self.size, self.reach)
         near = answer.multipliers.bound >= self.ceiling - _NEAR * self._unit
-        enough = self.ceiling - ENOUGH * self._unit if near else -math.inf
+        enough = self.ceiling - _ENOUGH * self._unit if near else -math.inf
         return answer, check.bound(answer.multipliers, enough)
 
     def _branch(self, low: float, region: Region, answer: BlockAnswer, stage: int, depth: int) -> float:
