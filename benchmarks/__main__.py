@@ -43,6 +43,7 @@ BENCHMARKS: Final = (
     "lanes",
     "lanes_error",
     "lanes_hard",
+    "lanes_single",
     "arithmetic",
     "whole_studies",
     "million",

@@ -13,6 +13,11 @@ GAP: Final = 1e-6
 """Width of the bracket, relative, above which a result is called `uncertified` (default of --gap)."""
 
 
+ALONE: Final = 1e-7
+"""Width of a bracket beside λ up to which the kernel's answer to one labelling alone stands: solvers leave 1e-8 in
+space, the kernel 3e-8 (benchmarks/results/lanes_single.md)."""
+
+
 @dataclass(frozen=True)
 class Precision:
     """What is asked of an interior-point route on a scaled program.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -149,7 +150,8 @@ class Lanes:
     (q·free,) velocities that open every face under any labelling, None where there are none. zero: scaled λ beside
     which a bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of
     those of dry ones. variant: see `library`; default the one in use. tries: settings of the passes over what is still
-    open. settles: share of a few random labellings that the kernel settles.
+    open. drawn: iterations start near the answers of a few random labellings, whose share that is settled `settles`
+    tells; else, for a few labellings alone, near the least forces in equilibrium.
     Raises ValueError where the template's rows have not the kernel's shape (ask `fits` first).
     """
 
@@ -162,6 +164,7 @@ class Lanes:
         undecided: Rows | None = None,
         variant: str | None = None,
         tries: Sequence[library.Try] = (),
+        drawn: bool = True,
     ) -> None:
         name = variant or library.chosen()
         if name is None:
@@ -192,9 +195,9 @@ class Lanes:
         self._opening = None if opening is None else opening[ends].copy()
         self._floor = template.floor
         self.settles, self._zero = 0.0, zero
-        self._start = self._starting(template)
+        self._start = self._starting(template, drawn)
 
-    def _starting(self, template: Template) -> _Start:
+    def _starting(self, template: Template, sampled: bool) -> _Start:
         """Where iterations start: between the least forces in equilibrium and the mean answer of a few labellings."""
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
@@ -202,6 +205,8 @@ class Lanes:
         self._start = _Start(np.ascontiguousarray(least), np.zeros((self.faces, self._q)), nothing, 0.0, _ROOM_BLIND)
         if not np.isfinite(least).all():
             self._start = replace(self._start, forces=np.zeros((self.faces, self._q)))
+            return self._start
+        if not sampled:
             return self._start
         dice = np.random.default_rng(0)
         drawn = dice.random((_SAMPLES, self.faces)) < dice.random((_SAMPLES, 1))
@@ -279,6 +284,14 @@ class Lanes:
             back[:, self._ends] = velocity
             velocity = back
         return LaneAnswers(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
+
+    def reversed(self) -> Lanes:
+        """The same structure under the opposite live load, for a few labellings alone."""
+        other = copy(self)
+        other._live = -self._live
+        nothing = np.zeros((self.faces, self._q))
+        other._start = replace(self._start, jumps=nothing, speed=np.zeros(self.size), load=0.0)
+        return other
 
     def shrink(
         self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0

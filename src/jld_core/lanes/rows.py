@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -76,6 +77,16 @@ def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
 
     None where the pattern has rows of another shape.
     """
+    # asked twice of each template: whether it fits, and when the kernel is made
+    return _decided(template) if undecided is None else _rows_of(template, undecided)
+
+
+@lru_cache(maxsize=2)
+def _decided(template: Template) -> Sheets | None:
+    return _rows_of(template, None)
+
+
+def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
     own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])

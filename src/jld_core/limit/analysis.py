@@ -17,8 +17,9 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.lanes import LOCKED, Lanes, chosen, fits
+from jld_core.lanes import FALLS, Lanes, chosen, fits
 from jld_core.limit.bounds import Motion, Prover, State, apart, load_floor, relative_width
+from jld_core.limit.lane_answers import ALONE, offer
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.repair import Repair
@@ -89,8 +90,22 @@ class Climb:
 
     @property
     def runs_away(self) -> bool:
-        """The same, of a program that the last raw answer calls unbounded."""
-        return self.open and self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
+        """The same, of a program that the last raw answer calls unbounded, and that the kernel was not asked yet."""
+        unasked = "lanes" not in self.proof.route
+        return self.open and unasked and self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
+
+    @property
+    def alone(self) -> bool:
+        """Is one labelling all that will be asked, and the kernel the quicker way to it?"""
+        analysis = self.analysis
+        return self.open and analysis.single and analysis.quick and analysis.lanes is not None
+
+    @property
+    def settled_in_lanes(self) -> bool:
+        """Has the kernel left nothing to do? Brackets far wider than those of others do not count."""
+        if "lanes" not in self.proof.route or self.open:
+            return False
+        return not self._collapses or self._width(0.0) <= tolerances.ALONE
 
     @property
     def linear(self) -> bool:
@@ -117,6 +132,27 @@ class Climb:
         return relative_width(self.proof.low, self.proof.high, floor)
 
     # --- what is tried ----------------------------------------------------------------------------------
+
+    def in_lanes(self) -> None:
+        """Whatever the kernel proves of it: of faces between which nothing moves, a ray that takes them out."""
+        lanes = self.analysis.lanes
+        if lanes is None:
+            return
+        found = lanes.solve(self.labels[None], vectors=True)
+        self.proof.solves += 1
+        self.proof.route.append("lanes")
+        if found.verdict[0] == FALLS and found.velocity is not None:
+            self._offer_instability(found.velocity[0])
+        offer(found, self.labels, self.proof, self.prover, self.interior.opening)
+
+    def alone_in_lanes(self) -> None:
+        """The same where a solver would be asked first: a wide bracket is dropped, which that begins better without."""
+        proof = self.proof
+        state = proof.state
+        self.in_lanes()
+        proof.status = self.analysis.judge(proof)
+        if not self.settled_in_lanes:
+            proof.state, proof.motion, proof.ray, proof.collapse_below_zero = state, None, None, None
 
     def solve(self) -> None:
         """The analysis' own solver."""
@@ -193,19 +229,6 @@ class Climb:
         if motion.margin < 0.0:
             proof.offer_motion(self._opened(motion))
 
-    def pressed(self) -> None:
-        """A ray and a state of the kernel's, which takes faces out that no ray presses."""
-        lanes = self.analysis.lanes
-        if lanes is None:
-            return
-        found = lanes.solve(self.labels[None], vectors=True)
-        self.proof.solves += 1
-        self.proof.route.append("ray in lanes")
-        if found.verdict[0] == LOCKED and found.rays is not None and found.forces is not None:
-            self.proof.offer_state(self.prover.state(np.append(found.forces[0], found.low[0]), self.labels))
-            ray = self.prover.ray(np.append(found.rays[0], 1.0), self.labels)
-            self.proof.ray = ray if ray.to_rounding else self.proof.ray
-
     def vertex(self) -> None:
         """A vertex by dual simplex, exact to rounding."""
         self.attempt(HighsSolver(), 0.0)
@@ -247,9 +270,10 @@ class Rung:
 
 
 LADDER: Final = (
-    Rung("first", lambda c: True, Climb.solve, "forces and multipliers of an interior point"),
+    Rung("lanes", lambda c: c.alone, Climb.alone_in_lanes, "both sides by the kernel, of one labelling alone"),
+    Rung("first", lambda c: not c.settled_in_lanes, Climb.solve, "forces and multipliers of an interior point"),
     Rung("repair", lambda c: c.open_inside, Climb.repair, "states blended with one well inside, opened motions, rays"),
-    Rung("ray in lanes", lambda c: c.runs_away, Climb.pressed, "a ray where some faces can only be unpressed"),
+    Rung("ray in lanes", lambda c: c.runs_away, Climb.in_lanes, "a ray where some faces can only be unpressed"),
     # a vertex comes before the edge: it tells unstable scenes from those that stand by a hair
     Rung("vertex", lambda c: c.open and c.linear, Climb.vertex, "both sides of a linear program, exact to rounding"),
     Rung("edge", lambda c: c.open_inside, Climb.edge, "a state where yield sets leave no room"),
@@ -264,8 +288,9 @@ class LimitAnalysis:
     """Limit analysis of one assembly under any of its labellings: convex contact, associative friction.
 
     assembly: the structure. solver, gap, inner_bending: see `SolveOptions`. margin: see `Template.program`. reference:
-    (m,) labelling that solvers are set up on. template: where it exists already. Structure, scaling and projectors are
-    built once; the answer for a labelling does not depend on what was solved before it.
+    (m,) labelling that solvers are set up on. template: where it exists already. single: one labelling is all that
+    will be asked, so the kernel is made for it alone where that is the quicker way. Structure, scaling and projectors
+    are built once; the answer for a labelling does not depend on what was solved before it.
     """
 
     def __init__(
@@ -278,9 +303,10 @@ class LimitAnalysis:
         margin: float | None = None,
         reference: Bits | None = None,
         template: Template | None = None,
+        single: bool = False,
     ) -> None:
         start = time.perf_counter()
-        self.assembly, self.gap = assembly, gap
+        self.assembly, self.gap, self.single = assembly, gap, single
         self.options = SolveOptions(inner_bending=inner_bending, condense="off", solver=solver, gap=gap)
         if template is None:
             scaling = scaling_of(assembly)
@@ -300,8 +326,16 @@ class LimitAnalysis:
         """The kernel for labellings of this analysis, where there is one that knows its rows."""
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
-        opening = self.interior.opening()
-        return Lanes(self.template, None if opening is None else opening.velocity, zero=self.floor)
+        plain = self.interior.expansion() if self.single else None
+        opening = self.interior.opening() if plain is None else plain
+        return Lanes(
+            self.template, None if opening is None else opening.velocity, zero=self.floor, drawn=not self.single
+        )
+
+    @property
+    def quick(self) -> bool:
+        """Is a kernel made and asked sooner than a solver answers one labelling?"""
+        return self.assembly.dimension == 3 and ALONE[0] <= len(self.assembly.interfaces) <= ALONE[1]
 
     def under(self, template: Template, reference: Bits) -> LimitAnalysis:
         """An analysis of the same assembly by another template of it; reference: (m,) labelling it is set up on."""
@@ -316,7 +350,7 @@ class LimitAnalysis:
         proof = Climb(self, labels).up(ladder)
         proof.seconds = time.perf_counter() - start
         if stands:
-            proof.stands = False if proof.status is Status.UNSTABLE else self.stands(labels)
+            proof.stands = False if proof.status is Status.UNSTABLE else self.stands(labels, proof.state)
             proof.solves += proof.status is not Status.UNSTABLE
         return proof
 
@@ -338,9 +372,20 @@ class LimitAnalysis:
         nothing = np.zeros(self.template.scaling.face.shape)
         return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
 
-    def stands(self, labels: Bits) -> bool | None:
-        """Is λ = 0 admissible? None where neither a state nor a motion settles it. labels: (m,) True dry."""
-        return True if not self.template.dead.any() else self.interior.stands(labels)
+    def stands(self, labels: Bits, known: State | None = None) -> bool | None:
+        """Is λ = 0 admissible? None where neither a state nor a motion settles it.
+
+        labels: (m,) True dry. known: a state of it; λ = 0 lies between it and one that bears the opposite load.
+        """
+        if not self.template.dead.any():
+            return True
+        if known is not None and known.load >= 0.0 and self.single and self.quick and self.lanes is not None:
+            found = self.lanes.reversed().solve(labels[None], thresholds=np.zeros(1), vectors=True)
+            if found.forces is not None and found.low[0] >= 0.0:
+                state = self.prover.state(np.append(found.forces[0], -found.low[0]), labels)
+                if state.admissible and state.load <= 0.0:
+                    return True
+        return self.interior.stands(labels)
 
     @one_thread()
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:

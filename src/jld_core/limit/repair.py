@@ -21,6 +21,8 @@ from jld_core.solvers import RawSolution, auxiliary, is_large
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
 _ROUNDED = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
 _LEAST_SLACK = 1e-5  # slack, scaled, that every row can have at once if it can have any
+_TIMES = (1.0, 10.0, 100.0)  # how many times faster courses part than what stands in them
+_OPENS = 1e-6  # margin, of speeds up to 1, above which a plain motion counts as opening
 
 
 class Repair:
@@ -191,6 +193,26 @@ class Repair:
             self._opening = self._relative_interior(template.program(every), rows, every)
             self._opening_known = True
         return self._opening
+
+    def expansion(self) -> Motion | None:
+        """The same without a program, where there is one as plain as that: all elements leave the supports, or courses
+        leave one another faster than what stands in them."""
+        template = self.template
+        elements, faces = template.assembly.elements, template.assembly.interfaces
+        held = elements.support[faces.a] | elements.support[faces.b]
+        weight = template.assembly.dead[elements.free, : template.assembly.dimension].sum(axis=0)
+        size = float(np.linalg.norm(weight))
+        if self._steepest() is not template or not held.any() or size == 0.0:
+            return None
+        every = np.ones(len(faces), dtype=bool)
+        away, down = elements.centroid[elements.free] - faces.origin[held].mean(axis=0), weight / size
+        for times in _TIMES:
+            speed = np.zeros((len(away), template.assembly.freedoms))
+            speed[:, : len(down)] = away + (times - 1.0) * (away @ down)[:, None] * down
+            motion = self.prover.motion((speed / abs(speed).max()).ravel(), every, normalise=False)
+            if motion.margin > _OPENS:
+                return motion
+        return None
 
     def _steepest(self) -> Template:
         """This template with faces that open wherever those of either label do: no crushing, the larger friction.

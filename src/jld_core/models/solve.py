@@ -55,18 +55,19 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
     model = SolveOptions(**options)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     require_materials(assembly, own, ~own)
-    analysis = limit_analysis(assembly, model, reference=own)
+    analysis = limit_analysis(assembly, model, reference=own, single=model.modular)
     start = time.perf_counter()
     proof = solve_labelling(analysis, own, model, stands=True)
     elapsed = time.perf_counter() - start
     return result_of(analysis.template, own, model, proof, assemble=analysis.seconds, elapsed=elapsed)
 
 
-def limit_analysis(assembly: Assembly, options: SolveOptions, reference: Bits | None = None) -> LimitAnalysis:
-    """The limit analysis that `solve_labelling` asks for, for any number of labellings of an assembly."""
-    return LimitAnalysis(
-        assembly, solver=options.solver, gap=options.gap, inner_bending=options.inner_bending, reference=reference
-    )
+def limit_analysis(
+    assembly: Assembly, options: SolveOptions, reference: Bits | None = None, *, single: bool = False
+) -> LimitAnalysis:
+    """The limit analysis that `solve_labelling` asks for, for any number of labellings of an assembly, or for one."""
+    solver, gap, bending = options.solver, options.gap, options.inner_bending
+    return LimitAnalysis(assembly, solver=solver, gap=gap, inner_bending=bending, reference=reference, single=single)
 
 
 def solve_labelling(
@@ -124,9 +125,9 @@ LADDERS: Final[dict[str, tuple[Rung, ...]]] = {
     "on": (Rung("rigid blocks", lambda climb: True, _rigid_blocks, _OFFER), *LADDER),
     "auto": (
         Rung("rigid blocks: strong inner faces", _strong, _rigid_blocks, _OFFER),
-        LADDER[0],
+        *LADDER[:2],
         Rung("rigid blocks: repairs would take longer", _large, _rigid_blocks, _OFFER),
-        *LADDER[1:],
+        *LADDER[2:],
         Rung("rigid blocks: strengths far above some loads", _left, _rigid_blocks, _OFFER),
     ),
 }
