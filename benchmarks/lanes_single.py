@@ -8,6 +8,7 @@ settle, or not narrowly, goes the usual way, and its time is in the kernel's col
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Final
 from unittest.mock import patch
 
@@ -19,7 +20,7 @@ from jld_core.assembly import Assembly
 from jld_core.lanes import described
 from jld_core.models import solve
 
-SCENES: Final = {
+SCENES: Final[dict[str, Callable[[], Assembly]]] = {
     "hexagonal prisms": lambda: prisms(6, 4, 4),
     "corner of the studies, 225°": corner_of_studies,
     "3 × 3 × 3 cubes": lambda: cubes(3, 2e4),
