@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <new>
+#include <utility>
 #include <vector>
 
 #include "planar.h"
@@ -14,14 +15,44 @@
 
 namespace jld {
 
+// Workspaces of one thread that are not in use. The heap would part an aligned one that is given back among the small
+// things that outlive a call, and could never give it out again: a proof grew by ten megabytes a second.
+struct Spare {
+    static constexpr size_t MOST = size_t(1) << 26, MANY = 512;
+    std::vector<std::pair<size_t, void*>> kept;
+    size_t bytes = 0;
+
+    Spare() { kept.reserve(MANY); }
+    ~Spare() {
+        for (auto& one : kept) ::operator delete(one.second, std::align_val_t(64));
+    }
+    void* take(size_t size) {
+        for (size_t k = kept.size(); k-- > 0;)
+            if (kept[k].first == size) {
+                void* found = kept[k].second;
+                kept[k] = kept.back(), kept.pop_back(), bytes -= size;
+                return found;
+            }
+        return ::operator new(size, std::align_val_t(64));
+    }
+    void give(void* place, size_t size) {
+        if (kept.size() >= MANY || bytes + size > MOST) return ::operator delete(place, std::align_val_t(64));
+        kept.emplace_back(size, place), bytes += size;
+    }
+};
+inline Spare& spare() {
+    static thread_local Spare own;
+    return own;
+}
+
 template <class T>
 struct Aligned {
     typedef T value_type;
     Aligned() = default;
     template <class U>
     Aligned(const Aligned<U>&) {}
-    T* allocate(size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), std::align_val_t(64))); }
-    void deallocate(T* p, size_t) { ::operator delete(p, std::align_val_t(64)); }
+    T* allocate(size_t n) { return static_cast<T*>(spare().take(n * sizeof(T))); }
+    void deallocate(T* p, size_t n) { spare().give(p, n * sizeof(T)); }
     bool operator==(const Aligned&) const { return true; }
     bool operator!=(const Aligned&) const { return false; }
 };
