@@ -15,6 +15,7 @@ BENCHMARKS: Final = (
     "condensation",
     "zero_dilation",
     "zero_dilation_floor",
+    "zero_dilation_space",
     "certificates",
     "cases",
     "exact",

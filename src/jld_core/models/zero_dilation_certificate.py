@@ -80,7 +80,9 @@ class Certifier:
             charge = float(self.size @ (abs(rest) @ self.reach)) * (1.0 + 1e-9) + _NIL
             if charge <= slack:
                 # the same rows prove more with less slack, which costs λ
-                proven = max(proven, math.nextafter(float(bound.floats()[0, 0]), -math.inf))
+                # beyond the region nothing was said of λ
+                found = math.nextafter(float(bound.floats()[0, 0]), -math.inf)
+                proven = max(proven, min(found, self.region.high))
                 if proven >= enough or slack <= self.slack * _FINEST:
                     break
                 slack, charge, idle = slack * _FINER, math.inf, 0

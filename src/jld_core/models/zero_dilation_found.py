@@ -20,7 +20,8 @@ from jld_core.models.zero_dilation_starts import certified, starts
 class Found:
     """Certified solutions of one labelling, kept as they come, scaled.
 
-    lowest, highest: pairs of forces and mechanism. loads: λ of all that were certified. best: the pair that comes
+    lowest, highest: pairs of forces and mechanism; of a load that grows from zero, so that one with λ < 0 is the lowest
+    only where there is none with λ ≥ 0. loads: λ of all that were certified. best: the pair that comes
     nearest, where none is certified.
     """
 
@@ -43,7 +44,7 @@ class Found:
             return False
         load = pair.state.load
         self.loads.append(load)
-        if self.lowest is None or load < self.lowest.state.load:
+        if self.lowest is None or _order(load) < _order(self.lowest.state.load):
             self.lowest = pair
         if self.highest is None or load > self.highest.state.load:
             self.highest = pair
@@ -96,6 +97,10 @@ class FromEverySide:
             if known and _low(lowest) - least <= load <= _low(highest) + least:
                 continue
             self.found.offer(certified(self.pairs, point))
+
+
+def _order(load: float) -> tuple[bool, float]:
+    return load < 0.0, load
 
 
 def _low(pair: Pair | None) -> float:

@@ -119,10 +119,6 @@ class SpaceModes:
         """(w,): b_λ·u."""
         return np.concatenate([self.live, np.zeros(self.motions.shape[1] - len(self.live))])
 
-    def of(self, forces: Floats) -> Floats:
-        """y (k,) of scaled forces (q,)."""
-        return np.asarray(self.rows @ forces + self.constants)
-
 
 def space_modes_of(
     template: Template, labels: Bits, directions: tuple[Floats, ...] | None = None, ways: tuple[Way, ...] = ()

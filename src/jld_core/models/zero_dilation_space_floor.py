@@ -28,7 +28,7 @@ from jld_core.models.zero_dilation_space_certificate import SpaceCertifier
 from jld_core.models.zero_dilation_space_products import SpaceRelaxed, relax_space
 from jld_core.models.zero_dilation_space_statics import SpaceStatics, space_reach
 
-SPACE_FACES: Final = 20
+SPACE_FACES: Final = 24
 """Faces up to which products are formed; larger scenes have the cheap bound alone, unless time is given for more."""
 
 _SLACKS: Final = (1e-8, 1e-6, 1e-5)  # λ that a unit of cost earns in the program, relative to λ or to 1: near, far,

@@ -93,6 +93,7 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
             f"complementarity gap {_shown(extra['complementarity_gap'])}, "
             + ("converged" if extra["converged"] else "not converged")
         )
+        facts |= _range(extra)
     for (name, one), required in zip(result.cases.items(), result.assembly.required, strict=False):
         ends = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in one.bracket)
         facts[f"λ {name}"] = f"{_shown(number(one.load_factor))} of {required:g} required ({one.status}, {ends})"
@@ -106,6 +107,26 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
     facts["route"] = ", ".join(result.route)
     facts["seconds"] = f"{result.seconds['total']:.3g} ({result.seconds['solve']:.3g} solving)"
     return facts
+
+
+def _range(extra: dict[str, Any]) -> dict[str, str]:
+    """The lowest and the highest found without dilation, and the bound below, where they were sought."""
+    if extra.get("lowest_found") is None:
+        return {}
+    ends = (
+        f"{extra['lowest_found']:.9g} to {extra['highest_found']:.9g} ({extra['solutions_found']} solutions certified)"
+    )
+    proven, bound = extra["lowest_proven"], extra["lowest_bound"]
+    if bound is None:
+        below = "not sought"
+    elif proven is None and extra["bound_tolerance"] == 0.0:
+        below = "nothing above 0 proven"
+    elif extra["proven"]:
+        below = f"{proven:.9g} proven" + (", the lowest found is the lowest there is" if extra["closed"] else "")
+    else:
+        sure = "nothing above 0" if proven is None else f"{proven:.9g}"
+        below = f"{sure} proven; {bound:.9g} by the solver's word, within {extra['bound_tolerance']:g} of λ"
+    return {"found": ends, "none below": below}
 
 
 def _rate(rate: dict[str, Any]) -> str:
