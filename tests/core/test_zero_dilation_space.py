@@ -238,9 +238,9 @@ def test_what_has_no_bound() -> None:
     assert space_modes_of(LimitAnalysis(crushed).template, crushed.labels) is None
     extra = solve(cubes(1, 0.3, 0.0), friction="zero-dilation", range=True, effective_area=True).extra
     assert extra["lowest_proven"] is None
-    row = spatial([GROUND, *(box(f"b{k}", [0.2 * k, 0, 0], [0.2 * (k + 1), 0.2, 0.2]) for k in range(12))])
+    row = spatial([GROUND, *(box(f"b{k}", [0.2 * k, 0, 0], [0.2 * (k + 1), 0.2, 0.2]) for k in range(14))])
     analysis = LimitAnalysis(row)
     modes = space_modes_of(analysis.template, row.labels)
     assert modes is not None
     floor = SpaceFloorSearch(analysis, row.labels, modes, analysis.prove(row.labels).bracket[1], 1.0).search()
-    assert floor.route[-1] == "no products: 23 faces"
+    assert floor.route[-1] == "no products: 27 faces"
