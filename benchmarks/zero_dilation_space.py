@@ -34,8 +34,9 @@ def cubes(places: list[tuple[float, float, float]], friction: float, degrees: fl
 def wall(bricks: int, courses: int, depth: float, live: tuple[float, float, float]) -> Scene:
     """The planar wall of `halved_bond` with a depth."""
     elements = [box("ground", (-3, -3, -1), (4 * bricks + 3, depth + 3, 0), support=True)]
-    for element in halved_bond(bricks, courses).elements[1:]:
-        low, high = np.min(element.polygon, axis=0), np.max(element.polygon, axis=0)
+    for element in (halved_bond(bricks, courses).elements or [])[1:]:
+        outline = np.array(element.polygon or [])
+        low, high = outline.min(axis=0), outline.max(axis=0)
         elements.append(box(element.id, (low[0], 0.0, low[1]), (high[0], depth, high[1])))
     return scene(elements, 0.65, live)
 
@@ -72,9 +73,9 @@ def row(name: str, scene: Scene, known: str, seconds: float) -> str:
     search = time.process_time() - start
     extra = solve(assembly, friction="zero-dilation", range=True, floor_seconds=seconds).extra
     bound, tolerance = extra["lowest_bound"], extra["bound_tolerance"]
-    said = (
-        "proven, closed" if extra["closed"] and extra["proven"] else "proven" if extra["proven"] else f"{tolerance:g}"
-    )
+    said = "proven, closed" if extra["closed"] else "proven"
+    if not extra["proven"]:
+        said = f"not proven, within {tolerance:g}" if tolerance > 0.0 else "nothing above 0"
     low, most, spent = extra["lowest_found"], extra["associative_load_factor"], extra["floor_seconds"]
     return (
         f"| {name} | {len(assembly.labels)} | {most:.7g} | {started:.7g} | {low:.9g} | {bound:.9g} | {said} | {known} "
