@@ -5,7 +5,7 @@ two bearings, a flat arch between abutments, a larger wall. Times are of the who
 fronts, the best for every number of dry faces.
 Then how far drivers that prove nothing stay below the best known in equal time (`… 120 600 rivals`).
 `python -m benchmarks.exact SECONDS LONG proofs` gives every wall and every other scene that long at the most, and
-measures that section alone.
+measures that section alone; `… two` proves what a time was asked for by two jobs, by the clock, on a quiet machine.
 """
 
 from __future__ import annotations
@@ -90,6 +90,17 @@ FRONTS: Final = (
     "beam on bearings (flagship), blocks of 2–6",
 )
 """Scenes whose whole front is proven."""
+
+TWO: Final = {
+    "6 × 8, s = 3, 20 kPa": 60.0,
+    "6 × 8, s = 3, 20 kPa, two cases": 60.0,
+    "5 × 7, s = 3, 5 kPa": 60.0,
+    "8 × 10, s = 2, 20 kPa": 60.0,
+    "10 × 12, s = 2, 20 kPa": 180.0,
+    "8 × 10, s = 3, 20 kPa": 240.0,
+    "flat arch, 67 faces, σc = 5 MPa, blocks of 2–6": 600.0,
+}
+"""Scenes that two jobs prove, and seconds by the clock for each."""
 
 NOTE: Final = (
     "At most {:g} s for a wall, {:g} s for a large one and the others, of one processor. Conflicts: partial "
@@ -243,6 +254,21 @@ def proof(name: str, most: float, long: float) -> list[str]:
     return row
 
 
+def by_two() -> list[list[str]]:
+    """Rows of the table of two jobs, by the clock."""
+    rows = []
+    for name, most in TWO.items():
+        scene, _, asked = scenes()[name]
+        with tempfile.TemporaryDirectory() as folder:
+            settings = ExploreSettings(jobs=2, pictures=False, driver="exact", seconds=most)
+            facts = explore(scene, Path(folder) / "out", settings).summary
+        ends = [f"{facts[key]:.7g}" for key in ("best", "bound")]
+        row = [name, *ends, f"{facts['gap']:.1%}", str(facts["stop_reason"]), f"{facts['seconds']:.1f}", asked]
+        rows.append(row)
+        print(row, flush=True)
+    return rows
+
+
 def roots(best: dict[str, float]) -> list[list[str]]:
     """Rows of the table of bounds that proofs of walls begin at, face by face and block by block. best: λ found."""
     rows = []
@@ -336,6 +362,7 @@ def distances(known: dict[str, float]) -> list[list[str]]:
 
 
 HEADS: Final = {
+    "two": "Two jobs",
     "starts": "Where proofs start",
     "fronts": "Whole fronts",
     "rivals": "How far below the best known the others end",
@@ -368,6 +395,9 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
         parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), OPEN))
     cells = [line.strip("| ").split(" | ") for line in parts[""].splitlines() if line.startswith("| ")][2:]
     best = {row[0]: float(row[2]) for row in cells if row[2] != "none"}
+    if "two" in wanted:
+        found = table(["scene", "λ", "bound", "gap", "stopped", "s by the clock", "asked"], by_two())
+        parts[HEADS["two"]] = f"The whole command with `--jobs 2`, on a machine with nothing else to do.\n\n{found}"
     if "starts" in wanted:
         found = table(["scene", "possible blocks", "best λ", "relaxed face by face", "block by block"], roots(best))
         words = "Bounds on all labellings at once, and how far above the best λ known."
