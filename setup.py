@@ -26,7 +26,7 @@ def extension(variant: str) -> Extension:
         f"jld_core.lanes._{variant}",
         sources=[str(source / "kernel.cpp")],
         depends=[str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))],
-        extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], "-Wno-psabi"],
+        extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], KNOWN["mark"](), "-Wno-psabi"],
         language="c++",
         optional=True,
     )

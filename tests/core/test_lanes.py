@@ -89,6 +89,14 @@ def kernel(kernels: dict[str, str]) -> str:
     return next(iter(kernels.values()))
 
 
+def test_a_library_of_other_sources_is_not_taken(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after an update of a clone in which the extension was built before."""
+    assert build.is_current(Path(kernel))
+    monkeypatch.setattr(build, "digest", lambda: "made of something else")
+    assert not build.is_current(Path(kernel))
+    assert library.built() == {}
+
+
 def analysis_of(name: str) -> LimitAnalysis:
     if name in SPATIAL:
         return LimitAnalysis(SPATIAL[name](), inner_bending="kern" if "kern" in name else "paper")

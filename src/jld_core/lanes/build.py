@@ -52,6 +52,17 @@ def digest() -> str:
     return content.hexdigest()[:16]
 
 
+def mark() -> str:
+    """A flag by which a library says what it was made of."""
+    return f'-DJLD_SOURCES="{digest()}"'
+
+
+def is_current(library: Path) -> bool:
+    """Is a library made of the sources that are here, or are there none to ask?"""
+    # read and not loaded: what this processor does not run may crash while it is loaded
+    return not SOURCE.is_dir() or digest().encode() in library.read_bytes()
+
+
 def cache() -> Path:
     """Folder of libraries that were compiled on first use."""
     root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
@@ -79,7 +90,7 @@ def compile_variant(variant: str, folder: Path, compiler: list[str], extra: tupl
     # written under another name first: another process may be loading it
     with tempfile.TemporaryDirectory(dir=folder) as place:
         made = Path(place) / target.name
-        command = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], *_LINKED, *extra, str(SOURCE / "kernel.cpp")]
+        command = [*compiler, *FLAGS, *VARIANT_FLAGS[variant], mark(), *_LINKED, *extra, str(SOURCE / "kernel.cpp")]
         subprocess.run([*command, "-o", str(made)], check=True, capture_output=True, text=True)
         made.replace(target)
     return target

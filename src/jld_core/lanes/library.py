@@ -133,8 +133,9 @@ class Answers(ctypes.Structure):
 
 
 def built() -> dict[str, Path]:
-    """Libraries by variant, fastest first: those of the package, else those compiled on first use."""
-    return _within(Path(__file__).parent) or _within(build.cache())
+    """Libraries by variant, fastest first: those of the package, if made of its sources, else those in the cache."""
+    own = _within(Path(__file__).parent)
+    return {name: path for name, path in own.items() if build.is_current(path)} or _within(build.cache())
 
 
 def _within(folder: Path) -> dict[str, Path]:

@@ -232,6 +232,9 @@ bool with_faces(const JldProblem& p, Call call) {
 
 extern "C" {
 
+// in the library as text: what was built from other sources is told by it
+const char* jld_lanes_sources() { return JLD_SOURCES; }
+
 const char* jld_lanes_variant() { return jld::VARIANT; }
 int32_t jld_lanes_width() { return jld::W; }
 
