@@ -70,7 +70,7 @@ RIVALS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
 """Drivers without proof, and their options."""
 
 SEEDS: Final = 3
-EQUAL: Final = 15.0
+EQUAL: Final = 5.0
 """Processor seconds that each of them gets."""
 
 COMPARED: Final = (
