@@ -393,11 +393,15 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
     if "proofs" in wanted:
         rows = proofs(seconds, long)
         parts[""] = "\n\n".join(("# Proven optima", table(head, rows), NOTE.format(seconds, long), OPEN))
-    cells = [line.strip("| ").split(" | ") for line in parts[""].splitlines() if line.startswith("| ")][2:]
-    best = {row[0]: float(row[2]) for row in cells if row[2] != "none"}
     if "two" in wanted:
         found = table(["scene", "λ", "bound", "gap", "stopped", "s by the clock", "asked"], by_two())
         parts[HEADS["two"]] = f"The whole command with `--jobs 2`, on a machine with nothing else to do.\n\n{found}"
+    best: dict[str, float] = {}
+    for head_of, column in (("", 2), (HEADS["two"], 1)):
+        rows = [line.strip("| ").split(" | ") for line in parts.get(head_of, "").splitlines() if line.startswith("| ")]
+        for row in rows[2:]:
+            if row[column] != "none":
+                best[row[0]] = max(float(row[column]), best.get(row[0], 0.0))
     if "starts" in wanted:
         found = table(["scene", "possible blocks", "best λ", "relaxed face by face", "block by block"], roots(best))
         words = "Bounds on all labellings at once, and how far above the best λ known."
