@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Ints
 from jld_core.limit.block_parts import BlockParts
-from jld_core.limit.block_program import LEAST, Entries, Places
-from jld_core.program import ConicProgram, Template, pack
+from jld_core.limit.block_program import Entries, Places, WholeProgram
+from jld_core.program import Template
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class _Copies:
     active: Bools
 
 
-class ConeProgram:
+class ConeProgram(WholeProgram):
     """min −λ under the conditions of docs/method.md (6.5), (6.6), where faces are no wedges.
 
     Columns: x of each block, resultants and extra variables of each side, of each joint, λ of each block times x, λ.
@@ -134,29 +133,6 @@ class ConeProgram:
             tall = own[rhs[own] != 0.0]
             row = begin[mine][:, None] + place_row[tall]
             self._entries.add(row.ravel(), np.repeat(copies.block[mine], len(tall)), np.tile(-rhs[tall], len(mine)))
-
-    def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """As `BlockProgram.of`."""
-        row, column, value = self._table
-        value = value.copy()
-        value[self._most] = -most
-        value[self._least] = LEAST * threshold
-        keep = np.append(allowed, True)  # place −1: rows and columns of no block
-        rows, columns = keep[self._row_block], keep[self._column_block]
-        here = rows[row] & columns[column]
-        used = np.zeros(self.shape[0], dtype=bool)
-        used[row[here]] = True
-        used[self._linear :] = True  # a cone is kept whole
-        rows &= used | (self._rhs != 0.0)
-        new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
-        shape = int(rows.sum()), int(columns.sum())
-        matrix = sp.csc_array((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
-        objective = np.zeros(shape[1])
-        objective[-1] = -1.0
-        equal, linear = int(rows[: self._equalities].sum()), int(rows[self._equalities : self._linear].sum())
-        cones = (self._cone,) * (int(rows[self._linear :].sum()) // self._cone)
-        program = pack(matrix, self._rhs[rows], objective, equal, linear, cones)
-        return program, np.flatnonzero(rows), np.flatnonzero(columns)
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:

@@ -17,7 +17,53 @@ LEAST: Final = 0.5
 has often no point at all, and proofs of that are worse than those of a low λ."""
 
 
-class BlockProgram:
+class WholeProgram:
+    """Rows and columns of all possible blocks, of which `of` takes those of the allowed ones.
+
+    Rows: equations up to `_equalities`, linear ones up to `_linear`, then cones of `_cone` each. `_most`, `_least`:
+    entries that hold the bounds on the λ of each block.
+    """
+
+    shape: tuple[int, int]
+    _table: tuple[Ints, Ints, Floats]
+    _rhs: Floats
+    _row_block: Ints
+    _column_block: Ints
+    _most: slice
+    _least: slice
+    _equalities: int
+    _linear: int
+    _cone: int
+
+    def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
+        """The program of the allowed blocks (p,) alone, and which rows and columns of the whole it has.
+
+        threshold, most: scaled λ; every block's own is sought between a share `LEAST` of the one and the other.
+        """
+        row, column, value = self._table
+        value = value.copy()
+        value[self._most] = -most
+        value[self._least] = LEAST * threshold
+        keep = np.append(allowed, True)  # place −1: rows and columns of no block
+        rows, columns = keep[self._row_block], keep[self._column_block]
+        here = rows[row] & columns[column]
+        # a face that only blocks around it are left of has nothing to agree on
+        used = np.zeros(self.shape[0], dtype=bool)
+        used[row[here]] = True
+        used[self._linear :] = True  # a cone is kept whole
+        rows &= used | (self._rhs != 0.0)
+        new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
+        shape = int(rows.sum()), int(columns.sum())
+        matrix = sp.csc_array((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
+        objective = np.zeros(shape[1])
+        objective[-1] = -1.0
+        equal, linear = int(rows[: self._equalities].sum()), int(rows[self._equalities : self._linear].sum())
+        cones = (self._cone,) * (int(rows[self._linear :].sum()) // self._cone)
+        program = pack(matrix, self._rhs[rows], objective, equal, linear, cones)
+        return program, np.flatnonzero(rows), np.flatnonzero(columns)
+
+
+class BlockProgram(WholeProgram):
     """min −λ under the conditions of docs/method.md (6.5), (6.6).
 
     Columns: x of each block, rays of the dry set of each side, what else its cohesion carries, (two rays, V) of the
@@ -67,6 +113,7 @@ class BlockProgram:
         self._least = add(least, self.x, 1.0)
         add(above_zero, positive, -1.0)
         self.shape = len(rows), len(columns)
+        self._linear, self._cone = len(rows), 1
         self._rhs = np.zeros(len(rows))
         self._rhs[self.cover] = 1.0
         self._table = self._entries.finished()
@@ -109,31 +156,6 @@ class BlockProgram:
             add(row, parts.joint_block, -strength / scale)
             for bent in (0, 1):
                 add(row[rubs], bends[rubs, bent], -(mu / scale)[rubs])
-
-    def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """The program of the allowed blocks (p,) alone, and which rows and columns of the whole it has.
-
-        threshold, most: scaled λ; every block's own is sought between a share `LEAST` of the one and the other.
-        """
-        row, column, value = self._table
-        value = value.copy()
-        value[self._most] = -most
-        value[self._least] = LEAST * threshold
-        keep = np.append(allowed, True)  # place −1: rows and columns of no block
-        rows, columns = keep[self._row_block], keep[self._column_block]
-        here = rows[row] & columns[column]
-        # a face that only blocks around it are left of has nothing to agree on
-        used = np.zeros(self.shape[0], dtype=bool)
-        used[row[here]] = True
-        rows &= used | (self._rhs != 0.0)
-        new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
-        shape = int(rows.sum()), int(columns.sum())
-        matrix = sp.csc_array((value[here], (new_row[row[here]], new_column[column[here]])), shape=shape)
-        objective = np.zeros(shape[1])
-        objective[-1] = -1.0
-        equal = int(rows[: self._equalities].sum())
-        program = pack(matrix, self._rhs[rows], objective, equal, shape[0] - equal, ())
-        return program, np.flatnonzero(rows), np.flatnonzero(columns)
 
 
 class Places:
