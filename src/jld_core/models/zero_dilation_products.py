@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation_modes import Modes
-from jld_core.solvers import interior_point
+from jld_core.solvers import LinearAnswer, interior_point
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
 _VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row
@@ -152,23 +152,13 @@ def relax(
         products(facts, by_live, np.array([len(facts) - 1]), np.array([0])),
     ]
     sizes = [block.shape[0] for block in blocks]
-    matrix = sp.vstack(blocks, format="csr")
-    elastic = np.zeros((matrix.shape[0], 1))
-    elastic[-1] = 1.0
-    low = np.zeros(matrix.shape[0])
     high = np.concatenate([np.zeros(sizes[0] + sizes[1]), np.full(sum(sizes[2:4]), np.inf), np.zeros(sizes[4]), [1.0]])
     high[-1 - sizes[4] : -1] = np.where(np.append(region.held, [False, False]), 0.0, np.inf)
-    low[-1] = 1.0
     above = np.zeros(columns)
     above[-2:] = 1.0, -region.low
     objective = unit.T @ (np.outer(above, live) - slack * (cost_of(modes) @ basis)) / wide
-    positive = sp.csr_array(([1.0], ([0], [columns * width])), shape=(1, columns * width + 1))
-    rows: Any = sp.vstack([sp.hstack([matrix, sp.csr_array(elastic)], format="csr"), positive], format="csc")
-    answer = interior_point(
-        np.append(objective.ravel(), 1.0), rows, np.append(low, 0.0), np.append(high, np.inf), seconds
-    )
-    usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
-    if not usable or not answer.dual.any():
+    answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds)
+    if answer is None:
         return None
     dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
     over = np.zeros((len(facts), count))
@@ -181,6 +171,20 @@ def relax(
     x = unit @ answer.point[:-1].reshape(columns, width)
     states, z, y, violated = _read(modes, region, x, rates, live, asked)
     return Relaxed(multipliers, states, z, y, violated, answer.found)
+
+
+def solve_products(objective: Floats, matrix: Any, high: Floats, seconds: float) -> LinearAnswer | None:
+    """min objective·X with 0 ≤ rows ≤ high but for the last, b_λ·u = 1, which an amount ≥ 0 may make up for at a price
+    of 1, the last unknown, its sign the last row. None where no multipliers come of it."""
+    elastic = np.zeros((matrix.shape[0], 1))
+    elastic[-1] = 1.0
+    low = np.append(elastic[:, 0], 0.0)
+    unknowns = objective.size
+    positive = sp.csr_array(([1.0], ([0], [unknowns])), shape=(1, unknowns + 1))
+    rows: Any = sp.vstack([sp.hstack([matrix, sp.csr_array(elastic)], format="csr"), positive], format="csc")
+    answer = interior_point(np.append(objective.ravel(), 1.0), rows, low, np.append(high, np.inf), seconds)
+    usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
+    return answer if usable and answer.dual.any() else None
 
 
 def units_of(region: Region, size: Floats) -> Floats:

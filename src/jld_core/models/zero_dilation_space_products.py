@@ -14,9 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_products import Multipliers, Region, products, units_of, without
+from jld_core.models.zero_dilation_products import Multipliers, Region, products, solve_products, units_of, without
 from jld_core.models.zero_dilation_space import SpaceModes
-from jld_core.solvers import interior_point
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
 
@@ -102,11 +101,6 @@ def relax_space(
         products(facts, live[None], np.array([len(facts) - 1]), np.array([0])),
     ]
     sizes = np.array([block.shape[0] for block in blocks])
-    matrix = sp.vstack(blocks, format="csr")
-    elastic = np.zeros((matrix.shape[0], 1))
-    elastic[-1] = 1.0
-    low = np.zeros(matrix.shape[0])
-    low[-1] = 1.0
     sign_free = np.append(region.held, [False, False])
     by_live = np.where(sign_free, 0.0, np.inf)
     high = np.concatenate([np.zeros(sizes[:3].sum()), np.full(sizes[3:5].sum(), np.inf), by_live, [1.0]])
@@ -114,13 +108,8 @@ def relax_space(
     above[-2:] = 1.0, -region.low
     cost = modes.cost.table(0, (columns, len(motions))) @ motions
     objective = unit.T @ (np.outer(above, live) - slack * cost) / wide
-    positive = sp.csr_array(([1.0], ([0], [columns * width])), shape=(1, columns * width + 1))
-    rows: Any = sp.vstack([sp.hstack([matrix, sp.csr_array(elastic)], format="csr"), positive], format="csc")
-    answer = interior_point(
-        np.append(objective.ravel(), 1.0), rows, np.append(low, 0.0), np.append(high, np.inf), seconds
-    )
-    usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
-    if not usable or not answer.dual.any():
+    answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds)
+    if answer is None:
         return None
     dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
     over = np.zeros((len(facts), len(modes.rates)))

@@ -4,6 +4,7 @@
 - `SOLVERS`: names of solvers
 - `ClarabelSolver`: interior point, updated in place; with a proximal term on request
 - `HighsSolver`: simplex and interior point, linear programs
+- `LinearAnswer`: found: the solver says optimal
 - `LinearRows`: a linear program that is minimised again and again
 - `RawSolution`: a solver's answer, not believed
 - `RawStatus`: what a solver says of it
@@ -26,7 +27,7 @@ from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.clarabel import ClarabelSolver
 from jld_core.solvers.highs import HighsSolver, highs_of
-from jld_core.solvers.linear import LinearRows, interior_point
+from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
 from jld_core.solvers.schur import SchurSolver
 
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
@@ -95,6 +96,7 @@ __all__ = [
     "SOLVERS",
     "ClarabelSolver",
     "HighsSolver",
+    "LinearAnswer",
     "LinearRows",
     "RawSolution",
     "RawStatus",

@@ -20,8 +20,10 @@ _FEASIBLE: Final[dict[str, Any]] = {"primal_feasibility_tolerance": 1e-9, "dual_
 
 @dataclass(frozen=True)
 class LinearAnswer:
-    """found: the solver says optimal. value: of the objective. point: (columns,). dual: (rows,) with
-    objective = Rᵀ dual on free columns, ≥ 0 where the lower end of a row binds in a minimisation."""
+    """What a linear solver says of one program. found: it says optimal. value: of the objective. point: (columns,).
+
+    dual: (rows,) with objective = Rᵀ dual on free columns, ≥ 0 where the lower end of a row binds in a minimisation.
+    """
 
     found: bool
     value: float
