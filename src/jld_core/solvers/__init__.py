@@ -4,7 +4,7 @@
 - `SOLVERS`: names of solvers
 - `ClarabelSolver`: interior point, updated in place; with a proximal term on request
 - `HighsSolver`: simplex and interior point, linear programs
-- `LinearAnswer`: found: the solver says optimal
+- `LinearAnswer`: what a linear solver says of one program, not believed
 - `LinearRows`: a linear program that is minimised again and again
 - `RawSolution`: a solver's answer, not believed
 - `RawStatus`: what a solver says of it
