@@ -17,8 +17,9 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 from cases import CASES, grid_assembly
 from jld_core import Assembly, LimitAnalysis, build_assembly, solve
 from jld_core.models.zero_dilation_blocks import BlockCertifier, relax_in_blocks
+from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation_certificate import Certifier
-from jld_core.models.zero_dilation_floor import Floor, FloorSearch
+from jld_core.models.zero_dilation_floor import FloorSearch
 from jld_core.models.zero_dilation_found import FromEverySide
 from jld_core.models.zero_dilation_modes import Modes, modes_of
 from jld_core.models.zero_dilation_products import Region, relax
@@ -34,7 +35,7 @@ def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Floor, floa
     found = side.search(thorough=False)
     assert found.lowest is not None
     assert side.modes is not None
-    search = FloorSearch(analysis, assembly.labels, side.modes, found.lowest.state.load, seconds)
+    search = FloorSearch(analysis, assembly.labels, side.modes, Ceiling(found.low, seconds))
     return found.lowest.state.load, search.search(), analysis.template.scaling.load
 
 

@@ -20,6 +20,7 @@ from cases_spatial import box
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.arrays import Floats
 from jld_core.models import Scheme
+from jld_core.models.zero_dilation_ceiling import Ceiling
 from jld_core.models.zero_dilation_found import FromEverySide
 from jld_core.models.zero_dilation_products import Region
 from jld_core.models.zero_dilation_space import AXES, SpaceModes, space_modes_of, unit_direction, widest, with_direction
@@ -242,5 +243,6 @@ def test_what_has_no_bound() -> None:
     analysis = LimitAnalysis(row)
     modes = space_modes_of(analysis.template, row.labels)
     assert modes is not None
-    floor = SpaceFloorSearch(analysis, row.labels, modes, analysis.prove(row.labels).bracket[1], 1.0).search()
+    ceiling = Ceiling(analysis.prove(row.labels).bracket[1], 1.0)
+    floor = SpaceFloorSearch(analysis, row.labels, modes, ceiling).search()
     assert floor.route[-1] == "no products: 27 faces"

@@ -19,11 +19,9 @@ from jld_core.models.zero_dilation_certificate import Certifier, clean
 from jld_core.models.zero_dilation_interior import ProductProgram, minimise
 from jld_core.models.zero_dilation_modes import Modes
 from jld_core.models.zero_dilation_normal import NormalEquations
-from jld_core.models.zero_dilation_products import Multipliers, Region, cost_of, equal_pairs, extended, units_of
+from jld_core.models.zero_dilation_products import Multipliers, Region, cost_of, equal_pairs, extended, mixed, units_of
 
 _FREE: Final = (1e-6, 1e-4)  # sizes, one after the other, from which a multiplier may change as it must
-_MIXED: Final = 6  # modes, the largest, whose forces are read off X
-_SEEN: Final = 1e-6  # z from which they are
 _GONE: Final = 1e-14  # multipliers below this are none
 _SHIFT: Final = 1e-14  # regularisation of the normal equations, refined away
 _REFINED: Final = 40  # steps of conjugate gradients for one change
@@ -85,12 +83,9 @@ def relax_in_blocks(
         wide * answer.multipliers / largest[:, None], np.zeros(count + 2), region.low + wide * answer.bound
     )
     x = unit @ velocities.joined(answer.point)
-    mean, z = x @ (modes.live_rate @ around.basis), x[-1] @ around.rates.T
-    whole = np.where(modes.hinges | ~np.repeat(lone, 4), z, 0.0)
-    states = [mean / mean[-1]] if mean[-1] > _SEEN else []
-    states += [x @ around.rates[mode] / z[mode] for mode in np.argsort(-whole)[:_MIXED] if whole[mode] > _SEEN]
-    table = np.array(states).reshape(len(states), len(x))[:, :-1]
-    return BlockAnswer(multipliers, table, z, modes.slacks @ mean)
+    live = modes.live_rate @ around.basis
+    whole = around.rates * (modes.hinges | ~np.repeat(lone, 4))[:, None]
+    return BlockAnswer(multipliers, mixed(x, live, whole), x[-1] @ around.rates.T, modes.slacks @ x @ live)
 
 
 class BlockCertifier(Certifier):

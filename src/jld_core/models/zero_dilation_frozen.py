@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from typing import Final
 
-from jld_core.arrays import Bits, Floats
+import numpy as np
+
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import PrescribedFriction
+from jld_core.models.zero_dilation_ceiling import Ceiling
+from jld_core.models.zero_dilation_modes import LinearModes
+from jld_core.models.zero_dilation_statics import Statics
 
 _ROUNDS: Final = 8
 
 
 def frozen_friction(
-    analysis: LimitAnalysis, labels: Bits, least: Callable[[float], Floats]
-) -> Iterator[tuple[float, int]]:
-    """Bounds, scaled, each with the programs that it took; every next one asks for the least N above the last.
+    analysis: LimitAnalysis, labels: Bits, modes: LinearModes, normals: Ints, size: Floats, ceiling: Ceiling
+) -> float:
+    """A proven bound, scaled, 0 where none is won; every next step asks for the least N above the last.
 
-    least: λ → (m,) least N of each face in states of λ no lower. Every solution has the λ of its own frozen friction,
-    which rises with N. Each bound is the proven lower end of a bracket.
+    normals: (m,) columns of N. size: see `Statics.size`. Every solution has the λ of its own frozen friction, which
+    rises with N. Each step's bound is the proven lower end of a bracket.
     """
-    base, bound = analysis.template.yield_set.associative, 0.0
-    for _ in range(_ROUNDS):
-        template = analysis.template.renumbered(PrescribedFriction(base, 0.0, least(bound)))
-        known = LimitAnalysis(analysis.assembly, template=template, gap=analysis.gap, reference=labels)
-        proof = known.prove(labels)
-        yield proof.low, proof.solves
-        bound = max(bound, proof.low)
+    base, bound, none = analysis.template.yield_set.associative, 0.0, np.zeros(len(modes.rows), dtype=bool)
+    for turn in range(1, _ROUNDS + 1):
+        statics = Statics(modes, bound, ceiling.above(bound), none, size)
+        least = np.array([statics.least(row) for row in np.eye(len(size))[normals]])
+        template = analysis.template.renumbered(PrescribedFriction(base, 0.0, least))
+        proof = LimitAnalysis(analysis.assembly, template=template, gap=analysis.gap, reference=labels).prove(labels)
+        ceiling.programs += len(normals) + proof.solves
+        if not ceiling.won(bound, proof.low):
+            break
+        bound = proof.low
+        ceiling.note(f"frozen friction {turn}")
+        if ceiling.met(bound):
+            break
+    return bound

@@ -16,29 +16,52 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.assembly import Assembly
 from jld_core.program import Template
 
 
 @dataclass(frozen=True)
-class Modes:
-    """One labelling of one planar assembly, nothing of it crushing.
+class LinearModes:
+    """One labelling of one assembly, nothing of it crushing, its forces under linear rows, in the plane or in space.
 
-    matrix: A (3n, 3m). dead, live: b, b_λ (3n,). rows, constants: C (4m, 3m), d (4m,). rates: H (4m, 3n + m).
-    near: (m, m) faces that meet at an element, themselves included. Mode 4f + j belongs to face f.
+    matrix: A (·, q) of q resultants. dead: b. live_rate: (w,) b_λ·u of (u, further velocities). rows, constants: C
+    (k, q), d (k,), y = C F + d. rates: of modes, one a row. capacities: (m, q + 2) what friction μN or shear
+    strength τA carries, of (F, λ, 1). near: (m, m) faces that meet at an element, themselves included.
     """
 
     matrix: Floats
     dead: Floats
-    live: Floats
+    live_rate: Floats
     rows: Floats
     constants: Floats
     rates: Floats
+    capacities: Floats
     near: Bools
 
     @property
     def faces(self) -> int:
         """m"""
-        return int(self.matrix.shape[1] // 3)
+        return len(self.near)
+
+    @property
+    def live(self) -> Floats:
+        """b_λ"""
+        return self.live_rate[: len(self.dead)]
+
+    @property
+    def statics(self) -> Floats:
+        """K (·, q + 2): K (F, λ, 1) = 0 is equilibrium."""
+        return np.column_stack([self.matrix, self.live, self.dead])
+
+    @property
+    def slacks(self) -> Floats:
+        """(k, q + 2): y of (F, λ, 1)."""
+        return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
+
+
+@dataclass(frozen=True)
+class Modes(LinearModes):
+    """In the plane: A (3n, 3m), C (4m, 3m), rates: H (4m, 3n + m). Mode 4f + j belongs to face f."""
 
     @property
     def hinges(self) -> Bools:
@@ -46,25 +69,10 @@ class Modes:
         return np.arange(len(self.rows)) % 4 < 2
 
     @property
-    def statics(self) -> Floats:
-        """K (3n, 3m + 2): K (F, λ, 1) = 0 is equilibrium."""
-        return np.column_stack([self.matrix, self.live, self.dead])
-
-    @property
-    def slacks(self) -> Floats:
-        """(4m, 3m + 2): y of (F, λ, 1)."""
-        return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
-
-    @property
-    def capacities(self) -> Floats:
-        """(m, 3m + 2): what friction μN or shear strength τA carries, of (F, λ, 1)."""
-        slacks = self.slacks
-        return np.asarray(0.5 * (slacks[2::4] + slacks[3::4]))
-
-    @property
-    def live_rate(self) -> Floats:
-        """(3n + m,): b_λ·u of (u, t)."""
-        return np.concatenate([self.live, np.zeros(self.faces)])
+    def close(self) -> Bools:
+        """(4m, 4m) rows and modes of faces that meet at an element, or at two next to one another."""
+        near = self.near.astype(int)
+        return np.kron((near @ near) > 0, np.ones((4, 4), dtype=bool)).astype(bool)
 
     def of(self, forces: Floats) -> Floats:
         """y (4m,) of scaled forces (3m,)."""
@@ -89,16 +97,24 @@ def modes_of(template: Template, labels: Bits) -> Modes | None:
     rates[:, 3, : matrix.shape[0]] = jumps[:, 1]
     rates[np.arange(count), 2, matrix.shape[0] + np.arange(count)] = 1.0
     rates[np.arange(count), 3, matrix.shape[0] + np.arange(count)] = 1.0
-    faces, near = template.assembly.interfaces, np.eye(count, dtype=bool)
-    for element in range(len(template.assembly.elements)):
-        own = (faces.a == element) | (faces.b == element)
-        near |= np.outer(own, own)
+    slides = np.zeros((count, 2, 3 * count + 2))
+    slides[:, :, :-2], slides[:, :, -1] = rows[:, 2:].reshape(count, 2, -1), constants[:, 2:]
     return Modes(
         matrix=matrix,
         dead=template.dead,
-        live=template.live,
+        live_rate=np.concatenate([template.live, np.zeros(count)]),
         rows=rows.reshape(4 * count, 3 * count),
         constants=constants.ravel(),
         rates=rates.reshape(4 * count, -1),
-        near=near,
+        capacities=0.5 * (slides[:, 0] + slides[:, 1]),
+        near=near_faces(template.assembly),
     )
+
+
+def near_faces(assembly: Assembly) -> Bools:
+    """(m, m) faces that meet at an element, themselves included."""
+    faces, near = assembly.interfaces, np.eye(len(assembly.interfaces), dtype=bool)
+    for element in range(len(assembly.elements)):
+        own = (faces.a == element) | (faces.b == element)
+        near |= np.outer(own, own)
+    return near

@@ -8,17 +8,19 @@ linearisation of Sherali & Adams). Modes that cannot move take their w out of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation_modes import Modes
+from jld_core.models.zero_dilation_modes import LinearModes, Modes
 from jld_core.solvers import LinearAnswer, interior_point
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
+_MIXED: Final = 6  # modes, the largest, whose forces are read off X
+_SEEN: Final = 1e-6  # z from which they are
 _VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row
 
 
@@ -56,6 +58,15 @@ class Region:
     high: float
     closed: Bools
     held: Bools
+
+    def halves(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
+        """Both sides of the mode that disagrees most with itself, which on the mean moves and has slack: it is still,
+        or has none. None where all agree. rates, slacks: z and y on the mean (4m,)."""
+        apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
+        if not apart.max() > 0.0:
+            return None
+        one = np.arange(len(apart)) == np.argmax(apart)
+        return replace(self, closed=self.closed | one), replace(self, held=self.held | one)
 
 
 def without(rows: Floats) -> Floats:
@@ -105,8 +116,8 @@ def cost_of(modes: Modes) -> Floats:
     return np.asarray(hinged + modes.capacities.T @ (modes.rates[2::4] + modes.rates[3::4]))
 
 
-def extended(modes: Modes, region: Region) -> Floats:
-    """(4m + 3, 3m + 2): y, λ − L, U − λ and 1 of (F, λ, 1)."""
+def extended(modes: LinearModes, region: Region) -> Floats:
+    """(k + 3, q + 2): y, λ − L, U − λ and 1 of (F, λ, 1)."""
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
     return np.vstack([modes.slacks, last])
@@ -197,15 +208,19 @@ def units_of(region: Region, size: Floats) -> Floats:
 def _read(
     modes: Modes, region: Region, x: Floats, rates: Floats, live: Floats, asked: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
-    """Forces that X mixes: on the mean, and as the largest modes see them; and the rows it violates."""
-    mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
-    largest = np.argsort(-z, kind="stable")[:6]
-    states = [mean / mean[-1]] if mean[-1] > 1e-6 else []
-    states += [seen[:, mode] / z[mode] for mode in largest if z[mode] > 1e-6]
+    """Forces that X mixes, z and y on the mean, and the rows it violates."""
+    seen = x @ rates.T
     violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & ~region.closed[None, :] & ~region.held[:, None]
     np.fill_diagonal(violated, False)
-    table = np.array(states).reshape(len(states), len(x))[:, :-1]
-    return table, z, modes.slacks @ mean, violated
+    return mixed(x, live, rates), seen[-1], modes.slacks @ x @ live, violated
+
+
+def mixed(x: Floats, live: Floats, rates: Floats) -> Floats:
+    """Forces and λ (k, q + 1) that X mixes: on the mean, and as the largest modes see them."""
+    mean, z = x @ live, x[-1] @ rates.T
+    states = [mean / mean[-1]] if mean[-1] > _SEEN else []
+    states += [x @ rates[mode] / z[mode] for mode in np.argsort(-z, kind="stable")[:_MIXED] if z[mode] > _SEEN]
+    return np.array(states).reshape(len(states), len(x))[:, :-1]
 
 
 def equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.zero_dilation_floor import Floor, FloorSearch
+from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
+from jld_core.models.zero_dilation_floor import FloorSearch
 from jld_core.models.zero_dilation_found import FromEverySide
 from jld_core.models.zero_dilation_proof import proof_of
 from jld_core.models.zero_dilation_search import Scheme
@@ -81,10 +82,9 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
     def offer(states: Floats) -> float:
         for state in states[:_TRIED]:
             side.search_from(state[:-1], thorough=False)
-        assert found.lowest is not None
-        return found.lowest.state.load
+        return found.low
 
-    return FloorSearch(analysis, labels, modes, found.lowest.state.load, seconds, offer).search()
+    return FloorSearch(analysis, labels, modes, Ceiling(found.low, seconds, offer)).search()
 
 
 def _space_floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: float) -> Floor | None:
@@ -100,7 +100,7 @@ def _space_floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, sec
             side.search_from(state[:-1], thorough=False)
         return found.low
 
-    return SpaceFloorSearch(analysis, labels, modes, found.low, seconds, offer).search()
+    return SpaceFloorSearch(analysis, labels, modes, Ceiling(found.low, seconds, offer)).search()
 
 
 def _of_floor(floor: Floor | None, load: float) -> dict[str, Any]:

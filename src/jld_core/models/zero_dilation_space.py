@@ -25,8 +25,9 @@ from typing import Any, Final
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.mechanics import SpatialYield
+from jld_core.models.zero_dilation_modes import LinearModes, near_faces
 from jld_core.program import Template
 
 AXES: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -66,25 +67,18 @@ class Way:
 
 
 @dataclass(frozen=True)
-class SpaceModes:
-    """One labelling of one spatial assembly, nothing of it crushing, with polygons in the place of circles.
+class SpaceModes(LinearModes):
+    """In space, with polygons in the place of circles.
 
-    matrix: A (6n, q) of the q resultants that are not zero throughout. dead, live: b, b_λ (6n,). rows, constants: C
-    (k, q) and d (k,), y = C F + d ≥ 0, bending of all faces first, then friction. motions: (j, w) J of w = (u, z, t):
-    the jumps of those resultants, then z, then t. rates: (l, j) of J, ≥ 0, the bending modes z first, then slides.
-    ties: (e, j) of J, = 0. coupled: forms in (F, λ, 1) and J, = 0. cost: one form. bending: how many rows bend, each
-    with the mode of its number. face: (k,) of rows; mode_face: (l,) of rates. columns: (m, 6) of the resultants, −1
-    where there is none. extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,) σtA. capacities: (m, q + 2) C of
-    (F, λ, 1). slip: (m,) place of t in J, −1. directions: of each face. near: (m, m) faces that meet at an element.
+    matrix: A (6n, q) of the q resultants that are not zero throughout. rows: bending of all faces first, then friction.
+    motions: (j, w) J of w = (u, z, t): the jumps of those resultants, then z, then t. rates: (l, j) of J, ≥ 0, the
+    bending modes z first, then slides. ties: (e, j) of J, = 0. coupled: forms in (F, λ, 1) and J, = 0. cost: one form.
+    bending: how many rows bend, each with the mode of its number. face: (k,) of rows; mode_face: (l,) of rates.
+    columns: (m, 6) of the resultants, −1 where there is none. extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,)
+    σtA. slip: (m,) place of t in J, −1. directions: of each face.
     """
 
-    matrix: Floats
-    dead: Floats
-    live: Floats
-    rows: Floats
-    constants: Floats
     motions: Floats
-    rates: Floats
     ties: Floats
     coupled: Forms
     cost: Forms
@@ -94,30 +88,8 @@ class SpaceModes:
     columns: Ints
     extent: Floats
     tension: Floats
-    capacities: Floats
     slip: Ints
     directions: tuple[Floats, ...]
-    near: Bools
-
-    @property
-    def faces(self) -> int:
-        """m"""
-        return len(self.columns)
-
-    @property
-    def statics(self) -> Floats:
-        """K (6n, q + 2): K (F, λ, 1) = 0 is equilibrium."""
-        return np.column_stack([self.matrix, self.live, self.dead])
-
-    @property
-    def slacks(self) -> Floats:
-        """(k, q + 2): y of (F, λ, 1)."""
-        return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
-
-    @property
-    def live_rate(self) -> Floats:
-        """(w,): b_λ·u."""
-        return np.concatenate([self.live, np.zeros(self.motions.shape[1] - len(self.live))])
 
 
 def space_modes_of(
@@ -187,17 +159,13 @@ class _Sheet:
         matrix = np.asarray(template.matrix.toarray())[:, self.kept]
         extra = self.width - q
         motions = np.block([[matrix.T, np.zeros((q, extra))], [np.zeros((extra, matrix.shape[0])), np.eye(extra)]])
-        pair, near = template.assembly.interfaces, np.eye(len(self.labels), dtype=bool)
-        for element in range(len(template.assembly.elements)):
-            own = (pair.a == element) | (pair.b == element)
-            near |= np.outer(own, own)
         corners = np.where(self.dry[self.of_face, None], sets.bending.dry_corners, sets.bending.inner_corners)
         extent = np.zeros(len(self.labels))
         np.maximum.at(extent, self.of_face, np.where(sets.point[self.of_face], 0.0, abs(corners).max(axis=1)))
         return SpaceModes(
             matrix=matrix,
             dead=template.dead,
-            live=template.live,
+            live_rate=np.concatenate([template.live, np.zeros(motions.shape[1] - len(template.live))]),
             rows=np.vstack([rows, friction[:, :q]]),
             constants=np.concatenate([constants, friction[:, -1]]),
             motions=motions,
@@ -214,7 +182,7 @@ class _Sheet:
             capacities=capacity,
             slip=self.slip,
             directions=self.directions,
-            near=near,
+            near=near_faces(template.assembly),
         )
 
     def _bending(self, corner: Floats, tension: Floats) -> tuple[Floats, Floats, Floats]:

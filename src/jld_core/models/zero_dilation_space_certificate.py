@@ -17,9 +17,9 @@ import scipy.sparse as sp
 from jld_core.arrays import Floats
 from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation_certificate import Certifier, clean, least_change, taken_off
-from jld_core.models.zero_dilation_products import Region, products, without
+from jld_core.models.zero_dilation_products import Region, extended, products, without
 from jld_core.models.zero_dilation_space import Forms, SpaceModes
-from jld_core.models.zero_dilation_space_products import equal_of, facts_of, still
+from jld_core.models.zero_dilation_space_products import equal_of, still
 
 _FREE: Final = 1e-7  # size from which a multiplier may change as it must; a smaller one in proportion
 _GONE: Final = 1e-14  # multipliers below this are none
@@ -33,7 +33,7 @@ class SpaceCertifier(Certifier):
 
     def __init__(self, modes: SpaceModes, region: Region, slack: float, size: Floats, reach: Floats) -> None:
         self.space, self.region, self.slack, self.size, self.reach = modes, region, slack, size, reach
-        self.facts = facts_of(modes, region)
+        self.facts = extended(modes, region)
         self.states = size[:, None] * without(modes.statics * size)
         self.motions = without(still(modes, region))
         self.free = equal_of(modes, region)

@@ -10,17 +10,14 @@ bound is taken next, and the lowest bound of all parts is the bound.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.models.zero_dilation_floor import PATIENT, Floor
+from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation_frozen import frozen_friction
 from jld_core.models.zero_dilation_products import Region
 from jld_core.models.zero_dilation_space import SpaceModes, Way, space_modes_of, with_direction
@@ -34,11 +31,8 @@ SPACE_FACES: Final = 24
 _SLACKS: Final = (1e-8, 1e-6, 1e-5)  # λ that a unit of cost earns in the program, relative to λ or to 1: near, far,
 # and where nothing is proven with less
 _FAR: Final = 1e-4  # distance of a bound from the lowest solution found, relative, from which it counts as far
-_ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
-_LEAST_ROOM: Final = 1e-3  # to λ itself
-_STALL: Final = 0.05  # share of the distance that a step must win, else the circles, the rows or the parts change
+_ENOUGH: Final = 2e-7  # distance from it, relative, at which a certificate is fine enough
 _LITTLE: Final = 0.01  # share that two steps may miss before sharper circles are given up for now
-_TRUSTED: Final = 1e-7  # what an unproven bound is lowered by, relative
 _OUTSIDE: Final = 1e-5  # part of a force or slip beyond its circle that asks for a direction
 _DIRECTIONS: Final = 16  # of one face
 _VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row, and what disagrees by more is parted
@@ -64,95 +58,36 @@ class _Part:
 
 
 class SpaceFloorSearch:
-    """One labelling of a spatial scene; ceiling, seconds, offer: as for `FloorSearch`."""
+    """One labelling of a spatial scene."""
 
-    def __init__(
-        self,
-        analysis: LimitAnalysis,
-        labels: Bits,
-        modes: SpaceModes,
-        ceiling: float,
-        seconds: float,
-        offer: Callable[[Floats], float] | None = None,
-    ) -> None:
-        self.analysis, self.labels, self.modes = analysis, labels, modes
-        self.ceiling, self.offer = ceiling, offer
-        self.start, self.seconds = time.process_time(), seconds
-        self.programs, self.route = 0, list[str]()
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: SpaceModes, ceiling: Ceiling) -> None:
+        self.analysis, self.labels, self.modes, self.ceiling = analysis, labels, modes, ceiling
         self._directions = modes.directions
-        none = np.zeros(len(modes.rows), dtype=bool)
-        everywhere = SpaceStatics(modes, 0.0, self._above(0.0), none)
+        everywhere = SpaceStatics(modes, 0.0, ceiling.above(0.0), np.zeros(len(modes.rows), dtype=bool))
         self._size, self._reach = everywhere.size, space_reach(everywhere)
         self._pairs = {(int(f), int(g)) for f, g in zip(*np.nonzero(modes.near), strict=True)}
 
     def search(self) -> Floor:
         """The bound."""
+        modes, ceiling, none = self.modes, self.ceiling, np.zeros(self.modes.bending, dtype=bool)
         if self._reach is None:
-            self.route.append("no certificate: velocities are not bounded")
-        none = np.zeros(self.modes.bending, dtype=bool)
-        whole = self._frozen(_Part(none, none, (), 0.0, 0.0))
-        parts = [whole]
-        if self.modes.faces > SPACE_FACES and self.seconds < PATIENT:
-            self.route.append(f"no products: {self.modes.faces} faces")
-        elif not np.isfinite(self._size).all():
-            self.route.append("no products: self-stress is not bounded")
-        else:
-            parts = self._parted(whole)
-        proven, believed = min(part.proven for part in parts), min(part.believed for part in parts)
-        sure = proven >= believed - tolerances.GAP * self._unit
-        bound = proven if sure else believed
-        return Floor(
-            proven=proven,
-            bound=bound,
-            tolerance=0.0 if sure else _TRUSTED,
-            closed=self._met(bound),
-            programs=self.programs,
-            seconds=time.process_time() - self.start,
-            route=tuple(self.route),
-        )
+            ceiling.note("no certificate: velocities are not bounded")
+        low = frozen_friction(self.analysis, self.labels, modes, modes.columns[:, 0], self._size, ceiling)
+        parts = [_Part(none, none, (), low, low)]
+        if ceiling.allows(modes.faces, SPACE_FACES, self._size):
+            parts = self._parted(parts[0])
+        return ceiling.floor(min(part.proven for part in parts), min(part.believed for part in parts))
 
     # --- pieces -------------------------------------------------------------------------------------------
-
-    @property
-    def _unit(self) -> float:
-        return max(abs(self.ceiling), 1e-8)
-
-    @property
-    def _left(self) -> float:
-        return self.seconds - (time.process_time() - self.start)
-
-    def _above(self, low: float) -> float:
-        return self.ceiling + _ROOM * (self.ceiling - low) + _LEAST_ROOM * self._unit
-
-    def _met(self, bound: float) -> bool:
-        return bound >= self.ceiling - tolerances.GAP * self._unit
-
-    def _frozen(self, part: _Part) -> _Part:
-        none, normal = np.zeros(len(self.modes.rows), dtype=bool), self.modes.columns[:, 0]
-
-        def least(low: float) -> Floats:
-            statics = SpaceStatics(self.modes, low, self._above(low), none, self._size)
-            self.programs += self.modes.faces
-            return np.array([statics.least(row) for row in np.eye(len(self._size))[normal]])
-
-        for turn, (low, solves) in enumerate(frozen_friction(self.analysis, self.labels, least), start=1):
-            self.programs += solves
-            if not low - part.proven > _STALL * (self.ceiling - part.proven):
-                break
-            part = part.above(low, low)
-            self.route.append(f"frozen friction {turn}")
-            if self._met(low):
-                break
-        return part
 
     def _parted(self, whole: _Part) -> list[_Part]:
         """Parts of all solutions, each bounded, until the lowest bound meets the lowest solution or time is out."""
         first, relaxed = self._swept(whole, "products")
         parts: list[tuple[_Part, SpaceRelaxed | None]] = [(first, relaxed)]
-        while self._left > 0.0:
+        while self.ceiling.left > 0.0:
             lowest = min(range(len(parts)), key=lambda k: (parts[k][0].proven, parts[k][0].believed))
             part, relaxed = parts[lowest]
-            if self._met(part.proven) or relaxed is None or part.done:
+            if self.ceiling.met(part.proven) or relaxed is None or part.done:
                 break
             halves = self._halves(part, relaxed)
             if halves is None and not (self._sharpened(self._modes(part), relaxed)):
@@ -162,38 +97,33 @@ class SpaceFloorSearch:
 
     def _swept(self, part: _Part, name: str) -> tuple[_Part, SpaceRelaxed | None]:
         """A part bounded step by step, until no step wins much, and what the last program made of it."""
-        step, finest, stalls = 1, 0, 0
+        step, finest, stalls, ceiling = 1, 0, 0, self.ceiling
+        certifies = self._reach is not None
         relaxed: SpaceRelaxed | None = None
-        while not self._met(part.proven) and self._left > 0.0:
-            certifies = self._reach is not None
+        while not ceiling.met(part.proven) and ceiling.left > 0.0:
             low = part.proven if certifies else part.believed
             modes, region = self._region(part, low)
-            slack = _SLACKS[step] * max(abs(self.ceiling), 1.0) if certifies else 0.0
-            self.programs += 1
-            relaxed = relax_space(modes, region, self._size, self._asked(modes), slack, max(self._left, 1.0))
-            self.route.append(name if relaxed is not None else f"{name}: no answer")
+            slack = ceiling.earns(_SLACKS[step]) if certifies else 0.0
+            relaxed = relax_space(modes, region, self._size, self._asked(modes), slack, max(ceiling.left, 1.0))
+            ceiling.note(name if relaxed is not None else f"{name}: no answer", 1)
             if relaxed is None:
                 return replace(part, done=True), None
             found = self._proven(modes, region, slack, relaxed)
             if certifies and found == -math.inf and step < len(_SLACKS) - 1:
                 finest = step = step + 1
-                self.route.append("more slack")
+                ceiling.note("more slack")
                 continue
-            believed = -math.inf
-            if relaxed.sure:
-                believed = min(relaxed.multipliers.bound, self.ceiling) - _TRUSTED * self._unit
-            part = part.above(found, believed)
-            if self.offer is not None:
-                self.ceiling = min(self.ceiling, self.offer(self._whole(modes, relaxed.states)))
-            gained = (part.proven if certifies else part.believed) - low
-            near = max(part.proven, relaxed.multipliers.bound) >= self.ceiling - _FAR * self._unit
-            if gained > _STALL * (self.ceiling - low) and not near:
+            part = part.above(found, ceiling.trusted(relaxed.multipliers.bound) if relaxed.sure else -math.inf)
+            ceiling.take(self._whole(modes, relaxed.states))
+            reached = part.proven if certifies else part.believed
+            near = max(part.proven, relaxed.multipliers.bound) >= ceiling.below(_FAR)
+            if ceiling.won(low, reached) and not near:
                 continue
             if near and step > finest:
                 step = finest
                 continue
-            stalls += gained <= _LITTLE * (self.ceiling - low)
-            if self._met(part.proven) or not (
+            stalls += not ceiling.won(low, reached, _LITTLE)
+            if ceiling.met(part.proven) or not (
                 (stalls < 2 and self._sharpened(modes, relaxed)) or self._more_rows(modes, relaxed)
             ):
                 break
@@ -203,7 +133,7 @@ class SpaceFloorSearch:
         modes = self._modes(part)
         held, still = np.zeros(len(modes.rows), dtype=bool), np.zeros(len(modes.rates), dtype=bool)
         held[: modes.bending], still[: modes.bending] = part.held, part.still
-        high = self._above(low)
+        high = self.ceiling.above(low)
         closed = SpaceStatics(modes, low, high, held, self._size).closed()
         return modes, Region(low, high, closed | still, held)
 
@@ -222,7 +152,7 @@ class SpaceFloorSearch:
         if self._reach is None:
             return -math.inf
         check = SpaceCertifier(modes, region, slack, self._size, self._reach)
-        return check.bound(relaxed.multipliers, self.ceiling - 0.2 * tolerances.GAP * self._unit)
+        return check.bound(relaxed.multipliers, self.ceiling.below(_ENOUGH))
 
     def _whole(self, modes: SpaceModes, states: Floats) -> Floats:
         """Forces of all six resultants a face, (k, 6m + 1), from those that are not zero throughout."""
@@ -251,7 +181,7 @@ class SpaceFloorSearch:
         self._directions = tuple(directions)
         sharper = any(len(a) > len(b) for a, b in zip(directions, before, strict=True))
         if sharper:
-            self.route.append("circles")
+            self.ceiling.note("circles")
         return sharper
 
     def _more_rows(self, modes: SpaceModes, relaxed: SpaceRelaxed) -> bool:
@@ -262,7 +192,7 @@ class SpaceFloorSearch:
         fresh = {(int(f), int(g)) for f, g in chosen} - self._pairs
         self._pairs |= fresh
         if fresh:
-            self.route.append("rows added")
+            self.ceiling.note("rows added")
         return bool(fresh)
 
     def _halves(self, part: _Part, relaxed: SpaceRelaxed) -> tuple[_Part, _Part] | None:

@@ -14,7 +14,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_products import Multipliers, Region, products, solve_products, units_of, without
+from jld_core.models.zero_dilation_products import (
+    Multipliers,
+    Region,
+    extended,
+    mixed,
+    products,
+    solve_products,
+    units_of,
+    without,
+)
 from jld_core.models.zero_dilation_space import SpaceModes
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
@@ -38,13 +47,6 @@ class SpaceRelaxed:
     disagreeing: Floats
     torn: Floats
     sure: bool
-
-
-def facts_of(modes: SpaceModes, region: Region) -> Floats:
-    """(k + 3, q + 2): y, λ − L, U − λ and 1 of (F, λ, 1)."""
-    last = np.zeros((3, modes.matrix.shape[1] + 2))
-    last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
-    return np.vstack([modes.slacks, last])
 
 
 def equal_of(modes: SpaceModes, region: Region) -> Bools:
@@ -78,7 +80,7 @@ def relax_space(
     rates[abs(rates) < _NOTHING] = 0.0
     live, width = modes.live_rate @ basis, basis.shape[1]
     unit, wide = units_of(region, size), region.high - region.low
-    facts = facts_of(modes, region) @ unit
+    facts = extended(modes, region) @ unit
     largest = abs(facts).max(axis=1)
     facts /= largest[:, None]
     statics = modes.statics @ unit
@@ -151,9 +153,6 @@ def _read(
 ) -> SpaceRelaxed:
     rates = modes.rates @ motions
     mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
-    largest = np.argsort(-z, kind="stable")[:6]
-    states = [mean / mean[-1]] if mean[-1] > 1e-6 else []
-    states += [seen[:, mode] / z[mode] for mode in largest if z[mode] > 1e-6]
     left_out = ~asked & ~region.closed[None, :] & ~region.held[:, None]
     bends, jumps = modes.bending, motions @ x[-1]
     slips, lacking, torn = np.zeros((modes.faces, 2)), np.zeros(modes.faces), np.zeros((modes.faces, 3))
@@ -165,7 +164,7 @@ def _read(
                 torn[face, component] = -(x[column] @ motions[column]) - abs(mean[column] * jumps[column])
     return SpaceRelaxed(
         multipliers=multipliers,
-        states=np.array(states).reshape(len(states), len(x))[:, :-1],
+        states=mixed(x, live, rates),
         violation=np.where(left_out, np.maximum(-(modes.slacks @ seen), 0.0), 0.0),
         slips=slips,
         lacking=lacking,

@@ -7,11 +7,12 @@ the largest forces there can be, and those are bounded in the same way first.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
+from jld_core.models.zero_dilation_modes import LinearModes
 from jld_core.solvers import LinearRows
 
 _SUMS: Final = 1e-13  # rounding of a sum of a few hundred products, relative to the sum of their sizes
@@ -19,35 +20,10 @@ _MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does no
 _SEEN: Final = 1e-8  # slack of some state below which it need not be asked
 
 
-class LinearForces(Protocol):
-    """Forces under linear rows, planar or spatial with polygons of friction: `Modes`, `SpaceModes`.
-
-    matrix: A. dead, live: b, b_λ. rows, constants: C, d with y = C F + d. slacks: y of (F, λ, 1). capacities: (m, ·)
-    what friction or shear strength carries, of (F, λ, 1). faces: m.
-    """
-
-    @property
-    def matrix(self) -> Floats: ...
-    @property
-    def dead(self) -> Floats: ...
-    @property
-    def live(self) -> Floats: ...
-    @property
-    def rows(self) -> Floats: ...
-    @property
-    def constants(self) -> Floats: ...
-    @property
-    def slacks(self) -> Floats: ...
-    @property
-    def capacities(self) -> Floats: ...
-    @property
-    def faces(self) -> int: ...
-
-
 class Statics:
     """A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high; held: (4m,) rows that are equations."""
 
-    def __init__(self, modes: LinearForces, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
+    def __init__(self, modes: LinearModes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
         self.modes, self.low, self.high, self.held = modes, low, high, held
         self._size = size
         count, columns = modes.rows.shape
