@@ -88,9 +88,7 @@ class _Helper:
         self._relaxation = relaxation_of(recipe.space)
         self._hunt = Hunt(self._relaxation, recipe.free, recipe.seed)
         self._formula: Formula | None = None
-        self._conflicts: list[Conflict] = []
         self._bounds: dict[tuple[bytes, bytes], float] = {}
-        self._passed: list[Bits] = []
         self._step = -1
         self.number = 0
 
@@ -113,21 +111,18 @@ class _Helper:
         return answer
 
     def _learn(self, order: Order) -> None:
-        """Take in what is new, into a formula of its own for every step."""
-        news = [one for one in order.news if self._is_new(one)]
-        passed = list(order.passed)
-        self._passed += passed
-        if order.step != self._step or self._formula is None:
-            if self._formula is not None:
-                self._formula.close()
-            self._step, self._formula = order.step, Formula(self._space, self._blocks, order.count)
-            news, passed = self._conflicts, self._passed
-            self._hunt.begin(self._formula)
-        for one in news:
-            if one.bound <= order.threshold:
-                self._formula.forbid(one.faces, one.labels)
-        for labels in passed:
+        """Take in what is new, and aim at what is asked for."""
+        if self._formula is None:
+            self._formula = Formula(self._space, self._blocks)
+        for one in order.news:
+            if self._is_new(one):
+                self._formula.forbid(one.faces, one.labels, one.bound)
+        for labels in order.passed:
             self._formula.forbid(np.arange(len(labels)), labels)
+        if order.step != self._step:
+            self._step = order.step
+            self._formula.aim(order.threshold, order.count)
+            self._hunt.begin(self._formula)
 
     def _is_new(self, conflict: Conflict) -> bool:
         """Whether a conflict was not known, or with a larger bound; it is from now on."""
@@ -135,7 +130,6 @@ class _Helper:
         if self._bounds.get(name, np.inf) <= conflict.bound:
             return False
         self._bounds[name] = conflict.bound
-        self._conflicts.append(conflict)
         return True
 
 

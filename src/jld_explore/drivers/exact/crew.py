@@ -244,8 +244,8 @@ class Crew:
         self._caught.conflicts += answer.conflicts
         for conflict in answer.conflicts:
             self._weigh(conflict)
-            if self._formula is not None and conflict.bound <= self._threshold:
-                self._formula.forbid(conflict.faces, conflict.labels)
+            if self._formula is not None:
+                self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
         if answer.closed:
             self._close(one, answer)
         elif one.step == self._step and self._formula is not None:
@@ -260,7 +260,7 @@ class Crew:
         self.closed += 1
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
         if one.step == self._step and self._formula is not None:
-            self._formula.forbid(faces, labels)
+            self._formula.set_aside(faces, labels)
         passed = [*self._passed, *self._caught.unrefuted, *answer.unrefuted]
         group = self._recipe[0].group
         if one.count is None and not any(one.cube.holds(image) for row in passed for image in row[group]):

@@ -36,7 +36,6 @@ from jld_core.limit import load_floor
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
-from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunters import Hunters
 from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
@@ -112,6 +111,7 @@ class Exact(Proving):
         self._none_asked = self._by_more_than_faces = True
         self._aimed = math.inf
         self._began = 0
+        self._begun = False
         self._targets: list[int | None] = [None]
         self._listed = aim == "best"
         self.found: dict[int | None, Best] = {None: Best(None, math.nan, math.inf, self._floor)}
@@ -217,7 +217,7 @@ class Exact(Proving):
         """Go on with a target: labellings to be evaluated, (k, m), or none when it is settled or time is up."""
         assert self._by_blocks is not None
         assert self._hunters is not None
-        if self._formula is None:
+        if not self._begun:
             if target is None:
                 self._lower(target, self._root())
                 root = self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
@@ -282,7 +282,7 @@ class Exact(Proving):
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
         self._conflicts.add([conflict])
-        self._formula.forbid(conflict.faces, conflict.labels)
+        self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _offer(self, labels: Bits) -> Bits:
         """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
@@ -295,6 +295,7 @@ class Exact(Proving):
         """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or none."""
         assert self._formula is not None
         assert self._relaxation is not None
+        self._formula.rise(threshold / self._scale)
         step = search.step(self._formula, threshold / self._scale, self._late_after_heartbeat)
         for conflict in step.conflicts:
             self._add(conflict)
@@ -324,17 +325,16 @@ class Exact(Proving):
         return bound * self._scale if math.isfinite(bound) else bound
 
     def _begin(self, target: int | None) -> None:
-        """A formula of what is left at the next step down."""
+        """Aim at what is left at the next step down."""
         assert self._by_blocks is not None
         assert self._hunters is not None
-        if self._formula is not None:
-            self._formula.close()
         low = self.least(target)
         self._aimed = low if self._by_blocks.active else self._ladder.aim(self.found[target].bound, low)
         self._began = self.conflicts
-        self._formula = Formula(self.space, self._blocks, target)
-        self._forbid_known(self._formula, self._aimed)
-        self._hunters.begin(self._formula, target, self._aimed / self._scale)
+        self._begun = True
+        formula = self._told()
+        formula.aim(self._aimed / self._scale, target)
+        self._hunters.begin(formula, target, self._aimed / self._scale)
 
     def _lower(self, target: int | None, bound: float) -> None:
         """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
@@ -353,11 +353,10 @@ class Exact(Proving):
         self._ladder = Ladder(self._patience)
         if self._by_blocks is not None:
             self._by_blocks.abandon()
-        if self._formula is not None:
+        if self._begun:
             assert self._hunters is not None
             self._hunters.end()
-            self._formula.close()
-            self._formula = None
+            self._begun = False
         if not self._listed:
             self._listed = True
             assert self._count is not None

@@ -5,10 +5,15 @@ per possible block: each element is in a chosen block, and a chosen block says t
 around it, so that two blocks that overlap contradict each other. Else slits and sizes are ruled out as they occur:
 a slit by the inner faces that join its sides, a block too large by a tree of faces in it, one too small by the faces
 around it. Counts are cardinality constraints.
+
+One formula lasts for a whole proof, whatever λ it aims at next and with whatever count (`Formula.aim`), so that what
+the solver learns on the way is learnt once: the count of the front has a unary number whose digits are assumed, and
+what holds above some λ alone is guarded by a literal that is assumed where all that is looked for exceeds it.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Final
@@ -18,7 +23,9 @@ from pysat.card import CardEnc, EncType
 from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
+from jld_explore.drivers.exact.guards import Guards
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.unary import Unary
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
 _SOLVER: Final = "cadical153"
@@ -28,11 +35,10 @@ _SOLVER: Final = "cadical153"
 class Formula:
     """Labellings one after the other, each a model of all clauses so far.
 
-    space: what is searched. blocks: its possible blocks, None where they are not listed. count: what the count of
-    the front is to be, whatever its limits, or bounds on it beside its limits; None for any.
+    space: what is searched. blocks: its possible blocks, None where they are not listed.
     """
 
-    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, count: int | Range | None = None) -> None:
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None) -> None:
         self.space, self.blocks = space, blocks
         self._solver = Solver(_SOLVER)
         candidates = np.flatnonzero(space.candidates)
@@ -43,12 +49,16 @@ class Formula:
         self._images = np.unique(np.argsort(space.group, axis=1), axis=0)
         self._limits, self._sized = space.limits, space.limits.sized
         self._links = _links(space)
+        self._guards = Guards(self._new, self._rule_out)
+        self._unary: Unary | None = None
+        self._counted: list[int] = []
+        self._aside: int | None = None
         self._chosen: list[int] = []
+        self._first: list[int] = []
         if blocks is not None:
             self._list(blocks)
-        self._count(count if isinstance(count, int) else None)
-        if isinstance(count, Range):
-            self._between(count_named(space.search.front.axes[0][0]), count)
+        for limited, bounds in self._limits.on_counts:
+            self._between(limited, bounds)
         for lock in space.laying.locks if space.laying is not None else ():
             self.forbid(lock.faces, lock.labels)
 
@@ -56,15 +66,34 @@ class Formula:
         """Free the solver."""
         self._solver.delete()
 
+    def aim(self, threshold: float, count: int | Range | None = None) -> None:
+        """Look for labellings above a scaled λ from now on, with a count of the front or bounds on it; None for any."""
+        if self._aside is not None:
+            self._solver.add_clause([-self._aside])
+            self._aside = None
+        self._counted = (
+            []
+            if count is None
+            else self._number().within(Range.of((count, count), whole=True) if isinstance(count, int) else count)
+        )
+        self._guards.aim(threshold)
+
+    def rise(self, threshold: float) -> None:
+        """Look for labellings above a scaled λ that is no lower than before, and for the same otherwise."""
+        if threshold > self._guards.threshold:
+            self._guards.aim(threshold)
+
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
-        return bool(self._solver.solve(assumptions=self._literals(faces, labels)))
+        return bool(self._solver.solve(assumptions=self._assumed + self._literals(faces, labels)))
 
     def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
-        """How many labels and blocks unit propagation derives from labels (k,) on faces (k,); None: a contradiction."""
+        """How much unit propagation derives from labels (k,) on faces (k,); None: a contradiction."""
+        assumed = self._assumed
         wanted = self._literals(faces, labels)
-        possible, found = self._solver.propagate(assumptions=wanted)
-        return len(found) - len(wanted) if possible else None
+        _, known = self._solver.propagate(assumptions=assumed)
+        possible, found = self._solver.propagate(assumptions=assumed + wanted)
+        return len(found) - len(known) - len(wanted) if possible else None
 
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
@@ -73,7 +102,7 @@ class Formula:
 
         faces, labels: (k,) what it is to have. preferred: (m,) what it had better have, True dry.
         """
-        wanted = self._literals(faces, labels)
+        wanted = self._assumed + self._literals(faces, labels)
         if preferred is not None:
             signs = np.where(preferred[self._candidates], -1, 1)
             self._solver.set_phases((signs * self._inner[self._candidates]).tolist())
@@ -93,11 +122,32 @@ class Formula:
         pairs = zip(faces, labels, strict=True)
         return [int(self._inner[f]) * (-1 if dry else 1) for f, dry in pairs if self._inner[f] > 0]
 
-    def forbid(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
-        """Rule out all labellings with these labels (k,) on these faces (k,), and their images."""
-        pairs = [(int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0]
+    def forbid(self, faces: Iterable[int], labels: Iterable[bool], bound: float = -math.inf) -> None:
+        """Rule out all labellings with these labels (k,) on these faces (k,), and their images.
+
+        bound: scaled λ that they do not exceed; where it is aimed lower they are not ruled out.
+        """
+        pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
+        self._guards.hold(pairs, bound)
+
+    def set_aside(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
+        """The same until something else is aimed at."""
+        if self._aside is None:
+            self._aside = self._new()
+        pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
+        self._rule_out(pairs, (-self._aside,))
+
+    @property
+    def _assumed(self) -> list[int]:
+        return self._guards.assumed + self._counted + ([] if self._aside is None else [self._aside])
+
+    def _new(self) -> int:
+        self._top += 1
+        return self._top
+
+    def _rule_out(self, pairs: tuple[tuple[int, bool], ...], unless: tuple[int, ...]) -> None:
         for image in self._images:
-            self._solver.add_clause([int(self._inner[image[f]]) * (1 if dry else -1) for f, dry in pairs])
+            self._solver.add_clause([*unless, *(int(self._inner[image[f]]) * (1 if dry else -1) for f, dry in pairs)])
 
     # --- what a segmentation is -------------------------------------------------------------------------
 
@@ -121,16 +171,8 @@ class Formula:
         for variables in of.values():
             self._solver.add_clause(variables)
 
-    def _count(self, count: int | None) -> None:
-        """Cardinality constraints of the limits on counts, and of the count that is asked for."""
-        front = self.space.search.front.count
-        for limited, bounds in self._limits.on_counts:
-            if count is None or limited.name != front:
-                self._between(limited, bounds)
-        if count is not None:
-            self._between(count_named(front), Range.of((count, count), whole=True))
-
-    def _between(self, count: Count, bounds: Range) -> None:
+    def _terms(self, count: Count) -> tuple[list[int], int]:
+        """Literals that a count is the number of, of those that are true, and what it is besides."""
         if count.terms is None:
             raise ValueError(f"{count.name} is no sum of ones")
         terms, space = count.terms(self.space.assembly), self.space
@@ -139,9 +181,25 @@ class Formula:
             literals += [-int(v) for v in self._inner[self._candidates[terms.faces[self._candidates]]]]
             more += int((terms.faces & space.fixed & ~space.candidates).sum())
         if terms.blocks:
-            if self.blocks is None:
-                raise ValueError("blocks can be counted where they are listed only")
-            literals += self._chosen
+            literals += self._begun()
+        return literals, more
+
+    def _begun(self) -> list[int]:
+        """A variable per free element: whether it is the first of a block, so that of all a block there is one."""
+        if self.blocks is None:
+            raise ValueError("blocks can be counted where they are listed only")
+        if not self._first:
+            of: dict[int, list[int]] = {int(e): [] for e in self.space.assembly.elements.free}
+            for p, members in enumerate(self.blocks.members):
+                of[members[0]].append(self._chosen[p])
+            for begun in of.values():
+                first = self._new()
+                self._first.append(first)
+                self._solver.append_formula([[-first, *begun], *([first, -one] for one in begun)])
+        return self._first
+
+    def _between(self, count: Count, bounds: Range) -> None:
+        literals, more = self._terms(count)
         low = 0 if bounds.low is None else int(bounds.low) - more
         high = len(literals) if bounds.high is None else int(bounds.high) - more
         if low > len(literals) or high < 0:
@@ -152,6 +210,15 @@ class Formula:
                 found = make(lits=literals, bound=bound, top_id=self._top, encoding=EncType.totalizer)
                 self._top = max(self._top, found.nv)
                 self._solver.append_formula(found.clauses)
+
+    def _number(self) -> Unary:
+        """The count of the front, made when it is first asked for."""
+        if self._unary is None:
+            literals, more = self._terms(count_named(self.space.search.front.axes[0][0]))
+            self._unary = Unary(literals, more, self._top)
+            self._top = self._unary.top
+            self._solver.append_formula(self._unary.clauses)
+        return self._unary
 
     # --- what is ruled out as it occurs -----------------------------------------------------------------
 

@@ -111,6 +111,8 @@ class Hunt:
         """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula. cube: labels that
         those drawn have, the same as before while threads are at work."""
         caught = Catch()
+        assert self._formula is not None
+        self._formula.rise(threshold)
         if self._pool is not None:
             self._step_in_threads(self._pool, threshold, cube, caught)
             return caught
@@ -155,7 +157,7 @@ class Hunt:
             if labels is None:
                 break
             # not drawn again while it is at hand; the conflict that it gives says all that this does, and more
-            formula.forbid(np.arange(len(labels)), labels)
+            formula.set_aside(np.arange(len(labels)), labels)
             drawn.append(labels)
         return np.array(drawn, dtype=bool).reshape(len(drawn), len(self._free))
 
@@ -198,7 +200,7 @@ class Hunt:
         if name not in self._known:
             self._known.add(name)
             caught.conflicts.append(conflict)
-            self._formula.forbid(conflict.faces, conflict.labels)
+            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _preferred(self) -> Bits | None:
         """Labels (m,) that a drawn labelling had better have."""

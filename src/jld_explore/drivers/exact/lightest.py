@@ -18,7 +18,6 @@ import pandas as pd
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_explore.drivers.base import Aim
-from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunters import Hunters
 from jld_explore.drivers.exact.proving import Proving
 from jld_explore.drivers.genetic import Genetic
@@ -50,7 +49,7 @@ class Lightest(Proving):
         self._left = search * int(space.candidates.sum())
         self._searching = True
         self._known: dict[bytes, tuple[bool, bool, float]] = {}
-        self._done = False
+        self._begun = self._done = False
 
     @property
     def finished(self) -> bool:
@@ -106,7 +105,7 @@ class Lightest(Proving):
         self._searching = False
         while not len(self._waiting) and not self._done and not self._late:
             assert self._hunters is not None
-            if self._formula is None:
+            if not self._begun:
                 self._begin(self._hunters)
             caught = self._hunters.step(self._threshold / self._scale)
             self._conflicts.add(caught.conflicts)
@@ -130,11 +129,10 @@ class Lightest(Proving):
             self._genetic.tell(labellings, evaluations)
         before = self.best
         self._learn(labellings, evaluations)
-        if self.best != before and self._formula is not None:
+        if self.best != before and self._begun:
             if self._hunters is not None:
                 self._hunters.end()
-            self._formula.close()
-            self._formula = None
+            self._begun = False
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         count = values_of(self._count, self.space.assembly, labellings, self.space.graph)
@@ -143,11 +141,12 @@ class Lightest(Proving):
             self._known[np.packbits(labels).tobytes()] = state
 
     def _begin(self, hunters: Hunters) -> None:
-        """A formula of all that counts better than the best known."""
+        """Aim at all that counts better than the best known."""
         best = self.best
         better: Range | None = None
         if best is not None and math.isfinite(best):
             better = Range.of((None, best - 1) if self._least else (best + 1, None), whole=True)
-        self._formula = Formula(self.space, self._blocks, better)
-        self._forbid_known(self._formula, self._threshold)
-        hunters.begin(self._formula, better, self._threshold / self._scale)
+        self._begun = True
+        formula = self._told()
+        formula.aim(self._threshold / self._scale, better)
+        hunters.begin(formula, better, self._threshold / self._scale)

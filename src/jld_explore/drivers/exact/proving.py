@@ -60,6 +60,7 @@ class Proving(Driver):
             self._free &= np.isin(np.arange(len(self._free)), list(joined))
         self._conflicts = Conflicts(len(space.fixed))
         self._formula: Formula | None = None
+        self._said = 0, 0
         self._passed: list[Bits] = []
         self._waiting = self._none
         self._deadline: float | None = None
@@ -106,11 +107,13 @@ class Proving(Driver):
         self._passed.append(row[0])
         return row
 
-    def _forbid_known(self, formula: Formula, threshold: float) -> None:
-        """Rule out what conflicts prove to be no better than a threshold, and what was evaluated."""
-        for conflict in self._conflicts:
-            # compared as it was made: products of quotients round
-            if conflict.bound <= threshold / self._scale:
-                formula.forbid(conflict.faces, conflict.labels)
-        for labels in self._passed:
-            formula.forbid(np.arange(len(labels)), labels)
+    def _told(self) -> Formula:
+        """The formula, which knows all conflicts there are, and what was evaluated."""
+        if self._formula is None:
+            self._formula = Formula(self.space, self._blocks)
+        for conflict in self._conflicts[self._said[0] :]:
+            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
+        for labels in self._passed[self._said[1] :]:
+            self._formula.forbid(np.arange(len(labels)), labels)
+        self._said = len(self._conflicts), len(self._passed)
+        return self._formula
