@@ -14,7 +14,7 @@ from cases_spatial import assembly as spatial_assembly
 from cases_spatial import box
 from jld_core import build_assembly, parse_scene
 from jld_core.arrays import Bits
-from jld_core.geometry import outlines
+from jld_core.geometry import Kinds, Outline, outlines
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.space import BlockShapes, blocks_of, connectivity
 
@@ -87,6 +87,20 @@ def test_outlines_by_shared_edges_are_those_of_any_union(rows: list[str], monkey
         assert [quick.size, quick.aspect] == pytest.approx([slow.size, slow.aspect], rel=1e-9)
         each = [sorted(map(tuple, (np.round(one.points, 6) + 0.0).tolist())) for one in (quick, slow)]
         assert each[0] == each[1]
+
+
+def test_kinds_of_any_size_are_found_however_corners_are_off() -> None:
+    """Squares of sizes that lie on either side of every limit by which kinds are looked up."""
+    reach = 1e-3
+    rng = np.random.default_rng(3)
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for size in 1.0 + reach * np.linspace(0.0, 4.0, 33):
+        kinds = Kinds(reach)
+        for _ in range(4):
+            off = reach * rng.uniform(-1.0, 1.0, (8, 2))
+            corners = np.concatenate([square, 0.5 * (square + np.roll(square, -1, axis=0))])
+            assert kinds.number(Outline(size * corners + 0.7 * off, 4, 4.0 * size**2, 1.0, 0)) == 0
+        assert kinds.number(Outline((size + 8.0 * reach) * corners, 4, 4.0 * size**2, 1.0, 0)) == 1
 
 
 def test_solids() -> None:

@@ -11,10 +11,10 @@ import numpy as np
 from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly, blocks_of
 from jld_core.geometry import (
+    Outlines,
     Region,
     Surface,
     extrude,
-    outline_of,
     reach_of,
     shape_numbers,
     union_outlines,
@@ -145,9 +145,8 @@ class Layout:
         planar = self.assembly.dimension == 2
         chosen = [k for k, one in enumerate(self.members) if not elements.support[one].all()]
         # what the block is without a support that it is glued to
-        outlines = [
-            outline_of(self.assembly, one[~elements.support[one]]) for one in map(self.members.__getitem__, chosen)
-        ]
+        shapes = Outlines(self.assembly)
+        outlines = [shapes.of(one[~elements.support[one]]) for one in map(self.members.__getitem__, chosen)]
         numbers = [0] * len(self.members)
         for k, number in zip(chosen, shape_numbers(outlines, reach_of(self.assembly), flip=planar), strict=True):
             numbers[k] = number

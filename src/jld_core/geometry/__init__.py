@@ -4,6 +4,7 @@
 - `Facets`: plane facets of all elements, as arrays
 - `Kinds`: outlines numbered by their shape as they come: each is compared with one of every kind so far
 - `Outline`: one block's boundary
+- `Outlines`: outlines of blocks of one assembly
 - `PlanarContact`: a straight contact of two polygons
 - `Region`: a plane area
 - `Snapped`: paths after snapping
@@ -24,7 +25,6 @@
 - `near_misses`: edges that nearly touch
 - `near_pairs`: boxes that touch or overlap
 - `near_solids`: facets that nearly touch
-- `outline_of`: of the union of some elements of an assembly
 - `planar_interfaces`: frames and sizes of straight contacts
 - `reach_of`: distance within which corners of blocks of an assembly are one
 - `rectangle_torsion_length`: c_T of rectangles
@@ -47,7 +47,7 @@ from __future__ import annotations
 
 from jld_core.geometry.congruence import Kinds, shape_numbers
 from jld_core.geometry.misfits import words_of
-from jld_core.geometry.outlines import Outline, outline_of, reach_of
+from jld_core.geometry.outlines import Outline, Outlines, reach_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
@@ -76,6 +76,7 @@ __all__ = [
     "Facets",
     "Kinds",
     "Outline",
+    "Outlines",
     "PlanarContact",
     "Region",
     "Snapped",
@@ -96,7 +97,6 @@ __all__ = [
     "near_misses",
     "near_pairs",
     "near_solids",
-    "outline_of",
     "planar_interfaces",
     "reach_of",
     "rectangle_torsion_length",

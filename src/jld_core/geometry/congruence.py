@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -27,21 +28,25 @@ class Kinds:
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
         self.reach, self.rotate, self.flip = reach, rotate, flip
         self._count = 0
-        self._kinds: dict[tuple[int, int], list[tuple[int, Floats, Outline]]] = {}
+        self._kinds: dict[tuple[int, int, int], list[tuple[int, Floats, Outline]]] = {}
 
     def number(self, outline: Outline) -> int:
         """Number of its shape, from 0 by first appearance."""
-        around = self._kinds.setdefault((outline.count, len(outline.points)), [])
+        square = (outline.points**2).sum(axis=1)
+        # of one shape, whose corners are off by twice the reach at the most, no further apart than that
+        size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
+        name = outline.count, len(outline.points)
+        around = [one for k in (-1, 0, 1) for one in self._kinds.get((*name, size + k), ())]
         moments = self._moments(outline.points)
         if around:
-            # kinds are many, and their moments tell nearly all apart
-            radius = float(np.sqrt((outline.points**2).sum(axis=1).max()))
+            # of those as large their moments tell nearly all apart
+            radius = float(np.sqrt(square.max()))
             differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
             for k in np.flatnonzero(differ <= _MOMENTS * self.reach * radius).tolist():
                 number, _, kind = around[k]
                 if alike(outline, kind, self.reach, rotate=self.rotate, flip=self.flip):
                     return number
-        around.append((self._count, moments, outline))
+        self._kinds.setdefault((*name, size), []).append((self._count, moments, outline))
         self._count += 1
         return self._count - 1
 

@@ -29,6 +29,13 @@ _FLAT: Final = 1e-5
 """Share of its hull's area or volume that a block may lack and still count as convex."""
 
 
+_Corner = tuple[int, int]
+"""A corner by its place, in steps."""
+
+_Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[float, float]]]
+"""Edges of a polygon: each from where to where, the same the other way, and the point it starts at."""
+
+
 @dataclass(frozen=True)
 class Outline:
     """One block's boundary.
@@ -50,18 +57,31 @@ def reach_of(assembly: Assembly) -> float:
     return max(_REACH * assembly.size, 4.0 * assembly.moved)
 
 
-def outline_of(assembly: Assembly, members: Ints) -> Outline:
-    """Of the union of some elements of an assembly."""
-    elements, reach = assembly.elements, reach_of(assembly)
-    if assembly.dimension == 2:
-        return flat_outline([elements.shape[e] for e in members], reach)
-    solids = [(elements.shape[e], elements.faces[e]) for e in members]
-    return solid_outline(solids, np.abs(elements.volume[members]), elements.centroid[members], reach)
+class Outlines:
+    """Outlines of blocks of one assembly; of planar elements the edges are found once."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        self._elements, self._planar, self._reach = assembly.elements, assembly.dimension == 2, reach_of(assembly)
+        self._edges: dict[int, _Edges] = {}
+
+    def of(self, members: Ints) -> Outline:
+        """Of the union of some elements."""
+        elements, reach = self._elements, self._reach
+        if not self._planar:
+            solids = [(elements.shape[e], elements.faces[e]) for e in members]
+            return solid_outline(solids, np.abs(elements.volume[members]), elements.centroid[members], reach)
+        for e in members.tolist():
+            if e not in self._edges:
+                self._edges[e] = _edges(elements.shape[e], _SNAP * reach)
+        known = [self._edges[e] for e in members.tolist()]
+        return flat_outline([elements.shape[e] for e in members], reach, known)
 
 
-def flat_outline(polygons: Sequence[Floats], reach: float) -> Outline:
-    """Of the union of polygons (k, 2). reach: distance within which corners are one."""
-    region = shapely.Polygon(polygons[0]) if len(polygons) == 1 else _whole(polygons, _SNAP * reach)
+def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edges] | None = None) -> Outline:
+    """Of the union of polygons (k, 2). reach: distance within which corners are one. edges: of each, where known."""
+    if edges is None:
+        edges = [_edges(polygon, _SNAP * reach) for polygon in polygons]
+    region = shapely.Polygon(polygons[0]) if len(polygons) == 1 else _whole(edges)
     if region is None:
         region = shapely.union_all([shapely.Polygon(polygon) for polygon in polygons], grid_size=_SNAP * reach)
     centre = shapely.get_coordinates(region.centroid)[0]
@@ -69,7 +89,8 @@ def flat_outline(polygons: Sequence[Floats], reach: float) -> Outline:
     for part in shapely.get_parts(region):
         for ring, outer in [(part.exterior, True), *((hole, False) for hole in part.interiors)]:
             points = _straightened(shapely.get_coordinates(ring)[:-1], reach)
-            before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+            last, following = _beside(points)
+            before, after = points - last, following - points
             turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
             way = 1.0 if ring.is_ccw else -1.0
             inwards += int(np.count_nonzero(way * turn < 0.0 if outer else way * turn > 0.0))
@@ -82,21 +103,23 @@ def flat_outline(polygons: Sequence[Floats], reach: float) -> Outline:
     return Outline(points, count, float(region.area), float(sides.max() / sides.min()), inwards)
 
 
-def _whole(polygons: Sequence[Floats], step: float) -> shapely.Polygon | None:
-    """The union of polygons (k, 2) that share whole edges, a tenth of the time of any union; None for others.
+def _edges(polygon: Floats, step: float) -> _Edges:
+    """The edges of a polygon (k, 2), run along anticlockwise. step: distance within which corners are one."""
+    points = [(x, y) for x, y in polygon.tolist()]
+    if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
+        points.reverse()
+    names = [(math.floor(x / step + _PLACE), math.floor(y / step + _PLACE)) for x, y in points]
+    return [((names[k - 1], name), (name, names[k - 1]), points[k - 1]) for k, name in enumerate(names)]
 
-    step: distance within which corners are one.
-    """
-    edges: dict[tuple[tuple[int, int], tuple[int, int]], tuple[float, float]] = {}
+
+def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
+    """The union of polygons that share whole edges, a tenth of the time of any union; None for others."""
+    edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
-        points = [(x, y) for x, y in polygon.tolist()]
-        if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
-            points.reverse()
-        names = [(math.floor(x / step + _PLACE), math.floor(y / step + _PLACE)) for x, y in points]
-        for k, name in enumerate(names):
+        for there, back, point in polygon:
             # an edge that two polygons share is run along both ways
-            if edges.pop((name, names[k - 1]), None) is None:
-                edges[names[k - 1], name] = points[k - 1]
+            if edges.pop(back, None) is None:
+                edges[there] = point
     after = {start: (end, point) for (start, end), point in edges.items()}
     if len(after) < len(edges):
         return None  # boundaries that touch in a corner
@@ -132,11 +155,16 @@ def solid_outline(
     return Outline(points, len(unique), volume, _box_aspect(corners, hull), int(not convex))
 
 
+def _beside(points: Floats) -> tuple[Floats, Floats]:
+    """Of every corner of a ring (k, 2) the one before and the one after; a fifth of the time of `numpy.roll`."""
+    return np.concatenate((points[-1:], points[:-1])), np.concatenate((points[1:], points[:1]))
+
+
 def _straightened(points: Floats, reach: float) -> Floats:
     """A ring (k, 2) without corners that lie on the line of their neighbours within the reach."""
     exact = True  # those on it to rounding go together, as on a grid nearly all do
     while len(points) > 3:
-        before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        before, after = _beside(points)
         chord = after - before
         length = np.hypot(*chord.T)
         arm = points - before

@@ -14,7 +14,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.geometry import Kinds, Outline, outline_of, reach_of
+from jld_core.geometry import Kinds, Outline, Outlines, reach_of
 
 _SHIFT: Final = 0.37
 """Where places are rounded: off the halves, which rounding would throw to either side."""
@@ -33,6 +33,7 @@ class BlockShapes:
         self._known: list[Outline] = []
         self._number: list[int] = []
         self._outline: dict[bytes, Outline] = {}
+        self._outlines = Outlines(assembly)
         self._numbered: dict[int, int] = {}
         self._step = reach_of(assembly)
 
@@ -95,7 +96,7 @@ class BlockShapes:
         places = np.floor((centroid - centroid[0]) / self._step + _SHIFT).astype(np.int64)
         key = self._like[members].tobytes() + places.tobytes()
         if key not in self._outline:
-            self._outline[key] = outline_of(self.assembly, members)
+            self._outline[key] = self._outlines.of(members)
         return self._outline[key]
 
     @cached_property
