@@ -95,31 +95,36 @@ def test_two_find_the_same_count_of_what_is_required(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("_in_threads")
 @pytest.mark.skipif(chosen() is None, reason="without a kernel one thread draws and shrinks")
-def test_two_threads_prove_the_same_twice_and_call_others_when_drawing_takes_too_long(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     how: dict[str, Any] = {"alone": None, "by_blocks": "off"}
     one, _ = prove(scene, tmp_path / "one", ALONE, **how)
-    runs = [prove(scene, tmp_path / f"two {k}", **how) for k in range(2)]
-    for two, driver in runs:
+    for called, jobs in ((False, 2), (True, 3)):
+        if called:
+            monkeypatch.setattr("jld_explore.drivers.exact.hunters.ALONE", (300, 1))
+        two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
         assert driver._hunters is not None
-        assert driver._hunters.solves == 0  # nobody else was called
+        assert driver._relaxation is not None
+        assert (driver._hunters.solves > 0) is called
+        assert driver._relaxation.solves > 300  # by threads, before others were called
         assert two.summary["proven"] is True
         assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
         assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
-    first, second = (driver._conflicts[:] for _, driver in runs)
-    assert len(first) == len(second) > 50
-    for a, b in zip(first, second, strict=True):
-        assert np.array_equal(a.faces, b.faces)
-        assert a.bound == b.bound
-    monkeypatch.setattr("jld_explore.drivers.exact.hunters.ALONE", (1, 1))
-    monkeypatch.setattr("jld_explore.drivers.exact.hunting._SOON", 0.0)
-    monkeypatch.setattr("jld_explore.drivers.exact.hunting._STRAINED", 0.0)
-    away, driver = prove(scene, tmp_path / "away", **how)
-    assert driver._hunters is not None
-    assert driver._hunters.solves > 0
-    assert away.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
+        names = [(conflict.faces.tobytes(), conflict.labels.tobytes()) for conflict in driver._conflicts]
+        assert len(names) > 50
+        assert called or len(set(names)) == len(names)
+        certify(driver, scene, tmp_path / "proof.jld", None)
+        assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(one.summary["best"], rel=2e-6)
+
+
+@pytest.mark.skipif(chosen() is None, reason="without a kernel there is one thread")
+def test_what_breaks_in_a_thread_is_heard_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> None:
+        raise ArithmeticError("of a thread")
+
+    monkeypatch.setattr("jld_explore.drivers.exact.hunting.Hunt._sort", broken)
+    with pytest.raises(ArithmeticError, match="of a thread"):
+        prove(scene_of(*SCENES["weak"]), tmp_path, alone=None, by_blocks="off")
 
 
 @pytest.mark.usefixtures("_in_threads")

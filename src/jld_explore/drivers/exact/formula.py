@@ -28,8 +28,8 @@ from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.unary import Unary
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
-_SOLVER: Final = "cadical153"
-"""The last version of CaDiCaL here that takes preferences anew before every draw."""
+_SOLVER: Final = "minisat22"
+"""It takes preferences anew before every draw, and lets go of the interpreter while it solves."""
 
 
 class Formula:
@@ -85,7 +85,7 @@ class Formula:
 
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
-        return bool(self._solver.solve(assumptions=self._assumed + self._literals(faces, labels)))
+        return self._solve(self._assumed + self._literals(faces, labels))
 
     def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
         """How much unit propagation derives from labels (k,) on faces (k,); None: a contradiction."""
@@ -106,7 +106,7 @@ class Formula:
         if preferred is not None:
             signs = np.where(preferred[self._candidates], -1, 1)
             self._solver.set_phases((signs * self._inner[self._candidates]).tolist())
-        while self._solver.solve(assumptions=wanted):
+        while self._solve(wanted):
             # variables that no clause names yet may be left out, and are free
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
             labels = self.space.fixed.copy()
@@ -117,6 +117,10 @@ class Formula:
             for place, found in broken:
                 self.forbid(place, found)
         return None
+
+    def _solve(self, wanted: list[int]) -> bool:
+        # what may be interrupted runs without the interpreter's lock; nobody does interrupt it
+        return bool(self._solver.solve_limited(assumptions=wanted, expect_interrupt=True))
 
     def _literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
         pairs = zip(faces, labels, strict=True)

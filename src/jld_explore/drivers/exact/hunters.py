@@ -1,5 +1,5 @@
-"""Who hunts: this process, in two threads where there may be two; then a crew of others in its place, where there may
-be more, or where this process cannot draw labellings as fast as two threads of the kernel shrink them.
+"""Who hunts: this process, in two threads where there may be two and the kernel solves; then a crew of other processes
+in its place, where there may be more, or where the interpreter holds threads up.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from jld_explore.drivers.exact.conflicts import Conflicts
 from jld_explore.drivers.exact.crew import Crew
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Catch, Hunt
+from jld_explore.drivers.exact.pack import Pack
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import AnyRelaxation
 from jld_explore.evaluation import client_of_cluster
@@ -21,7 +22,7 @@ ALONE: Final = (8000, 1000)
 """Relaxations after which others help, with the kernel and without: about as long as it takes to start them."""
 
 _THREADS: Final = 2
-"""Threads of this process that are of use: drawing labellings, which is a third of the work, is one thread's."""
+"""Threads of this process that hunt: what a third draws at the same time falls for much the same reasons."""
 
 _LAST: Final = 0.5
 """Seconds in which what others are at is still taken in at the end."""
@@ -55,26 +56,31 @@ class Hunters:
         self.solves = 0
         self._formula: Formula | None = None
         self._count: int | Range | None = None
+        self._pack: Pack | None = None
         self.crew: Crew | None = None
 
     def employ(self, jobs: int) -> None:
         """How many processes may help; on a cluster its workers do, however many."""
         self._jobs, self._away = jobs, client_of_cluster() is not None
         self._helped = jobs > 1 or self._away
-        if jobs > 1:
-            self._hunt.close()
-            self._hunt = Hunt(self._relaxation, self._free, self._seed, threads=min(jobs, _THREADS))
+        if jobs > 1 and self._pack is None and self._relaxation.many:
+            recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
+            self._pack = Pack(*recipe, min(jobs, _THREADS), self._known, self._passed)
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
         """Go on with another formula. count: as `Formula` takes it; threshold: scaled λ."""
         self._formula, self._count = formula, count
         self._hunt.begin(formula)
+        if self._pack is not None:
+            self._pack.begin(count)
         if self.crew is not None:
             self.crew.begin(formula, count, threshold)
 
     def end(self) -> None:
         """Let go of the formula."""
         self._formula = None
+        if self._pack is not None:
+            self._pack.end()
         if self.crew is not None:
             self.crew.end()
 
@@ -87,16 +93,21 @@ class Hunters:
         """A moment's catch. threshold: scaled λ, not lower than before in this formula."""
         assert self._formula is not None
         if self.crew is None and self._helped and self._is_time():
+            self._catch_up(threshold)
             self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._known, self._passed)
             self.crew.begin(self._formula, self._count, threshold)
         if self.crew is None:
-            return self._hunt.step(threshold)
+            return self._near(threshold)
         self.crew.pump()
         # alone as long as none of the others is there
         if not self.crew.at_work and (self._alone != 0 or not self.crew.expected):
-            caught, found = self._hunt.step(threshold), self.crew.step(threshold, idle=False)
+            caught, found = self._near(threshold), self.crew.step(threshold, idle=False)
         else:
-            caught, found = Catch(), self.crew.step(threshold, idle=True)
+            caught = Catch() if self._pack is None else self._pack.close()
+            self._pack = None
+            found = self.crew.step(threshold, idle=not caught.conflicts)
+        for conflict in caught.conflicts:
+            self._formula.forbid(conflict.faces, conflict.labels)
         self.solves = self.crew.solves
         caught.conflicts += found.conflicts
         caught.unrefuted += found.unrefuted
@@ -106,16 +117,32 @@ class Hunters:
             caught.exhausted = False  # not before these are dealt with
         return caught
 
+    def _near(self, threshold: float) -> Catch:
+        """What this process catches."""
+        assert self._formula is not None
+        return self._hunt.step(threshold) if self._pack is None else self._pack.step(threshold)
+
+    def _catch_up(self, threshold: float) -> None:
+        """Tell this process's formula what its threads have told theirs."""
+        assert self._formula is not None
+        if self._pack is not None:
+            for conflict in self._known:
+                if conflict.bound <= threshold:
+                    self._formula.forbid(conflict.faces, conflict.labels)
+
     def _is_time(self) -> bool:
         """Whether other processes are of use by now."""
         if self._alone is not None:
             return self._relaxation.solves >= self._alone
-        others = self._away or self._jobs > _THREADS or not self._relaxation.many or self._hunt.strained
+        others = self._away or self._jobs > _THREADS or not self._relaxation.many
         return others and self._relaxation.solves >= ALONE[not self._relaxation.many]
 
     def close(self) -> Catch:
         """Send the others home; what they had found is returned."""
         crew, self.crew = self.crew, None
         self._helped = False
-        self._hunt.close()
-        return Catch() if crew is None else crew.close(_LAST)
+        caught = Catch() if self._pack is None else self._pack.close()
+        self._pack = None
+        if crew is not None:
+            caught.conflicts += crew.close(_LAST).conflicts
+        return caught

@@ -3,19 +3,13 @@
 Labellings drawn together would fall for one reason were they alike, so each is drawn with random preferences. Once
 one has given a conflict its **neighbours**, the same labelling with one face of the conflict undecided, nearly always
 fall as well, for another reason, and cost no drawing.
-
-Shrinking is the kernel's, which other threads may call meanwhile: with several of them, labellings are drawn while what
-was drawn before is shrunk. What comes of them is taken in the order in which they were drawn, so that under one load
-the same is found however quick a thread is.
 """
 
 from __future__ import annotations
 
-import time
-from collections import deque
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from threading import Lock
 from typing import Final
 
 import numpy as np
@@ -42,11 +36,8 @@ _INNER: Final = True
 _DRY: Final = 0.3
 """Share of faces that a labelling had better have dry, at random: long blocks are what is hard to refute."""
 
-_SOON: Final = 5.0
-"""Seconds of all threads until it is judged what they do, and over which."""
-
-_STRAINED: Final = 0.58
-"""Share of them spent drawing from which several processes, which each draw and hear of each other, are sooner done."""
+_OTHER_ROUTE: Final = Lock()
+"""The kernel may be called by several threads, the conic solver by one at a time."""
 
 
 @dataclass
@@ -58,92 +49,41 @@ class Catch:
     exhausted: bool = False
 
 
-@dataclass(frozen=True)
-class _Drawn:
-    """Labellings (k, m) that are being shrunk, to what threshold, and what will have come of them, with the seconds."""
-
-    labellings: Bits
-    threshold: float
-    fallen: Future[tuple[list[Fallen], float]]
-
-
 class Hunt:
-    """Conflicts of one formula after the other. free: (m,) faces that may take either label. seed: of preferences.
+    """Conflicts of one formula after the other. free: (m,) faces that may take either label. seed: of preferences."""
 
-    threads: how many may be in the kernel at a time; more than one pay where the kernel solves many at a time.
-    """
-
-    def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int, threads: int = 1) -> None:
+    def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
         self._relaxation, self._free = relaxation, free
         self._rng = np.random.default_rng([seed, 2])
         self._many = relaxation.many
         self._formula: Formula | None = None
         self._known: set[tuple[bytes, bytes]] = set()
-        self._threads = threads if self._many else 1
-        self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
-        self._under_way: deque[_Drawn] = deque()
-        self._drawing, self._shrinking = 0.0, 0.0
+        self._hear: Callable[[], None] = _nothing
 
-    @property
-    def strained(self) -> bool:
-        """Whether drawing, which is one thread's, takes so much of the time that others wait for it."""
-        total = self._drawing + self._shrinking
-        return total > _SOON and self._drawing > _STRAINED * total
-
-    def begin(self, formula: Formula) -> None:
-        """Go on with another formula; what was begun with the last one is forgotten."""
-        self._formula = formula
+    def begin(self, formula: Formula, hear: Callable[[], None] | None = None) -> None:
+        """Go on with another formula. hear: called before each draw, to take in what others have found."""
+        self._formula, self._hear = formula, hear or _nothing
         self._known = set()
-        self._forget()
 
-    def close(self) -> None:
-        """Let threads go."""
-        self._forget()
-        if self._pool is not None:
-            self._pool.shutdown(wait=False)
-
-    def _forget(self) -> None:
-        for one in self._under_way:
-            one.fallen.cancel()
-        self._under_way.clear()
+    def knows(self, conflict: Conflict) -> bool:
+        """Whether a conflict was found in this formula."""
+        return (conflict.faces.tobytes(), conflict.labels.tobytes()) in self._known
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> Catch:
         """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula. cube: labels that
-        those drawn have, the same as before while threads are at work."""
+        those drawn have."""
         caught = Catch()
         assert self._formula is not None
         self._formula.rise(threshold)
-        if self._pool is not None:
-            self._step_in_threads(self._pool, threshold, cube, caught)
-            return caught
         drawn = self._draw(cube)
         caught.exhausted = not len(drawn)
         if len(drawn) and self._many:
             how, seed = self._how()
-            self._sort(drawn, threshold, self._shrink(drawn, threshold, how, seed)[0], caught)
+            found = self._relaxation.shrink(drawn, self._free, np.full(len(drawn), threshold), how, seed)
+            self._sort(drawn, threshold, found, caught)
         elif len(drawn):
             self._shrink_one(drawn[0], threshold, caught)
         return caught
-
-    def _step_in_threads(self, pool: ThreadPoolExecutor, threshold: float, cube: Cube, caught: Catch) -> None:
-        """Draw until there is work for all threads and one portion more, and take what was drawn first."""
-        began = time.thread_time()
-        ahead = self._threads + 1 if len(self._known) >= _DRAWN else 1
-        while len(self._under_way) < ahead:
-            drawn = self._draw(cube)
-            if not len(drawn):
-                break
-            work = partial(self._shrink, drawn, threshold, *self._how())
-            self._under_way.append(_Drawn(drawn, threshold, pool.submit(work)))
-        caught.exhausted = not self._under_way
-        if self._under_way:
-            first = self._under_way.popleft()
-            fallen, seconds = first.fallen.result()
-            self._shrinking += seconds
-            self._sort(first.labellings, first.threshold, fallen, caught)
-        self._drawing += time.thread_time() - began
-        if self._drawing + self._shrinking > 2.0 * _SOON:
-            self._drawing, self._shrinking = 0.5 * self._drawing, 0.5 * self._shrinking
 
     def _draw(self, cube: Cube) -> Bits:
         """Labellings (k, m) of the formula, none where none is left."""
@@ -153,6 +93,7 @@ class Hunt:
         room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
         drawn: list[Bits] = []
         while len(drawn) < room:
+            self._hear()
             labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
                 break
@@ -165,12 +106,6 @@ class Hunt:
         """How labellings are shrunk, and the seed of their neighbours."""
         how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=_INNER)
         return how, int(self._rng.integers(2**32))
-
-    def _shrink(self, drawn: Bits, threshold: float, how: Shrinking, seed: int) -> tuple[list[Fallen], float]:
-        """What becomes of labellings (k, m) and of their neighbours, all in one call; seconds of this thread."""
-        began = time.thread_time()
-        found = self._relaxation.shrink(drawn, self._free, np.full(len(drawn), threshold), how, seed)
-        return found, time.thread_time() - began
 
     def _sort(self, drawn: Bits, threshold: float, fallen: list[Fallen], caught: Catch) -> None:
         """Conflicts, and labellings that nothing refutes, among what became of labellings (k, m)."""
@@ -187,7 +122,8 @@ class Hunt:
                     self._shrink_one(labels, threshold, caught)
 
     def _shrink_one(self, labels: Bits, threshold: float, caught: Catch) -> None:
-        found = conflict_of(self._relaxation, labels, self._free, threshold)
+        with _OTHER_ROUTE:
+            found = conflict_of(self._relaxation, labels, self._free, threshold)
         if found is None:
             caught.unrefuted.append(labels)
         else:
@@ -208,3 +144,7 @@ class Hunt:
             return None
         assert self._formula is not None
         return self._rng.random(len(self._formula.space.fixed)) < _DRY
+
+
+def _nothing() -> None:
+    """Nobody else has found anything."""
