@@ -43,10 +43,10 @@ class _Chase:
     """
 
     def __init__(
-        self, known: Sequence[Conflict], passed: Sequence[Bits], count: int | Range | None, faces: int
+        self, known: Sequence[Conflict], passed: Sequence[Bits], count: int | Range | None, threshold: float, faces: int
     ) -> None:
         self.conflicts, self.passed = list(known), list(passed)
-        self.count, self.threshold = count, 0.0
+        self.count, self.threshold = count, threshold
         self.names: set[tuple[bytes, bytes]] = set()
         self.weight, self._gain = np.zeros(faces), 1.0
         self.exhausted = False
@@ -124,7 +124,7 @@ class _Member:
 
 
 class Pack:
-    """Threads that hunt together. relaxation, space, blocks, free, seed: of the proof; the kernel solves many at a time.
+    """Threads that hunt together. relaxation, space, blocks, free, seed: of the proof; the kernel solves many at once.
 
     known, passed: the proof's conflicts and labellings that are dealt with, to which whoever steps adds.
     """
@@ -163,12 +163,12 @@ class Pack:
             self._chase, self._caught.unrefuted = None, []
 
     def step(self, threshold: float) -> Catch:
-        """What was found since the last time, a moment's wait at the most. threshold: scaled λ, not lower than before in
-        this formula."""
+        """What was found since the last time, a moment's wait at the most. threshold: scaled λ, not lower than before
+        in this formula."""
         with self._heard:
             if self._chase is None:
                 known = [*self._known, *self._caught.conflicts]
-                self._chase = _Chase(known, self._passed, self._count, len(self._recipe[2]))
+                self._chase = _Chase(known, self._passed, self._count, threshold, len(self._recipe[2]))
             self._chase.threshold = threshold
             while self._idle and not self._chase.exhausted:
                 self._send(self._idle.pop())
