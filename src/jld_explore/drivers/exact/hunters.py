@@ -93,11 +93,13 @@ class Hunters:
         """A moment's catch. threshold: scaled λ, not lower than before in this formula."""
         assert self._formula is not None
         if self.crew is None and self._helped and self._is_time():
-            self._catch_up(threshold)
+            for conflict in self._known:  # threads have told formulas of their own
+                self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
             self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._known, self._passed)
             self.crew.begin(self._formula, self._count, threshold)
         if self.crew is None:
             return self._near(threshold)
+        self._formula.rise(threshold)
         self.crew.pump()
         # alone as long as none of the others is there
         if not self.crew.at_work and (self._alone != 0 or not self.crew.expected):
@@ -107,7 +109,7 @@ class Hunters:
             self._pack = None
             found = self.crew.step(threshold, idle=not caught.conflicts)
         for conflict in caught.conflicts:
-            self._formula.forbid(conflict.faces, conflict.labels)
+            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
         self.solves = self.crew.solves
         caught.conflicts += found.conflicts
         caught.unrefuted += found.unrefuted
@@ -121,14 +123,6 @@ class Hunters:
         """What this process catches."""
         assert self._formula is not None
         return self._hunt.step(threshold) if self._pack is None else self._pack.step(threshold)
-
-    def _catch_up(self, threshold: float) -> None:
-        """Tell this process's formula what its threads have told theirs."""
-        assert self._formula is not None
-        if self._pack is not None:
-            for conflict in self._known:
-                if conflict.bound <= threshold:
-                    self._formula.forbid(conflict.faces, conflict.labels)
 
     def _is_time(self) -> bool:
         """Whether other processes are of use by now."""

@@ -65,10 +65,6 @@ class Hunt:
         self._formula, self._hear = formula, hear or _nothing
         self._known = set()
 
-    def knows(self, conflict: Conflict) -> bool:
-        """Whether a conflict was found in this formula."""
-        return (conflict.faces.tobytes(), conflict.labels.tobytes()) in self._known
-
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> Catch:
         """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula. cube: labels that
         those drawn have."""

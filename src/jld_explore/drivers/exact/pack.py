@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from threading import Condition
 from typing import Final
 
@@ -36,27 +37,24 @@ _FADING: Final = 0.999
 """What a face's weight in conflicts is multiplied by at each conflict after."""
 
 
-class _Chase:
-    """What the threads share while one formula is refuted. count: as `Formula` takes it; threshold: scaled λ.
+class _Known:
+    """What all threads are told: conflicts, with smaller bounds as they are found, and labellings dealt with.
 
-    conflicts, passed: what each is to take in, those that were known before first. weight: (m,) of faces.
+    weight: (m,) how much faces are in the conflicts of late.
     """
 
-    def __init__(
-        self, known: Sequence[Conflict], passed: Sequence[Bits], count: int | Range | None, threshold: float, faces: int
-    ) -> None:
-        self.conflicts, self.passed = list(known), list(passed)
-        self.count, self.threshold = count, threshold
-        self.names: set[tuple[bytes, bytes]] = set()
+    def __init__(self, faces: int) -> None:
+        self.conflicts: list[Conflict] = []
+        self.passed: list[Bits] = []
+        self._bounds: dict[tuple[bytes, bytes], float] = {}
         self.weight, self._gain = np.zeros(faces), 1.0
-        self.exhausted = False
 
-    def is_new(self, conflict: Conflict) -> bool:
-        """Whether nobody has found a conflict before; its faces weigh more from now on."""
+    def add(self, conflict: Conflict, threshold: float) -> bool:
+        """Take a conflict, unless that is known which rules out the same above a threshold; whether it was not."""
         name = conflict.faces.tobytes(), conflict.labels.tobytes()
-        if name in self.names:
+        if self._bounds.get(name, np.inf) <= max(conflict.bound, threshold):
             return False
-        self.names.add(name)
+        self._bounds[name] = conflict.bound
         self.conflicts.append(conflict)
         self._gain /= _FADING
         self.weight[conflict.faces] += self._gain
@@ -66,11 +64,20 @@ class _Chase:
         return True
 
 
-class _Member:
-    """What one thread has of its own: its draws, and its formula of the present chase. number: of the thread."""
+@dataclass
+class _Chase:
+    """What is refuted at present. count: as `Formula` takes it; threshold: scaled λ."""
 
-    def __init__(self, hunt: Hunt, number: int) -> None:
-        self._hunt, self._dry = hunt, number % 2 == 0
+    count: int | Range | None
+    threshold: float
+    exhausted: bool = False
+
+
+class _Member:
+    """What one thread has of its own: its draws, and a formula. number: of the thread."""
+
+    def __init__(self, hunt: Hunt, known: _Known, number: int) -> None:
+        self._hunt, self._known, self._dry = hunt, known, number % 2 == 0
         self._chase: _Chase | None = None
         self._formula: Formula | None = None
         self._heard = self._dealt = 0
@@ -79,45 +86,36 @@ class _Member:
 
     def step(self, chase: _Chase, space: SearchSpace, blocks: PossibleBlocks | None, free: Bools) -> Catch:
         """Conflicts of some labellings; exhausted: no labelling is left at all."""
+        if self._formula is None:
+            self._formula = Formula(space, blocks)
         if chase is not self._chase:
-            self.leave()
-            self._chase, self._formula = chase, Formula(space, blocks, chase.count)
-            self._heard = self._dealt = 0
+            self._chase = chase
             self._closed, self._cube = set(), EVERYTHING
+            self._formula.aim(chase.threshold, chase.count)
             self._hunt.begin(self._formula, self._hear)
-        assert self._formula is not None
         caught = self._hunt.step(chase.threshold, self._cube)
         if caught.exhausted and self._cube is not EVERYTHING:
             # nothing is left there: all faces, once, before another half is looked at
-            self._formula.forbid(self._cube.faces, self._cube.labels)
+            self._formula.set_aside(self._cube.faces, self._cube.labels)
             self._closed.update(self._cube.faces)
             self._cube, caught.exhausted = EVERYTHING, False
         else:
-            self._cube = self._half(chase, free)
+            self._cube = self._half(free)
         return caught
-
-    def leave(self) -> None:
-        """Free the formula."""
-        if self._formula is not None:
-            self._formula.close()
-        self._chase = self._formula = None
 
     def _hear(self) -> None:
         """Take in what is known by now."""
-        assert self._chase is not None
         assert self._formula is not None
-        chase = self._chase
-        news, passed = chase.conflicts[self._heard :], chase.passed[self._dealt :]
+        news, passed = self._known.conflicts[self._heard :], self._known.passed[self._dealt :]
         self._heard, self._dealt = self._heard + len(news), self._dealt + len(passed)
         for conflict in news:
-            if conflict.bound <= chase.threshold and not self._hunt.knows(conflict):
-                self._formula.forbid(conflict.faces, conflict.labels)
+            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
         for labels in passed:
             self._formula.forbid(np.arange(len(labels)), labels)
 
-    def _half(self, chase: _Chase, free: Bools) -> Cube:
+    def _half(self, free: Bools) -> Cube:
         """Where to look next: a label of the weightiest face."""
-        weight = np.where(free, chase.weight, 0.0)
+        weight = np.where(free, self._known.weight, 0.0)
         weight[list(self._closed)] = 0.0
         face = int(weight.argmax())
         return Cube((face,), (self._dry,)) if weight[face] > 0.0 else EVERYTHING
@@ -141,9 +139,10 @@ class Pack:
         passed: Sequence[Bits],
     ) -> None:
         self._recipe = space, blocks, free
-        self._known, self._passed = known, passed
+        self._of_proof, self._said = (known, passed), (0, 0)
+        self._known = _Known(len(free))
         hunts = [Hunt(relaxation, free, seed + 1000 * number) for number in range(threads)]
-        self._members = [_Member(hunt, number) for number, hunt in enumerate(hunts)]
+        self._members = [_Member(hunt, self._known, number) for number, hunt in enumerate(hunts)]
         self._pool = ThreadPoolExecutor(threads)
         self._idle = set(range(threads))
         self._chase: _Chase | None = None
@@ -167,8 +166,8 @@ class Pack:
         in this formula."""
         with self._heard:
             if self._chase is None:
-                known = [*self._known, *self._caught.conflicts]
-                self._chase = _Chase(known, self._passed, self._count, threshold, len(self._recipe[2]))
+                self._take_in()
+                self._chase = _Chase(self._count, threshold)
             self._chase.threshold = threshold
             while self._idle and not self._chase.exhausted:
                 self._send(self._idle.pop())
@@ -189,6 +188,14 @@ class Pack:
             caught, self._caught = self._caught, Catch()
             return caught
 
+    def _take_in(self) -> None:
+        """Tell all what the proof knows by other ways."""
+        known, passed = self._of_proof
+        for conflict in known[self._said[0] :]:
+            self._known.add(conflict, -np.inf)
+        self._known.passed += passed[self._said[1] :]
+        self._said = len(known), len(passed)
+
     def _send(self, number: int) -> None:
         # once the interpreter ends, or all are let go, no task is taken any more
         with suppress(RuntimeError):
@@ -201,7 +208,6 @@ class Pack:
         with self._heard:
             chase = self._chase
             if chase is None or chase.exhausted:
-                member.leave()
                 self._idle.add(number)
                 return
         try:
@@ -215,11 +221,11 @@ class Pack:
 
     def _hand_over(self, chase: _Chase, caught: Catch) -> None:
         with self._heard:
-            last = self._chase or chase
-            self._caught.conflicts += [conflict for conflict in caught.conflicts if last.is_new(conflict)]
+            threshold = chase.threshold if self._chase is None else self._chase.threshold
+            self._caught.conflicts += [one for one in caught.conflicts if self._known.add(one, threshold)]
             if chase is self._chase:
                 self._caught.unrefuted += caught.unrefuted
-                chase.passed += caught.unrefuted
+                self._known.passed += caught.unrefuted
                 chase.exhausted |= caught.exhausted
             if self._caught.conflicts or self._caught.unrefuted or caught.exhausted:
                 self._heard.notify()
