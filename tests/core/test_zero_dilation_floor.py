@@ -25,6 +25,7 @@ from jld_core.models.zero_dilation_modes import Modes, modes_of
 from jld_core.models.zero_dilation_products import Region, relax
 from jld_core.models.zero_dilation_search import Scheme
 from jld_core.models.zero_dilation_statics import Statics, reach
+from jld_core.models.zero_dilation_sweep import BlockSweep
 from nondilatant import block
 
 
@@ -160,6 +161,20 @@ def test_blocks_agree_with_the_library() -> None:
     assert bounds[0] <= other.multipliers.bound * (1.0 + 1e-6)
     assert bounds[1] == pytest.approx(bounds[0], rel=2e-6)
     assert bounds[2] <= bounds[0] * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0], ids=["from the lowest found", "from far above"])
+def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float) -> None:
+    """Two courses slide at μ. Up to three quarters of the way no solution lies; where one does, no more is claimed."""
+    friction = 0.4
+    assembly = build_assembly(halved_bond(2, 2, friction=friction))
+    scale = LimitAnalysis(assembly).template.scaling.load
+    modes, _, statics, check = certifier(assembly, 1.1 * times * friction / scale)
+    ceiling = Ceiling(times * friction / scale, 60.0)
+    proven = BlockSweep(modes, statics.size, check.reach, ceiling).first(0.0) * scale
+    assert ceiling.route == ["part of the way"]
+    least = 0.98 * min(0.75 * times, 1.0) * friction
+    assert least <= proven <= min(0.75 * times, 1.0) * friction
 
 
 def test_velocities_stay_within_their_reach() -> None:

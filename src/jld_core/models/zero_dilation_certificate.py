@@ -36,6 +36,7 @@ _FREE: Final = 1e-7  # size from which a multiplier may change as it must; a sma
 _GONE: Final = 1e-14  # multipliers below this are none
 _FINER: Final = 0.2  # step in which slack is taken back where less of it proves as well
 _FINEST: Final = 2e-4  # share of it at which that ends
+_ASTRAY: Final = 1e4  # times the least charge so far at which corrections have gone astray
 _STALLED: Final = 0.7  # share of the charge that a correction may leave and count as one, thrice
 _REFINED: Final = 12  # corrections by the same factors, as long as each
 _GAINS: Final = 0.5  # leaves less than this share of what was left
@@ -74,7 +75,7 @@ class Certifier:
         over.values[:, self.region.closed] = 0
         correct: Any = None
         proven, slack = -math.inf, self.slack
-        last, idle = math.inf, 0
+        last, least, idle = math.inf, math.inf, 0
         for _ in range(_ROUNDS):
             rest = self._settled(over, live, bound, slack)
             charge = float(self.size @ (abs(rest) @ self.reach)) * (1.0 + 1e-9) + _NIL
@@ -88,8 +89,8 @@ class Certifier:
                 slack, charge, idle = slack * _FINER, math.inf, 0
                 rest = self._settled(over, live, bound, slack)
             idle = idle + 1 if charge > _STALLED * last else 0
-            last = charge
-            if idle == 3:
+            last, least = charge, min(charge, least)
+            if idle == 3 or math.inf > charge > _ASTRAY * least:
                 break
             if correct is None:
                 near, price = over.floats(), live.floats()[:, 0]

@@ -74,6 +74,8 @@ class FloorSearch:
                 steps = BlockSweep(modes, self._size, self._reach, ceiling)
                 if modes.faces <= _AT_ONCE:
                     low = max(low, steps.at_once(low))
+                if modes.faces > FACES:
+                    low = steps.first(low)
                 low = steps.sweep(low, none, none)
             bounds = self._sweep(_Bounds(low, low), none, none, modes.close, 0)
         return ceiling.floor(bounds.proven, bounds.believed)

@@ -29,7 +29,11 @@ _CENTRE: Final = 0.5  # share of it that is aimed at
 _SURE: Final = 5.0  # times as much that is near enough to count
 _DONE: Final = 2e-7  # residuals and complementarity at which it ends: multipliers nearer to zero are hard to make exact
 _IDLE: Final = 3  # steps in a row that better nothing, once
-_NEAR: Final = 1e-3  # this has been reached; ten times as many before
+_NEAR: Final = 1e-3  # this has been reached; ten times as many before, but
+_HASTY: Final = 2  # twice as many where no more than
+_ROUGH: Final = 1e-2  # this is asked: then nothing comes of it
+_STATED: Final = 100.0  # times as near to zero as asked what multipliers leave of the cost must be where little is
+_LITTLE: Final = 1e-3  # this or more: bounds may be low, but are to be made exact
 _GAINS: Final = 0.9
 
 
@@ -112,13 +116,14 @@ class _Path:
             pulled = self.back(self.v, self.q)
             rd = (self.cost[0] - pulled[0], self.cost[1] - pulled[1])
             work = float(self.s @ self.v)
-            left = max(work, float(abs(rp).max()), float(abs(re).max(initial=0.0)), _largest(rd))
+            stated = (_STATED if self.exact >= _LITTLE else 1.0) * _largest(rd)
+            left = max(work, float(abs(rp).max()), float(abs(re).max(initial=0.0)), stated)
             if best is None or left < _GAINS * best.left:
                 best, idle = self._answer(left, step), 0
             else:
                 idle += 1
-            far = best.left > _NEAR
-            if left < self.exact or (idle >= _IDLE and not far) or idle >= 10 * _IDLE or time.process_time() > end:
+            patience = 1 if best.left <= _NEAR else 10 if self.exact < _ROUGH else _HASTY
+            if left < self.exact or idle >= patience * _IDLE or time.process_time() > end:
                 break
             self._step(rp, re, rd, work / len(self.s), _EXACT[left < _NEAR])
         assert best is not None

@@ -22,9 +22,13 @@ from jld_core.models.zero_dilation_statics import Statics
 _ENOUGH: Final = 4e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _FINE, _COARSE = 1e-8, 1e-5  # λ that a unit of cost earns in the program, relative to λ or to 1: at the least, and most
 _SHARE: Final = 1e-4  # of the distance from the lowest solution found, in between
-_DEARER: Final = 10.0  # by which it grows where nothing is proven
+_DEARER: Final = 10.0  # by which it grows where nothing is proven, to
+_MOST: Final = 1e-4  # this at the most
+_FIRST: Final = 1e-4  # the same of the first step of large scenes, and
+_PART: Final = 0.75  # the share of the way to the lowest solution found on which it excludes all
 _FAR: Final = 0.05  # distance from it, relative, from which other programs follow whatever this one proves, and
 _ROUGHLY: Final = 1e-3  # how near to their end such programs are followed
+_ROUGHEST: Final = 1e-2  # the same of the first step
 _NEAR: Final = 1e-4  # distance, relative, from which all that a certificate can prove is asked of it
 _GAINS: Final = 0.5  # share of the distance that a step must win while there are products to add
 _DEPTH: Final = 6  # branches above one another
@@ -45,6 +49,19 @@ class BlockSweep:
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near, _FINE, None)[1]
 
+    def first(self, low: float) -> float:
+        """What a program proves that excludes all on a part of the way alone: it ends in half the steps that one up to
+        the lowest solution found takes, and pays for slack enough that its multipliers prove it as they come."""
+        none = np.zeros(len(self.modes.rows), dtype=bool)
+        region = self._region(low, none, none, low + _PART * (self.ceiling.load - low))
+        slack, pairs = _FIRST, self.stages[0][1]
+        answer, found = self._step("part of the way", region, pairs, slack, _ROUGHEST)
+        if found == -math.inf and self.ceiling.left > 0.0:
+            # slack may be more than mechanisms can pay, or less than the certificate asks
+            slack *= _DEARER if answer is not None else 1.0 / _DEARER
+            found = self._step("part of the way", region, pairs, slack, _ROUGHEST)[1]
+        return max(low, found)
+
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
         """The bound in which steps from `low` end, with some modes (4m,) closed and others held."""
         slack, ceiling = 0.0, self.ceiling
@@ -61,8 +78,8 @@ class BlockSweep:
             low = max(low, found)
             if won or ceiling.met(low):
                 slack = 0.0
-            elif answer is not None and found == -math.inf and slack < _COARSE:
-                slack = min(_DEARER * slack, _COARSE)
+            elif answer is not None and found == -math.inf and slack < _MOST:
+                slack = min(_DEARER * slack, _MOST)
                 ceiling.note("more slack")
             elif not last:
                 stage, slack = stage + 1, 0.0
@@ -77,8 +94,8 @@ class BlockSweep:
     def _slack(self, low: float) -> float:
         return float(np.clip(_SHARE * (self.ceiling.load - low) / self.ceiling.unit, _FINE, _COARSE))
 
-    def _region(self, low: float, closed: Bools, held: Bools) -> Region:
-        high = self.ceiling.above(low)
+    def _region(self, low: float, closed: Bools, held: Bools, high: float | None = None) -> Region:
+        high = self.ceiling.above(low) if high is None else high
         return Region(low, high, closed | Statics(self.modes, low, high, held, self.size).closed(), held)
 
     def _step(
