@@ -19,6 +19,7 @@ from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 
 _STEP, _GAP = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
 _BACK = 6  # times that a proximal step goes back half way before it is given up
+_DOWN = 0.02  # share of λ in Γ that is given up for the lowest λ
 _LEAST = 0.1  # least share of a proximal step that is taken
 _LOST = 1e30  # size of scaled forces that no step arrives at: the solver has failed
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
@@ -91,6 +92,10 @@ class Pair:
             return False
         size = max(abs(self.state.load), abs(self.motion.bound), self.floor)
         return abs(self.motion.bound - self.state.load) <= width * size
+
+    def solves(self, width: float) -> bool:
+        """Is it a solution, proven within a relative width?"""
+        return not self.locked and self.state.admissible and self.converged and self.closes(width)
 
     @property
     def converged(self) -> bool:
@@ -173,20 +178,46 @@ class PairSearch:
 
         dual: multipliers whose first entries are the velocities. held: stay close to the forces, with this slack.
         """
+        template, program = self._priced(forces, dual, areas, self.margin if held is None else held)
+        route = self.matching if held is None else self.holding
+        point = route.solve(program, forces[: self.count]).point
+        return self.admissible(point, template, areas)
+
+    def lowest(self, forces: Floats, dual: Floats) -> State:
+        """The state of least λ among those of least Γ against velocities, wherever it is. dual: as for `least_gap`."""
+        template, program = self._priced(forces, dual, self.areas(forces), self.margin)
+        # Γ holds λ as gained; of states that are even in Γ, a little less of that prefers the lowest
+        program.objective[-1] *= 1.0 - _DOWN
+        return self.admissible(self.route.solve(program).point, template, self.areas(forces))
+
+    def _priced(
+        self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, margin: float
+    ) -> tuple[Template, ConicProgram]:
+        """The program of true friction with Γ against velocities, less what is constant in it, as its objective."""
         template, sets = self.frozen(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
         jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
         work = float(template.live @ velocity)
         # multipliers of the program have b_λ·u = 1 up to the multiplier of λ ≥ −floor
         rate = sets.price(jumps, self.labels) / (work if work > 0.0 else 1.0)
-        program = template.program(self.labels, self.margin if held is None else held)
+        program = template.program(self.labels, margin)
         objective = program.objective.copy()
         objective[np.arange(0, self.count, template.assembly.freedoms)] += rate
         self.solves += 1
-        priced = ConicProgram(program.structure, program.data, program.rhs, objective)
-        route = self.matching if held is None else self.holding
-        point = route.solve(priced, forces[: self.count]).point
-        return self.admissible(point, template, areas)
+        return template, ConicProgram(program.structure, program.data, program.rhs, objective)
+
+    def mechanism(self, forces: Floats, raised: Floats | None = None) -> RawSolution:
+        """The problem frozen at the forces' own N: its multipliers are velocities without any dilation.
+
+        raised: (linear rows,) by how much resistances are raised: of mechanisms that are even, it decides which.
+        """
+        template, _ = self.frozen(0.0, self.normals(forces), self.areas(forces))
+        program = template.program(self.labels, self.margin)
+        s, rhs = program.structure, program.rhs.copy()
+        if raised is not None:
+            rhs[s.equalities : s.equalities + s.linear] += raised
+        self.solves += 1
+        return self.route.solve(ConicProgram(s, program.data, rhs, program.objective))
 
     def admissible(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
         """A raw point moved into equilibrium and the true cone, as far as that can be had."""

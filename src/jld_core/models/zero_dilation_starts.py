@@ -17,6 +17,9 @@ _STEPS: Final = 20  # of the load path, halved four times where one finds no sta
 _SLOPE: Final = -0.01  # share of the present N in friction, negative: friction falls as N grows
 _RELAXED: Final = 0.6  # share of the new N in the N that friction goes by
 _FALLS: Final = 15  # programs with that slope
+_TURNS: Final = (2, 4)  # from states of little pressure, of mechanism and forces, at least and most
+_MATCHES: Final = 3  # of forces with the last mechanism and of a mechanism with those, until they agree
+_DRAWN: Final = 1e-3  # mean of what draws a mechanism, in scaled forces of order one
 
 
 def starts(search: PairSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
@@ -68,6 +71,12 @@ def along_the_load(search: PairSearch, gravity: Floats, most: float) -> Floats:
 
 def _nearest(search: PairSearch, forces: Floats, load: float) -> RawSolution:
     """The state at a given λ nearest to given forces: λ leaves equilibrium for the right-hand side."""
+    near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
+    return near.solve(_at_load(search, load), forces)
+
+
+def _at_load(search: PairSearch, load: float) -> ConicProgram:
+    """The program of states at a given λ, without an objective in forces."""
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
     s = program.structure
@@ -77,8 +86,7 @@ def _nearest(search: PairSearch, forces: Floats, load: float) -> RawSolution:
     rhs[: s.equalities] -= load * template.live
     objective[-1] = 1.0
     search.solves += 1
-    near = ClarabelSolver(template.precision.residual, proximal=(search.count, 1.0))
-    return near.solve(ConicProgram(s, data, rhs, objective), forces)
+    return ConicProgram(s, data, rhs, objective)
 
 
 def falling_friction(search: PairSearch, forces: Floats) -> Floats:
@@ -93,6 +101,35 @@ def falling_friction(search: PairSearch, forces: Floats) -> Floats:
         forces = raw.point[: search.count]
         previous = np.maximum(_RELAXED * search.normals(forces) + (1.0 - _RELAXED) * previous, 0.0)
     return forces
+
+
+def of_little_pressure(search: PairSearch, load: float, rng: np.random.Generator) -> Pair | None:
+    """A pair from the state at a given λ that presses least on faces drawn at random; None where there is none.
+
+    Every solution has the λ of its own frozen friction, which rises with N: where faces carry nothing, they resist
+    nothing. From there mechanisms of the frozen friction and the lowest forces of each follow one another.
+    """
+    program = _at_load(search, load)
+    freedoms = search.analysis.template.assembly.freedoms
+    program.objective[: search.count : freedoms] = rng.exponential(size=len(search.labels))
+    raw = search.route.solve(program)
+    if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
+        return None
+    forces = raw.point[: search.count]
+    turns = int(rng.integers(*_TURNS, endpoint=True))
+    for turn in range(turns):
+        drawn = rng.exponential(scale=_DRAWN, size=program.structure.linear)
+        raw = search.mechanism(forces, drawn if turn + 1 < turns else None)
+        if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
+            return None
+        state = search.lowest(forces, raw.dual)
+        forces = state.forces.ravel()
+    pair = search.judge(state, None)
+    for _ in range(_MATCHES):
+        if pair.motion is None or pair.solves(search.analysis.gap):
+            break
+        pair = search.judge(search.least_gap(pair.state.forces.ravel(), pair.motion.velocity, None), None)
+    return pair
 
 
 def certified(search: PairSearch, point: Floats) -> Pair:
