@@ -2,7 +2,7 @@
 
 Walls at their proven optimum, so that nothing is found and all is refuted; and how λ > 80 of a crushable arch falls.
 Then how strong layouts annealing finds in a given time.
-`python -m benchmarks.refuting` measures all, `… refuting ways` or `annealing` (five minutes) that section alone; every
+`python -m benchmarks.refuting` measures all, `… refuting ways` or `annealing` (three minutes) that section alone; every
 line is one process and one thread.
 """
 
@@ -47,7 +47,7 @@ VARIANTS: Final[dict[str, dict[str, Any]]] = {
     "none of all that": {"_NEIGHBOURS": 0, "_DRAWN": 1, "_INNER": False, "_TRIES": 1},
 }
 FOUND: Final = {"6 × 8, s = 3, 20 kPa": wall(6, 8, 3, 2e4), "8 × 10, s = 3, 20 kPa": wall(8, 10, 3, 2e4)}
-SECONDS: Final = 20.0
+SECONDS: Final = 10.0
 SEEDS: Final = 5
 NOTE: Final = (
     f"Processor seconds of one process, at most {MOST:g}. Relaxations, and milliseconds each, with all that is done "

@@ -10,7 +10,7 @@ Labellings without a number rank below all that have one, in the order of `ranki
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import Annotated, Any, ClassVar, Final
 
@@ -72,8 +72,6 @@ class Genetic(Searcher):
     ahead: ClassVar[int] = 1
 
     def __init__(self, space: SearchSpace, seed: int, population: int | None = None, aim: Aim = "front") -> None:
-        from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
-
         super().__init__(space, seed, GENERATION)
         if population is None:
             population = int(np.clip(_PER_KEY * self.operators.keys, *_SIZES))
@@ -82,7 +80,11 @@ class Genetic(Searcher):
         self.aims = 1 + counts if aim == "front" else 1
         self._generator = np.random.default_rng([seed, 1])
         self._surrogate = Surrogate(space)
-        self._sort: Any = NonDominatedSorting().do
+        self._sort: Callable[..., list[Ints]] = _levels
+        if self.aims > 1:
+            from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
+
+            self._sort = NonDominatedSorting().do
         self._pool = Pool(space, self._surrogate)
         self._strangers = self._none
         self._front = Envelope(counts)
@@ -224,6 +226,14 @@ class Genetic(Searcher):
         less = np.where(worse[0] != 0, worse[0], worse[1])
         less = np.where(less != 0.0, less, self._crowding[second] > self._crowding[first])
         return np.asarray(np.where(less > 0.0, second, first))
+
+
+def _levels(values: Floats, n_stop_if_ranked: int) -> list[Ints]:
+    """Fronts of one objective, values (k, 1), until so many are ranked: equal values are one front."""
+    order = np.argsort(values[:, 0], kind="stable")
+    begins = np.flatnonzero(np.diff(values[order, 0])) + 1
+    last = int(np.searchsorted(begins, n_stop_if_ranked)) + 1
+    return np.split(order, begins)[:last]
 
 
 def crowding_of(values: Floats, front: Floats) -> Floats:

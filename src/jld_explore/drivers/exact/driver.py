@@ -72,7 +72,7 @@ class Exact(Proving):
         seed: int = 0,
         aim: Aim = "best",
         *,
-        search: int = 20,
+        search: int = 30,
         by_blocks: ByBlocks = "auto",
         list_blocks: bool = True,
         step_after: int | None = None,

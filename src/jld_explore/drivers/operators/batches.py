@@ -155,16 +155,20 @@ class Batches:
 
     def read(self, keys: Floats, threshold: float | Floats = NEAR) -> Bits:
         """Labellings (≤ k, m) of keys (k, pairs); threshold: one, or (k, 1), for all pairs."""
-        name = self._assemble(keys, threshold)
-        across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
-        return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
+        return self.read_some(keys, threshold)[0]
 
-    def _assemble(self, keys: Floats, threshold: float | Floats) -> Names:
-        """The part of each atom, (≤ k, atoms)."""
+    def read_some(self, keys: Floats, threshold: float | Floats = NEAR) -> tuple[Bits, Ints]:
+        """The same, and which of the k rows each is of."""
+        name, good = self._assemble(keys, threshold)
+        across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
+        return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
+
+    def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
+        """The part of each atom, (≤ k, atoms), of those rows (k,) in which none stays too small."""
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
-            return np.asarray(made[0][made[1]])
+            return np.asarray(made[0][made[1]]), made[1]
         wanted = np.take_along_axis(keys <= threshold, order, axis=1).T.copy()
         ends = [end[order].T.copy() for end in (self._p, self._q)]
         forest = _Forest(len(keys), self._cells, self.least, self.most)
@@ -179,7 +183,8 @@ class Batches:
                 break
             for a, b in zip(*ends, strict=True):
                 forest.join(lacking, a[lacking], b[lacking], small_only=True)
-        return forest.name[~forest.lacking]
+        good = ~forest.lacking
+        return forest.name[good], good
 
 
 class _Forest:

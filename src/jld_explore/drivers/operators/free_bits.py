@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.cutting import Cutter
 from jld_explore.drivers.operators.repair import Repair
@@ -68,6 +68,11 @@ class FreeBits:
             take = [face for face in self._faces if rng.real() < 0.5]
             row[take] = other[take]
         return self._mended(rows, rng)
+
+    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+        """The same, and which couple each child is of (j,)."""
+        rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
+        return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
     def read(self, keys: list[float]) -> Bits:
         """The labelling with the faces dry whose key is above one half, repaired."""

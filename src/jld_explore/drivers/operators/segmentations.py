@@ -15,7 +15,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.batches import NEAR, Batches
 from jld_explore.drivers.operators.cutting import Cutter
@@ -59,6 +59,9 @@ class Operators(Protocol):
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple."""
+
+    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+        """One child of each couple where one is found: rows (j, m), and which couple each is of (j,)."""
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple, and one change of each single parent."""
@@ -128,6 +131,16 @@ class Segmentations:
         """One child of each couple, by overlaying their joints."""
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
+
+    def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
+        """The same, many at a time where limits allow it, and which couple each child is of (j,)."""
+        if self._batches is not None:
+            found, of = self._batches.read_some(self._batches.cross(first, second, rng.generator))
+            if len(found) >= _RARE * len(first):
+                return found, of
+        made = [self.overlay(p, q, rng) for p, q in zip(self.parts(first), self.parts(second), strict=True)]
+        of = np.array([k for k, child in enumerate(made) if child is not None], dtype=np.int64)
+        return self.labels([child for child in made if child is not None]), of
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
         """One child of each couple and one change of each single parent, many at a time where limits allow it."""
