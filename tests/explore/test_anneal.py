@@ -13,7 +13,9 @@ from jld_core.limit import LimitAnalysis, Movements
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import BufferedRandom, operators
+from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.operators import Following
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from jld_explore.space import feasible, search_space
 
 WALL = [*["aaaa"] * 4, "####"]
@@ -57,3 +59,30 @@ def test_it_reaches_what_is_proven(tmp_path: Path) -> None:
     found = explore(scene, tmp_path / "anneal", settings).summary
     assert proven["proven"]
     assert found["best"] == pytest.approx(proven["best"], rel=2e-3)
+
+
+@pytest.mark.parametrize("chains", [1, 8])
+def test_a_small_space_is_left_completely_known(chains: int, tmp_path: Path) -> None:
+    """What waits in the population when changes run out is asked as well."""
+    scene = parse_scene(grid_document(["aaa", "aaa", "###"], **OPTIONS))
+    every = explore(scene, tmp_path / "every", ExploreSettings(driver="enumeration", pictures=False)).summary
+    settings = ExploreSettings(driver="anneal", pictures=False, small=0, options={"chains": chains})
+    found = explore(scene, tmp_path / "anneal", settings).summary
+    assert found["stop_reason"] == "exhausted"
+    assert found["evaluated"] == every["evaluated"] > 50
+    assert found["best"] == pytest.approx(every["best"], rel=1e-6)
+
+
+def test_evaluations_decide_what_is_next_and_no_clock() -> None:
+    """The same seed and budget give the same rows, whatever the portions that answers come in."""
+    scene = parse_scene(grid_document(WALL, **OPTIONS))
+    space = search_space(scene, build_assembly(scene))
+    solver = Evaluator(space.assembly, EvaluatorSettings())
+    asked = []
+    for portion in (None, 7):
+        driver, rows = Anneal(space, 3, chains=4), []
+        while sum(map(len, rows)) < 300:
+            rows.append(driver.ask(portion))
+            driver.tell(rows[-1], [solver.evaluate(labels) for labels in rows[-1]])
+        asked.append(np.concatenate(rows)[:300])
+    assert (asked[0] == asked[1]).all()

@@ -9,7 +9,7 @@ from jld_core.build import build_assembly
 from jld_core.limit import Status
 from jld_core.scene import load_scene
 from jld_explore.drivers import Genetic
-from jld_explore.drivers.genetic import crowding_of
+from jld_explore.drivers.genetic import _levels, crowding_of
 from jld_explore.evaluation import FAILED, ORDER, Evaluation, Evaluator, EvaluatorSettings, objectives, places, standing
 from jld_explore.space import search_space
 from paths import SCENES
@@ -49,6 +49,16 @@ def test_crowding_is_the_library_s_on_every_front_at_once() -> None:
         # which of several that are equal counts as the end of a front is anybody's
         assert np.sort(found[own]) == pytest.approx(np.sort(expected))
     assert crowding_of(values[:0], front[:0]).shape == (0,)
+
+
+def test_fronts_of_one_objective_are_the_library_s() -> None:
+    from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
+
+    rng = np.random.default_rng(0)
+    for count, different, wanted in ((1, 1, 5), (40, 40, 12), (90, 7, 33), (60, 25, 60), (30, 1, 4)):
+        values = rng.integers(different, size=(count, 1)).astype(float)
+        known = NonDominatedSorting().do(values, n_stop_if_ranked=wanted)
+        assert [front.tolist() for front in _levels(values, wanted)] == [sorted(front.tolist()) for front in known]
 
 
 def test_what_has_no_number_ranks_below_all_that_have() -> None:

@@ -66,6 +66,11 @@ def test_all_rows_are_in_the_space(search: dict[str, Any]) -> None:
     for rows in (varied, crossed, bred):
         assert feasible(space, rows).all()
         assert len(rows) >= 0.5 * len(drawn)
+    children, of = tools.crossed(drawn, drawn[::-1], chance)
+    assert feasible(space, children).all()
+    assert len(of) == len(children) >= 0.25 * len(drawn)
+    alike, of = tools.crossed(drawn, drawn, chance)
+    assert (alike == drawn[of]).all()  # what both have stays, of the couple it is said to be of
     read = [tools.read(chance.reals(tools.keys)) for _ in range(50)]
     assert all(feasible(space, row).all() for row in read)
     assert sum(map(len, read)) >= 40
