@@ -187,7 +187,8 @@ class Anneal(Searcher):
             place = self._chains[self.rng.below(len(self._chains))].place
             other = own if place is None else place
         assert other is not None
-        return other[group[self.rng.below(len(group))]]
+        image: Bits = other[group[self.rng.below(len(group))]]
+        return image
 
     def _look(self, standing: list[int]) -> None:
         """Blocks and what moves where chains stand that do not know it yet, all at once for each load case."""
