@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cvxpy as cp
@@ -217,3 +218,28 @@ def test_confined_assemblies_have_no_relaxation_by_blocks() -> None:
         BlockRelaxation(analysis, [(0,), (1,)], [(), ()])
     # unless all of their joints give way
     assert applies_to(LimitAnalysis(grid_assembly(["#aa#"], live=DOWN, crush_dry=1e5, crush_inner=1e5)))
+
+
+def test_the_kernel_proves_what_the_solver_does(case: Case) -> None:
+    assert case.wedges or not case.relaxation.many
+    if not case.relaxation.many:
+        pytest.skip("no kernel, or faces that are no wedges")
+    rng = np.random.default_rng(5)
+    asked = []
+    for turn in range(10):
+        allowed = np.ones(len(case.blocks), dtype=bool) if turn == 0 else rng.random(len(case.blocks)) < 0.8
+        load = rng.choice(case.load)
+        for threshold in (0.0, float(load) if np.isfinite(load) and load > 0.0 else 0.3):
+            asked.append((allowed, threshold, 1e3))
+    both = case.relaxation.choose_all(asked)
+    with ThreadPoolExecutor(1) as pool:
+        shared = case.relaxation.choose_all(asked, pool)
+    for (allowed, threshold, most), one, other in zip(asked, both, shared, strict=True):
+        # lanes know nothing of their neighbours
+        assert (one.bound, one.refuted) == (other.bound, other.refuted)
+        mine = [load for load, c in zip(case.load, case.choices, strict=True) if allowed[c].all() and load < most]
+        best = max(mine, default=-np.inf)
+        assert best <= one.bound * (1.0 + 1e-9) + 1e-12 or one.refuted
+        assert not (one.refuted and best > threshold)
+        known = case.relaxation.choose(allowed, threshold, most)
+        assert one.bound <= known.bound * (1.0 + 1e-4) + 1e-5

@@ -203,6 +203,8 @@ def test_processes_that_die_cost_a_moment(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("dies", [False, True])
 def test_a_tree_of_blocks_is_that_of_one_job(dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jld_explore.drivers.exact.choosers.ALONE", 0)
+    # where the kernel solves them nobody else is asked
+    monkeypatch.setattr("jld_core.limit.BlockRelaxation.many", False)
     monkeypatch.setattr(Mortal, "made", 0)
     if dies:
         monkeypatch.setattr("jld_explore.evaluation.seats._process", Mortal)

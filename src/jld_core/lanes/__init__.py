@@ -7,6 +7,10 @@
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
 - `SHRINKING`: how labellings are shrunk to what makes them too weak
+- `SOLVED`: solved
+- `BlockAnswers`: of k choices: own (k, own rows of all blocks), shared (k, shared rows): multipliers of the rows; …
+- `BlockColumns`: columns of one block
+- `BlockLanes`: min −λ over choices of blocks, by the kernel
 - `Graph`: blocks of many labellings
 - `Joining`: parts joined in the order of keys
 - `LaneAnswers`: what is proven of many labellings
@@ -18,6 +22,7 @@
 - `fits`: whether the kernel knows rows of a shape
 """
 
+from jld_core.lanes.blocks import SOLVED, BlockAnswers, BlockColumns, BlockLanes
 from jld_core.lanes.kernel import (
     CARRIED,
     CARRIES,
@@ -43,6 +48,10 @@ __all__ = [
     "OPEN",
     "PROVEN",
     "SHRINKING",
+    "SOLVED",
+    "BlockAnswers",
+    "BlockColumns",
+    "BlockLanes",
     "Graph",
     "Joining",
     "LaneAnswers",

@@ -2,6 +2,7 @@
 
 - `FLOOR_SECONDS`: processor time for the bound below every λ without dilation
 - `LADDER`: what `LimitAnalysis.prove` tries by default, from the top down
+- `Asked`: built-in immutable sequence
 - `Batch`: the kernel for one limit analysis
 - `BatchAnswers`: what is settled of k labellings
 - `BlockRelaxation`: bounds on λ over all choices of blocks
@@ -52,7 +53,7 @@ from __future__ import annotations
 
 from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
 from jld_core.limit.batch import Batch, BatchAnswers
-from jld_core.limit.block_relaxation import BlockRelaxation, Choice, applies_to
+from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
 from jld_core.limit.case_relaxation import CaseBlockRelaxation, CaseRelaxation
 from jld_core.limit.governing import Governing, Known, governing
@@ -74,6 +75,7 @@ from jld_core.limit.status import Status
 __all__ = [
     "FLOOR_SECONDS",
     "LADDER",
+    "Asked",
     "Batch",
     "BatchAnswers",
     "BlockRelaxation",

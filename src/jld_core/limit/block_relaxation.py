@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -31,9 +32,11 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_cones import ConeProgram
 from jld_core.limit.block_faces import BlockFaces, FacesOfSets
+from jld_core.limit.block_lanes import LaneProgram, Multipliers
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
 from jld_core.limit.bounds import usable
+from jld_core.mechanics import Wedge
 from jld_core.solvers import ClarabelSolver, Solver
 
 _RESIDUAL: Final = 1e-7
@@ -48,27 +51,34 @@ _STEPS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 """How far above the solver's λ, relative, a bound is tried."""
 
 
+Asked = tuple[Bools, float, float]
+"""Blocks allowed (p,), scaled λ to reach, scaled λ that is not exceeded: see `BlockRelaxation.choose`."""
+
+
 @dataclass(frozen=True)
 class Choice:
     """What the relaxation says of the segmentations made of some blocks.
 
     bound: scaled λ that none of them exceeds, inf where none was found. refuted: none reaches the threshold.
-    share: (p,) x of the solver in [0, 1], no proof of anything. useless: (p,) blocks that no segmentation holds that
-    reaches the threshold.
+    share: (p,) x of the solver in [0, 1], and inside: (p,) what its mechanism dissipates inside each block, no proof of
+    anything. useless: (p,) blocks that no segmentation holds that reaches the threshold.
     """
 
     bound: float
     refuted: bool
     share: Floats
+    inside: Floats
     useless: Bools
 
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """Per block: live work, dissipation less dead work, and size of the sums; per element: dual numbers v, σ."""
+    """Per block: live work, dissipation less dead work, that inside it alone, and size of the sums; per element: dual
+    numbers v, σ."""
 
     live: Floats
     cost: Floats
+    inside: Floats
     size: Floats
     price: Floats
     portion: Floats
@@ -110,6 +120,8 @@ class BlockRelaxation:
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the motion that opens all faces does not open them on both sides")
+        self._many: LaneProgram | None = None
+        self._asked = False
         limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
         self._quick = ClarabelSolver(_RESIDUAL, **limit)
         self._careful = ClarabelSolver(_FINE, iterative_refinement_enable=True, **limit)
@@ -123,10 +135,38 @@ class BlockRelaxation:
         exceed, finite.
         """
         found = self._choose(allowed, threshold, most, self._quick)
-        if found.refuted or found.bound > threshold + _NEAR * max(1.0, abs(threshold)):
+        if not self._close(found, threshold):
             return found
         # segmentations as strong as the best one known are refuted by a hair
         return self._choose(allowed, threshold, found.bound, self._careful)
+
+    @property
+    def many(self) -> bool:
+        """Whether the kernel solves many programs at a time."""
+        if not self._asked:
+            self._asked = True
+            if isinstance(self._dry, Wedge) and isinstance(self._inner, Wedge):
+                elements = self.template.assembly.elements
+                self._many = LaneProgram.of(self._parts, self._dry, self._inner, elements.centroid[elements.free])
+        return self._many is not None
+
+    def choose_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
+        """`choose` of many at a time, where the kernel can; pool: one more thread for it."""
+        if not self.many or not asked:
+            return [self.choose(*one) for one in asked]
+        assert self._many is not None
+        allowed, threshold, most = (np.array(column) for column in zip(*asked, strict=True))
+        answers = self._many.solve(allowed, threshold, most, pool)
+        self.solves += len(asked)
+        found = []
+        for one, answer in zip(asked, answers, strict=True):
+            choice = self._judged(answer, *one)
+            found.append(choice if answer.solved or choice.refuted else self.choose(*one))
+        return found
+
+    def _close(self, found: Choice, threshold: float) -> bool:
+        """Whether a choice that is not refuted is so near to the threshold that it is worth another look."""
+        return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
         program, rows, columns = self._states.of(allowed, threshold, most)
@@ -134,24 +174,31 @@ class BlockRelaxation:
         self.solves += 1
         dual, point = (np.zeros(size) for size in self._states.shape)
         dual[rows], point[columns] = raw.dual, raw.point
-        share, nothing = np.clip(np.nan_to_num(point[self._states.x]), 0.0, 1.0), np.zeros(len(allowed), dtype=bool)
-        mechanism = self._repair(dual, allowed, most) if usable(dual) else None
+        states = self._states
+        velocity, wall = dual[states.balance], dual[states.agree]
+        answer = Multipliers(velocity, wall, dual[states.cover], -dual[states.share], point[states.x])
+        return self._judged(answer, allowed, threshold, most)
+
+    def _judged(self, answer: Multipliers, allowed: Bools, threshold: float, most: float) -> Choice:
+        """What a solver's answer proves."""
+        share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
+        mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
-            return Choice(most, False, share, nothing)
+            return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
         # what bounds Σ e_p is concave in θ: above zero at two load factors, it is so between them
         end, spare_end = self._excess(mechanism, most, allowed)
         excess, spare = self._excess(mechanism, threshold, allowed)
         useless = allowed & (excess + spare > 0.0) & (end + spare_end > 0.0)
         if not end > 0.0:
-            return Choice(most, False, share, useless)
+            return Choice(most, False, share, mechanism.inside, useless)
         if excess > 0.0:
-            return Choice(min(most, threshold), True, share, useless)
+            return Choice(min(most, threshold), True, share, mechanism.inside, useless)
         start = float(mechanism.price.sum())
         for step in _STEPS:
             tried = start + step * max(1.0, abs(start))
             if 0.0 <= tried < most and self._excess(mechanism, tried, allowed)[0] > 0.0:
-                return Choice(tried, False, share, useless)
-        return Choice(most, False, share, useless)
+                return Choice(tried, False, share, mechanism.inside, useless)
+        return Choice(most, False, share, mechanism.inside, useless)
 
     # --- proof ------------------------------------------------------------------------------------------
 
@@ -164,22 +211,26 @@ class BlockRelaxation:
             margins = [margins[0][allowed[parts.side_block]], margins[1][allowed[parts.joint_block]]]
         return float(np.concatenate(margins).min(initial=np.inf))
 
-    def _repair(self, dual: Floats, allowed: Bools, most: float) -> _Mechanism | None:
+    def _repair(self, answer: Multipliers, allowed: Bools, most: float) -> _Mechanism | None:
         """Velocities from multipliers, opened until every dissipation is finite, and their sums for each block."""
-        parts, states = self._parts, self._states
-        velocity, wall = dual[states.balance], dual[states.agree]
+        if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
+            return None
+        parts, velocity, wall = self._parts, answer.velocity, answer.wall
         margin = self._margin(velocity, wall, allowed)
         if margin < 0.0:
             if self._opening is None:
                 return None
-            more = -1.01 * margin / self._opening_margin
+            # at least by what is left of it beside the velocities
+            size = max(abs(velocity).max(initial=0.0), abs(wall).max(initial=0.0))
+            more = (-1.01 * margin + tolerances.ROUNDING * size) / self._opening_margin
             velocity, wall = velocity + more * self._opening[0], wall + more * self._opening[1]
             if self._margin(velocity, wall, allowed) < 0.0:
                 return None
         half, inner = parts.jumps(velocity, wall)
         live = self._sums((parts.live * velocity).sum(axis=1), parts.part_block)
         cost = -self._sums((parts.dead * velocity).sum(axis=1), parts.part_block)
-        np.add.at(cost, parts.joint_block, self._inner.dissipation(inner, parts.joint_face))
+        inside = self._sums(self._inner.dissipation(inner, parts.joint_face), parts.joint_block)
+        cost += inside
         stuck = self._stuck
         face, block = parts.side_face[stuck], parts.side_block[stuck]
         np.add.at(cost, block, self._dry.dissipation(half[stuck], face))
@@ -190,7 +241,7 @@ class BlockRelaxation:
         speed = np.einsum("kij,ki->k", abs(parts.arm[stuck]), abs(velocity[parts.side_part[stuck]]))
         still = np.append(abs(wall).sum(axis=1), 0.0)
         np.add.at(size, block, 1e-2 * self._dry.strength(face) * (speed + still[parts.side_shared[stuck]]))
-        return _Mechanism(live, cost, size, dual[states.cover], -dual[states.share])
+        return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     def _sums(self, value: Floats, block: Ints) -> Floats:
         """(p,) sums over the blocks that values belong to."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.lanes import SHRINKING, Shrinking
-from jld_core.limit.block_relaxation import BlockRelaxation, Choice
+from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
@@ -103,7 +104,7 @@ class CaseBlockRelaxation:
     """The relaxation by blocks under several load cases: no segmentation has more than any one case leaves it.
 
     cases: the relaxation of each case. required: factor of each. Bounds are of the governing factor, not scaled. The
-    case that refuted last is asked first, and where one refutes the others are not asked.
+    case that refuted most is asked first, and where one refutes the others are not asked.
     """
 
     def __init__(self, cases: Sequence[BlockRelaxation], required: Sequence[float]) -> None:
@@ -116,20 +117,41 @@ class CaseBlockRelaxation:
         """Programs solved so far."""
         return sum(one.solves for one in self._cases)
 
+    @property
+    def many(self) -> bool:
+        """Whether programs of every case are solved many at a time."""
+        return all(one.many for one in self._cases)
+
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """What is known of the segmentations into allowed blocks (p,); threshold, most: governing factors."""
-        useless = np.zeros(len(allowed), dtype=bool)
-        least: Choice | None = None
-        for position, case in enumerate(self._order):
+        return self.choose_all([(allowed, threshold, most)])[0]
+
+    def choose_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
+        """The same of many at a time; pool: as of one case."""
+        found: list[Choice | None] = [None] * len(asked)
+        left, counts = list(range(len(asked))), [0] * len(self._cases)
+        for case in tuple(self._order):
             unit = self._units[case]
-            aim = (threshold - abs(threshold) * _ROUNDING) / unit
-            found = self._cases[case].choose(allowed, aim, (most + abs(most) * _ROUNDING) / unit)
-            useless |= found.useless
-            if found.refuted:
-                self._order.insert(0, self._order.pop(position))
-                return Choice(min(most, threshold), True, found.share, useless)
-            bound = min(most, found.bound * unit + abs(found.bound * unit) * _ROUNDING)
-            if least is None or bound < least.bound:
-                least = Choice(bound, False, found.share, useless)
-        assert least is not None
-        return Choice(least.bound, False, least.share, useless)
+            scaled = [(allowed, *self._in_units(threshold, most, unit)) for allowed, threshold, most in asked]
+            answers = self._cases[case].choose_all([scaled[k] for k in left], pool)
+            for k, one in zip(left, answers, strict=True):
+                _, threshold, most = asked[k]
+                before = found[k]
+                useless = one.useless if before is None else one.useless | before.useless
+                if one.refuted:
+                    counts[case] += 1
+                    found[k] = replace(one, bound=min(most, threshold), useless=useless)
+                    continue
+                bound = min(most, one.bound * unit + abs(one.bound * unit) * _ROUNDING)
+                if before is None or bound < before.bound:
+                    found[k] = replace(one, bound=bound, useless=useless)
+                else:
+                    found[k] = replace(before, useless=useless)
+            left = [k for k in left if (known := found[k]) is not None and not known.refuted]
+        self._order.sort(key=lambda case: -counts[case])
+        return [one for one in found if one is not None]
+
+    @staticmethod
+    def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
+        """Governing factors as scaled λ of a case, so that nothing is lost by it."""
+        return (threshold - abs(threshold) * _ROUNDING) / unit, (most + abs(most) * _ROUNDING) / unit

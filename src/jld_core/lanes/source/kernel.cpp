@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "blocks.h"
 #include "edge.h"
 #include "parts.h"
 #include "proof.h"
@@ -256,6 +257,16 @@ int32_t jld_lanes_shrink(const JldProblem* problem, const JldTry* how, const Jld
         const bool known = jld::with_faces(
             *problem, [&](auto face) { jld::Shrink<decltype(face)>(*problem, *how, *asked).run(); });
         if (!known) return 2;
+        return 0;
+    } catch (const std::bad_alloc&) {
+        return 1;
+    }
+}
+
+int32_t jld_lanes_blocks(const JldBlocks* problem, const JldBlockTask* asked) {
+    try {
+        if (!jld::BlockRun::fits(*problem)) return 2;
+        jld::BlockRun(*problem, *asked).run();
         return 0;
     } catch (const std::bad_alloc&) {
         return 1;

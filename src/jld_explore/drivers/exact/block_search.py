@@ -42,6 +42,14 @@ _BLUNT: Final = 20
 then less accurate than strengths a million times the forces ask for."""
 
 
+_OFTEN: Final = 16
+_SELDOM: Final = 256
+"""Programs of the tree after which annealing is given another chance, at first, and at the most."""
+
+_ANNEALED: Final = 30
+"""Labellings annealed then for each program: about as long."""
+
+
 @dataclass(frozen=True)
 class Found:
     """What a step found: conflicts; a labelling (m,) with nothing undecided; one that may be better than known."""
@@ -72,6 +80,7 @@ class BlockSearch:
         self._tree: BlockTree | None = None
         self._seen: set[bytes] = set()
         self._blunt = 0
+        self._last, self._again = 0, _OFTEN
 
     def start(self, least: float, root: float) -> float:
         """Begin a tree where there is to be one, and bound all labellings by what stands at its root.
@@ -89,7 +98,7 @@ class BlockSearch:
         self._choices = Choosers(self._analyses, self._space, blocks)
         self._choices.employ(self._jobs)
         tree = BlockTree(self._choices, self._space, blocks, least, root)
-        near = self._relaxation.many and root - least <= _NEAR * abs(root)
+        near = self._relaxation.many and not self._choices.many and root - least <= _NEAR * abs(root)
         quick = all(map(_has_wedges, self._analyses))
         if self._wanted == "on" or (quick and not near and root - tree.root.bound >= _CLOSER * (root - least)):
             self._tree = tree
@@ -118,6 +127,15 @@ class BlockSearch:
     def bound(self) -> float:
         """Scaled λ that no labelling exceeds that is still open in the tree."""
         return -math.inf if self._tree is None else self._tree.bound
+
+    def annealed(self) -> int:
+        """Labellings to be annealed before the next step: what the tree looks for last it proves first. Each step of it
+        takes as long as some hundred."""
+        since = self.solves - self._last
+        if since < self._again:
+            return 0
+        self._last, self._again = self.solves, min(2 * self._again, _SELDOM)
+        return _ANNEALED * since
 
     @property
     def solves(self) -> int:

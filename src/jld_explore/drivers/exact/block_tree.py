@@ -1,10 +1,11 @@
 """Branch and bound over the choice of blocks, for spaces whose blocks are small (docs/method.md (6.5)).
 
 A node decides the labels of some faces, which leaves some of the possible blocks. The relaxation by blocks bounds λ
-over all segmentations made of those, and shares them out; the face is decided next whose two labels are expected to
-lower the bound most, by what deciding it did elsewhere and, until that is known, by trying. From a node the search
-goes on to a child while there is one, since what deciding a face does is learnt deep down; then to the node of highest
-bound.
+over all segmentations made of those, shares them out, and gives a mechanism. That one has to tear apart the blocks that
+hold the faces it opens: what it dissipates there, times the share of those blocks, is what the bound is expected to
+lose when the face is dry. The few faces of most are tried, both labels of each, and the one is decided that lowers both
+bounds most; labels under which nothing is left are ruled out all together. From a node the search goes on to the better
+child while there is one; then to the node of highest bound.
 
 The tree proves nothing by itself being searched to its end: every node that falls is a conflict, and it is the formula
 of all conflicts that says whether a labelling is left.
@@ -19,24 +20,19 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit import Choice
 from jld_explore.drivers.exact.choosers import Choosers
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import SearchSpace
 
-_TRIED: Final = 4
-"""Faces tried at a node at the most, before one is decided."""
-
-_SURE: Final = 2
-"""Times a face must have been decided either way until its effect is expected instead of tried."""
+_TRIED: Final = (2, 4)
+"""Faces tried at a node, one program after another, and where the kernel solves as many as a register has lanes. With
+1, 2, 4 and 8 the wall of 10 × 12 cells in blocks of two takes 50, 16, 13 and 10 nodes, 100, 69, 110, 163 programs."""
 
 _SMALL: Final = 1e-5
 """Least effect taken into account, scaled λ, so that a label without any does not hide the effect of the other."""
-
-_PART: Final = 0.05
-"""Least part of a face left to be decided, when effects are compared."""
 
 Possible = Callable[[Ints, Bits], bool]
 """Whether any labelling is left with labels (k,) on faces (k,)."""
@@ -52,8 +48,18 @@ class Node:
     choice: Choice
 
 
-Child = Node | Conflict | None
-"""What becomes of a node when one more face is decided: None where no labelling is left there."""
+@dataclass(frozen=True)
+class Tried:
+    """What becomes of a node when one more face is decided, inner and dry: None where no labelling is left worth
+    finding."""
+
+    inner: Node | None
+    dry: Node | None
+
+    @property
+    def left(self) -> list[Node]:
+        """Children there are."""
+        return [one for one in (self.inner, self.dry) if one is not None]
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,6 @@ class BlockTree:
     ) -> None:
         self._relaxation, self._space, self._blocks = relaxation, space, blocks
         self._lay_out(space, blocks)
-        self._effect, self._times = np.zeros((2, len(self._faces))), np.zeros((2, len(self._faces)))
         every = np.ones(len(blocks), dtype=bool)
         nothing = np.empty(0, dtype=np.int64)
         self.root = relaxation.choose(every, threshold, most)
@@ -146,15 +151,20 @@ class BlockTree:
         undecided = self._undecided(allowed)
         if not undecided.size:
             return Step(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
-        children = self._branch(Question(node, allowed, threshold, possible, late), undecided)
-        if children is None:
+        asked = Question(node, allowed, threshold, possible, late)
+        conflicts: list[Conflict] = []
+        tried = self._try(asked, self._telling(node, undecided), conflicts)
+        if tried is None:
             self._next = node
-            return Step(node)
-        alive = [child for child in children if isinstance(child, Node)]
-        for child in alive[1:]:
-            self._push(child)
-        self._next = alive[0] if alive else None
-        return Step(node, tuple(child for child in children if isinstance(child, Conflict)))
+        elif all(len(one.left) == 2 for one in tried):
+            # the first one of several
+            best = max(tried, key=lambda one: self._gain(node, one))
+            # the better child may be as good as it looks, and then the other is seen with a higher threshold
+            self._next, other = sorted(best.left, key=lambda child: -child.choice.bound)
+            self._push(other)
+        else:
+            self._next = self._narrowed(asked, [one.left for one in tried if len(one.left) < 2], conflicts)
+        return Step(node, tuple(conflicts))
 
     def rounded(self, node: Node) -> tuple[Ints, Bits]:
         """Labels (k,) of faces (k,) that the larger shares of a node's blocks suggest, with those it decides."""
@@ -191,66 +201,64 @@ class BlockTree:
         holding = (self._held & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))
 
-    def _branch(self, asked: Question, undecided: Ints) -> list[Child] | None:
-        """What follows from either label of the face to decide, inner first; None where time ran out."""
-        inner = np.clip((self._held[undecided] * asked.node.choice.share).sum(axis=1), 0.0, 1.0)
-        score = self._expected(undecided, inner)
-        order = np.argsort(-score - 1e-9 * (0.5 - abs(inner - 0.5)), kind="stable").tolist()
-        sure = self._times[:, undecided].min(axis=0) >= _SURE
-        expected = next((place for place in order if sure[place]), None)
-        best, best_children = (-1.0 if expected is None else float(score[expected])), None
-        for place in [place for place in order if not sure[place]][:_TRIED]:
-            tried = self._tried(asked, int(undecided[place]), inner[place])
-            if tried is None:
+    def _telling(self, node: Node, undecided: Ints) -> list[int]:
+        """The faces, by place among the candidates, that are worth trying, most telling first."""
+        share = node.choice.share
+        torn = self._held[undecided] @ (share * node.choice.inside)
+        inner = np.clip(self._held[undecided] @ share, 0.0, 1.0)
+        score = np.maximum(torn, 0.0) + _SMALL * np.minimum(inner, 1.0 - inner)
+        most = _TRIED[self._relaxation.many]
+        return [int(face) for face in undecided[np.argsort(-score, kind="stable")[:most]]]
+
+    def _try(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Tried] | None:
+        """What becomes of a node with either label of faces; None where time ran out. conflicts: to be added to."""
+        found: list[Tried] = []
+        # one program after another there is no use in asking for more once something is ruled out
+        for group in [faces] if self._relaxation.many else [[face] for face in faces]:
+            if asked.late():
                 return None
-            children, found = tried
-            if not all(isinstance(child, Node) for child in children):
-                return children
-            if found > best:
-                best, best_children = found, children
-        if best_children is None:
-            assert expected is not None
-            tried = self._tried(asked, int(undecided[expected]), inner[expected])
-            return None if tried is None else tried[0]
-        return best_children
+            found += self._decided(asked, group, conflicts)
+            if len(found[-1].left) < 2:
+                break
+        return found
 
-    def _expected(self, undecided: Ints, inner: Floats) -> Floats:
-        """Product of how far either label is expected to lower the bound, (k,)."""
-        times, effect = self._times, self._effect
-        usual = np.where(times.any(axis=1), effect.sum(axis=1) / np.maximum(times.sum(axis=1), 1.0), 1.0)
-        rate = np.where(times > 0, effect / np.maximum(times, 1.0), usual[:, None])[:, undecided]
-        joined, parted = rate[0] * (1.0 - inner), rate[1] * inner
-        return np.asarray(np.maximum(joined, _SMALL) * np.maximum(parted, _SMALL))
-
-    def _tried(self, asked: Question, face: int, inner: float) -> tuple[list[Child], float] | None:
-        """Both children of a node, inner first, and how much they gain together; None where time ran out."""
-        if asked.late():
-            return None
-        left = [self._settled(asked.allowed & ~parted[face]) for parted in (self._parted, self._held)]
-        children = self._children(asked, left, face)
-        gains = []
-        for label, child in zip((False, True), children, strict=True):
-            low = child.choice.bound if isinstance(child, Node) else asked.threshold
-            gain = max(asked.node.choice.bound - low, 0.0)
-            part = inner if label else 1.0 - inner
-            self._effect[int(label), face] += gain / max(part, _PART)
-            self._times[int(label), face] += 1.0
-            gains.append(max(gain, _SMALL))
-        return children, gains[0] * gains[1]
-
-    def _children(self, asked: Question, left: list[Bools | None], face: int) -> list[Child]:
-        """What becomes of a node with either label of a face, inner first. left: (p,) blocks then, None for none."""
-        node, children, waiting = asked.node, list[Child](), list[tuple[int, Node]]()
-        for label, allowed in zip((False, True), left, strict=True):
-            faces, labels = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
-            if allowed is not None and not asked.possible(faces, labels):
-                children.append(None)
-                continue
-            children.append(Conflict(faces, labels, asked.threshold))
-            if allowed is not None:
-                waiting.append((len(children) - 1, Node(faces, labels, allowed, node.choice)))
-        programs = [(child.allowed, asked.threshold, node.choice.bound) for _, child in waiting]
+    def _decided(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Tried]:
+        node, threshold = asked.node, asked.threshold
+        waiting: list[tuple[tuple[int, bool], Node]] = []
+        for face in faces:
+            for label, others in ((False, self._parted), (True, self._held)):
+                decided = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
+                allowed = self._settled(asked.allowed & ~others[face])
+                if allowed is None:
+                    conflicts.append(Conflict(*decided, threshold))
+                elif asked.possible(*decided):
+                    waiting.append(((face, label), Node(*decided, allowed, node.choice)))
+        programs = [(child.allowed, threshold, node.choice.bound) for _, child in waiting]
+        children: dict[tuple[int, bool], Node] = {}
         for (place, child), choice in zip(waiting, self._relaxation.choose_all(programs), strict=True):
-            if not choice.refuted:
+            if choice.refuted:
+                conflicts.append(Conflict(child.faces, child.labels, threshold))
+            else:
                 children[place] = replace(child, choice=choice)
-        return children
+        return [Tried(children.get((face, False)), children.get((face, True))) for face in faces]
+
+    def _gain(self, node: Node, tried: Tried) -> float:
+        """How much two children lower the bound together."""
+        return float(np.prod([max(node.choice.bound - one.choice.bound, _SMALL) for one in tried.left]))
+
+    def _narrowed(self, asked: Question, forced: list[list[Node]], conflicts: list[Conflict]) -> Node | None:
+        """A node with all the faces decided of which a label was ruled out. forced: what was left, at most one each."""
+        if not all(forced):
+            return None
+        left = [one for (one,) in forced]
+        if len(left) == 1:
+            return left[0]
+        faces = np.concatenate([asked.node.faces, *(one.faces[-1:] for one in left)])
+        labels = np.concatenate([asked.node.labels, *(one.labels[-1:] for one in left)])
+        allowed = self._settled(np.logical_and.reduce([one.allowed for one in left]))
+        if allowed is not None:
+            choice = self._relaxation.choose(allowed, asked.threshold, min(one.choice.bound for one in left))
+            if not choice.refuted:
+                return Node(faces, labels, allowed, choice)
+        conflicts.append(Conflict(faces, labels, asked.threshold))
+        return None

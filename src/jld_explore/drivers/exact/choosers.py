@@ -1,7 +1,7 @@
-"""Relaxations by blocks two at a time: one here, and one in another process, where there may be one.
+"""Relaxations by blocks several at a time: in the kernel, by two threads, or else one in another process.
 
-Both children of a node of the tree are asked for together. Which process answers changes nothing: a program is solved
-from scratch, so that under one load the tree is that of one job. An interior point holds the interpreter, so that a
+Children of nodes of the tree are asked for together. Who answers changes nothing: a program is solved from scratch, so
+that under one load the tree is that of one job. Without the kernel an interior point holds the interpreter, so that a
 thread would be of no use. A process that dies costs the program it was at, which is then solved here.
 """
 
@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
 import cloudpickle
 
 from jld_core.arrays import Bools
-from jld_core.limit import BlockRelaxation, CaseBlockRelaxation, Choice, LimitAnalysis
+from jld_core.limit import Asked, BlockRelaxation, CaseBlockRelaxation, Choice, LimitAnalysis
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.evaluation import Seat, Seats, client_of_cluster
@@ -25,9 +25,6 @@ from jld_explore.space import SearchSpace
 
 ALONE: Final = 40
 """Programs solved before another process is begun: it takes two seconds until it is of use."""
-
-Asked = tuple[Bools, float, float]
-"""Blocks allowed (p,), scaled λ to reach, scaled λ that is not exceeded: see `BlockRelaxation.choose`."""
 
 Answer = tuple[Choice, int]
 """And the programs solved for it."""
@@ -79,6 +76,7 @@ class Choosers:
         self._seats: Seats | None = None
         self._seat: Seat | None = None
         self._ready: Future[Answer | None] | None = None
+        self._pool: ThreadPoolExecutor | None = None
         self.elsewhere = 0
 
     @property
@@ -96,13 +94,26 @@ class Choosers:
         if self._seats is not None:
             self._seats.close()
         self._seats = self._seat = None
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """See `BlockRelaxation.choose`."""
-        return self._here.choose(allowed, threshold, most)
+        return self._here.choose_all([(allowed, threshold, most)])[0]
+
+    @property
+    def many(self) -> bool:
+        """Whether the kernel solves many programs at a time."""
+        return self._here.many
 
     def choose_all(self, asked: Sequence[Asked]) -> list[Choice]:
-        """The same of several, the last one elsewhere."""
+        """The same of several: in the kernel, by two threads where there may be another; else the last one
+        elsewhere."""
+        if self._here.many:
+            if self._helped and self._pool is None:
+                self._pool = ThreadPoolExecutor(1)
+            return self._here.choose_all(asked, self._pool)
         away = self._send(asked[-1]) if len(asked) > 1 else None
         found = [self._here.choose(*one) for one in (asked if away is None else asked[:-1])]
         if away is not None:

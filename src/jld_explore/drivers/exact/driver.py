@@ -234,7 +234,8 @@ class Exact(Proving):
                 proposed = self._choose(self._by_blocks, threshold)
                 self._began = self.conflicts
                 self._heartbeat()
-                if len(proposed):
+                self._left = self._by_blocks.annealed()
+                if len(proposed) or self._left:
                     return proposed
                 continue
             if target is None and self._narrow(self._narrowing):
