@@ -64,8 +64,8 @@ def _in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
     scene = scene_of(*SCENES[name])
     for aim in ("best", "front"):
-        one, _ = prove(scene, tmp_path / f"one {aim}", ALONE, aim=aim)
-        two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim)
+        one, _ = prove(scene, tmp_path / f"one {aim}", ALONE, aim=aim, by_blocks="off")
+        two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim, by_blocks="off")
         assert driver._hunters is not None
         assert driver._hunters.solves > 0 or not one.summary["relaxations"]
         assert two.summary["proven"] is one.summary["proven"] is True

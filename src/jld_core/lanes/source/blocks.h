@@ -130,7 +130,7 @@ public:
             for (int i = 0; i < W; ++i) {
                 if (job[i] < 0) continue;
                 ++age[i];
-                const double bound = lanes_of(m.bound)[i], carried = lanes_of(m.load)[i];
+                const double bound = lanes_of(m.bound)[i];
                 const double away = lanes_of(m.away)[i];
                 const double size = std::fabs(bound) > 1.0 ? std::fabs(bound) : 1.0, least = t.thresholds[job[i]];
                 const bool fell = bound < least - 1e-6 * size && away <= t.room;
@@ -151,7 +151,7 @@ public:
 
 private:
     struct Measures {
-        Lane bound, load, away, product;  // -b'y, lambda, largest error of multipliers, x'z
+        Lane bound, away, product;  // -b'y, largest error of multipliers, x'z
     };
 
     void release() {
@@ -354,7 +354,7 @@ private:
         Lane bound = splat(0.0), unit = splat(-1.0);  // what lambda's own column lacks
         for (int k = 0; k < p.loads; ++k) dy[shared + p.load[k]] = splat(-1.0), unit += y[p.load[k]];
         for (int k = 0; k < shared; ++k) bound -= p.rhs[k] * y[k];
-        const Measures measures{bound, load, larger(away, absolute(unit)), product};
+        const Measures measures{bound, larger(away, absolute(unit)), product};
 
         for (int k = 0; k < p.nodes; ++k)
             for (int c = 0; c < Q; ++c) diagonal[TRIANGLE<Q> * k + at(c, c)] *= 1.0 + LEFT;

@@ -28,10 +28,11 @@ ByBlocks = Literal["auto", "on", "off"]
 _CLOSER: Final = 0.25
 """Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
 
-_NEAR: Final = 0.28
-"""Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree where the kernel
-shrinks them: walls of 8 × 10 cells in blocks of two, with 26 %, take 18 s instead of 49; those of 10 × 12, with 31 %,
-are open when their tree is done."""
+_NEAR: Final = (0.28, 0.2)
+"""Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree, where the kernel
+shrinks them; the second where it solves programs of the tree too. Then walls in blocks of two take by conflicts and by a
+tree 0.9 and 1.8 s (6 × 8 cells, 19 %), 10 and 5 s (8 × 10, 26 %), and that of 10 × 12, with 31 %, 19 s by a tree, while
+conflicts are far from done."""
 
 _LISTED: Final = 4
 """Possible blocks for each element above which it is not tried: blocks of one and two cells come to three. With those
@@ -47,7 +48,7 @@ _SELDOM: Final = 256
 """Programs of the tree after which annealing is given another chance, at first, and at the most."""
 
 _ANNEALED: Final = 30
-"""Labellings annealed then for each program: about as long."""
+"""Labellings annealed then for each program, which takes about as long."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class BlockSearch:
         self._choices = Choosers(self._analyses, self._space, blocks)
         self._choices.employ(self._jobs)
         tree = BlockTree(self._choices, self._space, blocks, least, root)
-        near = self._relaxation.many and not self._choices.many and root - least <= _NEAR * abs(root)
+        near = self._relaxation.many and root - least <= _NEAR[self._choices.many] * abs(root)
         quick = all(map(_has_wedges, self._analyses))
         if self._wanted == "on" or (quick and not near and root - tree.root.bound >= _CLOSER * (root - least)):
             self._tree = tree
@@ -129,8 +130,8 @@ class BlockSearch:
         return -math.inf if self._tree is None else self._tree.bound
 
     def annealed(self) -> int:
-        """Labellings to be annealed before the next step: what the tree looks for last it proves first. Each step of it
-        takes as long as some hundred."""
+        """Labellings to be annealed before the next step: while something better is known to nobody a tree goes down
+        between choices that are as good as each other."""
         since = self.solves - self._last
         if since < self._again:
             return 0
