@@ -31,7 +31,7 @@ _CLOSER: Final = 0.25
 _NEAR: Final = (0.28, 0.2)
 """Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree, where the kernel
 shrinks them; the second where it solves programs of the tree too. Then walls in blocks of two take by conflicts and by
-a tree 0.9 and 1.8 s (6 × 8 cells, 19 %), 10 and 5 s (8 × 10, 26 %); that of 10 × 12, with 31 %, takes 19 s by a tree and
+a tree 0.9 and 1.8 s (6 × 8 cells, 19 %), 10 and 5 s (8 × 10, 26 %); that of 10 × 12, with 31 %, 19 s by a tree and
 far more by conflicts."""
 
 _LISTED: Final = 4
