@@ -34,6 +34,7 @@ _HASTY: Final = 2  # twice as many where no more than
 _ROUGH: Final = 1e-2  # this is asked: then nothing comes of it
 _STATED: Final = 100.0  # times as near to zero as asked what multipliers leave of the cost must be where little is
 _LITTLE: Final = 1e-3  # this or more: bounds may be low, but are to be made exact
+_OPEN: Final = 0.01  # share of complementarity that counts where no more than _ROUGH is asked: a bound needs none of it
 _GAINS: Final = 0.9
 
 
@@ -117,7 +118,8 @@ class _Path:
             rd = (self.cost[0] - pulled[0], self.cost[1] - pulled[1])
             work = float(self.s @ self.v)
             stated = (_STATED if self.exact >= _LITTLE else 1.0) * _largest(rd)
-            left = max(work, float(abs(rp).max()), float(abs(re).max(initial=0.0)), stated)
+            open_ = (_OPEN if self.exact >= _ROUGH else 1.0) * work
+            left = max(open_, float(abs(rp).max()), float(abs(re).max(initial=0.0)), stated)
             if best is None or left < _GAINS * best.left:
                 best, idle = self._answer(left, step), 0
             else:
