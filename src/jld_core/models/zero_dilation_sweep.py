@@ -54,12 +54,11 @@ class BlockSweep:
         the lowest solution found takes, and pays for slack enough that its multipliers prove it as they come."""
         none = np.zeros(len(self.modes.rows), dtype=bool)
         region = self._region(low, none, none, low + _PART * (self.ceiling.load - low))
-        slack, pairs = _FIRST, self.stages[0][1]
-        answer, found = self._step("part of the way", region, pairs, slack, _ROUGHEST)
-        if found == -math.inf and self.ceiling.left > 0.0:
-            # slack may be more than mechanisms can pay, or less than the certificate asks
-            slack *= _DEARER if answer is not None else 1.0 / _DEARER
-            found = self._step("part of the way", region, pairs, slack, _ROUGHEST)[1]
+        pairs = self.stages[0][1]
+        answer, found = self._step("part of the way", region, pairs, _FIRST, _ROUGHEST)
+        if answer is None and self.ceiling.left > 0.0:
+            # slack was more than mechanisms can pay
+            found = self._step("part of the way", region, pairs, _FIRST / _DEARER, _ROUGHEST)[1]
         return max(low, found)
 
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
