@@ -19,6 +19,7 @@ BENCHMARKS: Final = (
     "certificates",
     "cases",
     "exact",
+    "sections",
     "refuting",
     "cubes",
     "relaxing",

@@ -115,7 +115,11 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         assert refuted <= {k for k, one in enumerate(found) if one is not None}
         if any(one.decided.any() for one in whole):
             assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
-        for one in whole:
+        outside = rng.random((40, m)) < 0.3
+        parts = relaxation.shrink(rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), undecided=outside)
+        assert {one.labelling for one in parts if one.bound is not None} <= refuted
+        assert not any((one.decided & outside[one.labelling]).any() for one in parts)
+        for one in (*whole, *parts):
             if one.bound is not None:
                 faces = np.flatnonzero(one.decided)
                 conflicts.append(Conflict(faces, rows[one.labelling][faces], min(one.bound, threshold)))

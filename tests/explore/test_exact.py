@@ -16,6 +16,7 @@ from jld_core.limit import LimitAnalysis, SolveOptions, Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Enumeration, Exact, Formula, possible_blocks
+from jld_explore.drivers.exact.windows import windows_of
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.report import Exploration
 from jld_explore.space import canonical, feasible, search_space
@@ -146,6 +147,18 @@ def test_blocks_need_not_be_listed(name: str, tmp_path: Path) -> None:
         pytest.skip("blocks are counted where they are listed")
     every = search(rows, options, tmp_path / "every", "enumeration")
     found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
+    assert found.summary["proven"] is True
+    assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
+
+
+def test_long_structures_are_refuted_window_by_window(tmp_path: Path) -> None:
+    rows, options = ["aaaaa", "aaaaa", "#...#"], {"live": DOWN, "block_cells": [1, 3], "shear": 5e4, "tension": 5e4}
+    windows = windows_of(build_assembly(parse_scene(grid_document(rows, **options))))
+    assert [len(each) for each in windows] == [5, 4, 3]
+    assert all(each.any(axis=0).all() and not each.all(axis=1).any() for each in windows)
+    every = search(rows, options, tmp_path / "every", "enumeration")
+    found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
+    assert found.summary["conflicts"] > 0
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
 

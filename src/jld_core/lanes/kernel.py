@@ -294,15 +294,23 @@ class Lanes:
         return other
 
     def shrink(
-        self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0
+        self,
+        labellings: Bits,
+        free: Bools,
+        thresholds: Floats,
+        how: Shrinking = SHRINKING,
+        seed: int = 0,
+        undecided: Bools | None = None,
     ) -> Shrunk:
         """Labellings (k, m), True dry, each with as few faces decided as still keep λ at a threshold (k,).
 
         free: (m,) faces that may take either label. thresholds: scaled λ. seed: of the faces that neighbours do
-        without. What is said to refute is a hint, to be weighed by who uses it.
+        without. undecided: (k, m) free faces that are so from the start, default none. What is said to refute is a
+        hint, to be weighed by who uses it.
         """
         count, wide = len(labellings), 1 + how.neighbours
-        labels, matters = (np.ascontiguousarray(array, dtype=np.uint8) for array in (labellings, free))
+        asked_of = labellings if undecided is None else np.where(undecided & free, 2, labellings)
+        labels, matters = (np.ascontiguousarray(array, dtype=np.uint8) for array in (asked_of, free))
         least = np.ascontiguousarray(thresholds, dtype=float)
         fate, relaxations = np.zeros(count * wide, dtype=np.uint8), np.zeros(count * wide, dtype=np.int32)
         conflict = np.zeros((count * wide, self.faces), dtype=np.uint8)

@@ -69,7 +69,13 @@ class CaseRelaxation:
         return found
 
     def shrink(
-        self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0
+        self,
+        labellings: Bits,
+        free: Bools,
+        thresholds: Floats,
+        how: Shrinking = SHRINKING,
+        seed: int = 0,
+        undecided: Bools | None = None,
     ) -> list[Fallen]:
         """See `Relaxation.shrink`, with governing factors: each labelling under the first case that refutes it."""
         found: list[Fallen] = []
@@ -80,7 +86,8 @@ class CaseRelaxation:
                 break
             unit = self._units[case]
             fallen: set[int] = set()
-            for one in self._cases[case].shrink(labellings[left], free, thresholds[left] / unit, how, seed):
+            outside = None if undecided is None else undecided[left]
+            for one in self._cases[case].shrink(labellings[left], free, thresholds[left] / unit, how, seed, outside):
                 labelling = int(left[one.labelling])
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn

@@ -140,24 +140,30 @@ class Relaxation:
         return found
 
     def shrink(
-        self, labellings: Bits, free: Bools, thresholds: Floats, how: Shrinking = SHRINKING, seed: int = 0
+        self,
+        labellings: Bits,
+        free: Bools,
+        thresholds: Floats,
+        how: Shrinking = SHRINKING,
+        seed: int = 0,
+        undecided: Bools | None = None,
     ) -> list[Fallen]:
         """Labellings (k, m) with as few faces decided as still keep λ at thresholds (k,), and neighbours of them; where
         the kernel solves many at a time.
 
-        free: (m,) faces that may take either label. thresholds: scaled λ. how, seed: as `Lanes.shrink` takes them.
-        Whatever the kernel refuted is weighed here.
+        free: (m,) faces that may take either label. thresholds: scaled λ. how, seed, undecided: as `Lanes.shrink`
+        takes them. Whatever the kernel refuted is weighed here.
         """
         assert self._lanes is not None
-        raw = self._lanes.shrink(labellings, free, thresholds, how, seed)
+        raw = self._lanes.shrink(labellings, free, thresholds, how, seed, undecided)
         with _COUNTING:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
         left = np.arange(len(begun))[raw.fate[begun] == PROVEN]
-        undecided = free & ~raw.decided[begun]
+        open_ = free & ~raw.decided[begun]
         found: list[DualBound | None] = [None] * len(begun)
-        self._weigh_all(raw.velocity[begun[left]], left, labellings[of], undecided, thresholds[of], found)
+        self._weigh_all(raw.velocity[begun[left]], left, labellings[of], open_, thresholds[of], found)
         drawn = begun % (len(raw.fate) // max(len(labellings), 1)) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [

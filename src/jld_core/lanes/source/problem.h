@@ -55,7 +55,7 @@ struct JldTry {
 // Labellings that are too weak, each to be shrunk to what makes it so. Results have 1 + neighbours rows for each.
 struct JldShrinking {
     int64_t count;
-    const uint8_t* labels;     // (count, faces) 0 inner, 1 dry
+    const uint8_t* labels;     // (count, faces) 0 inner, 1 dry, 2 undecided from the start
     const uint8_t* free;       // (faces) 1 where a face may take either label
     const double* thresholds;  // (count) scaled lambda
     int32_t neighbours;        // labellings of one face less begun from each that gives a conflict

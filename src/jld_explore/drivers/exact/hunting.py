@@ -2,13 +2,13 @@
 
 Labellings drawn together would fall for one reason were they alike, so each is drawn with random preferences. Once
 one has given a conflict its **neighbours**, the same labelling with one face of the conflict undecided, nearly always
-fall as well, for another reason, and cost no drawing.
+fall as well, for another reason, and cost no drawing. Before all of a labelling is shrunk, parts of it are (`windows`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Final
 
@@ -20,12 +20,16 @@ from jld_core.limit import Fallen
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict, conflict_of
+from jld_explore.drivers.exact.windows import Worth, windows_of
 
 _DRAWN: Final = 8
 """Labellings drawn together at the most."""
 
 _NEIGHBOURS: Final = 3
 """Neighbours of each labelling that are shrunk too."""
+
+_INSIDE: Final = 1
+"""The same of labellings that are refuted in a window, where all that refute them are taken."""
 
 _TRIES: Final = 4
 """Single faces tried in vain before a conflict is taken as it is."""
@@ -59,11 +63,16 @@ class Hunt:
         self._formula: Formula | None = None
         self._known: set[tuple[bytes, bytes]] = set()
         self._hear: Callable[[], None] = _nothing
+        self._windows: tuple[Bits, ...] = ()
+        self._worth = Worth(0)
 
     def begin(self, formula: Formula, hear: Callable[[], None] | None = None) -> None:
         """Go on with another formula. hear: called before each draw, to take in what others have found."""
         self._formula, self._hear = formula, hear or _nothing
         self._known = set()
+        # small blocks fall for cracks through the whole, which windows only delay: walls take half as long again
+        self._windows = windows_of(formula.space.assembly) if self._many and formula.blocks is None else ()
+        self._worth = Worth(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> Catch:
         """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula. cube: labels that
@@ -74,9 +83,7 @@ class Hunt:
         drawn = self._draw(cube)
         caught.exhausted = not len(drawn)
         if len(drawn) and self._many:
-            how, seed = self._how()
-            found = self._relaxation.shrink(drawn, self._free, np.full(len(drawn), threshold), how, seed)
-            self._sort(drawn, threshold, found, caught)
+            self._sort(drawn, threshold, self._shrink(drawn, threshold), caught)
         elif len(drawn):
             self._shrink_one(drawn[0], threshold, caught)
         return caught
@@ -102,6 +109,27 @@ class Hunt:
         """How labellings are shrunk, and the seed of their neighbours."""
         how = Shrinking(neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=_INNER)
         return how, int(self._rng.integers(2**32))
+
+    def _shrink(self, drawn: Bits, threshold: float) -> list[Fallen]:
+        """What becomes of labellings (k, m): in the smallest windows that refute them, else as a whole."""
+        how, seed = self._how()
+        left, found = np.arange(len(drawn)), list[Fallen]()
+        inside = replace(how, neighbours=min(how.neighbours, _INSIDE))
+        for width, windows in enumerate(self._windows):
+            if not left.size or not self._worth.wanted(width):
+                continue
+            of, outside = np.repeat(left, len(windows)), np.tile(~windows, (len(left), 1))
+            limits = np.full(len(of), threshold)
+            fallen = self._relaxation.shrink(drawn[of], self._free, limits, inside, seed, outside)
+            refuted = [replace(one, labelling=int(of[one.labelling])) for one in fallen if one.bound is not None]
+            found += refuted
+            rest = np.setdiff1d(left, [one.labelling for one in refuted])
+            self._worth.tell(width, 1.0 - len(rest) / len(left))
+            left = rest
+        if left.size:
+            whole = self._relaxation.shrink(drawn[left], self._free, np.full(len(left), threshold), how, seed)
+            found += [replace(one, labelling=int(left[one.labelling])) for one in whole]
+        return found
 
     def _sort(self, drawn: Bits, threshold: float, fallen: list[Fallen], caught: Catch) -> None:
         """Conflicts, and labellings that nothing refutes, among what became of labellings (k, m)."""
