@@ -14,14 +14,15 @@ of all conflicts that says whether a labelling is left.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit import Choice
+from jld_core.limit import Asked, Choice
 from jld_explore.drivers.exact.choosers import Choosers
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import Conflict
@@ -60,6 +61,13 @@ class Tried:
     def left(self) -> list[Node]:
         """Children there are."""
         return [one for one in (self.inner, self.dry) if one is not None]
+
+
+Looked = tuple[list[Tried], list[Conflict]]
+"""What becomes of a node with either label of several faces, and conflicts that say why."""
+
+Waiting = tuple[tuple[int, bool], Node]
+"""A child by the face, among the candidates, and the label that it decides."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,7 @@ class BlockTree:
         nothing = np.empty(0, dtype=np.int64)
         self.root = relaxation.choose(every, threshold, most)
         self._open: list[tuple[float, int, Node]] = []
+        self._looked: dict[int, Looked] = {}
         self._count = 0
         self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root)
 
@@ -152,11 +161,12 @@ class BlockTree:
         if not undecided.size:
             return Step(node, (), self._blocks.labelling(self._space, np.flatnonzero(allowed)))
         asked = Question(node, allowed, threshold, possible, late)
-        conflicts: list[Conflict] = []
-        tried = self._try(asked, self._telling(node, undecided), conflicts)
-        if tried is None:
+        looked = self._look(asked)
+        if looked is None:
             self._next = node
-        elif all(len(one.left) == 2 for one in tried):
+            return Step(node)
+        tried, conflicts = looked
+        if all(len(one.left) == 2 for one in tried):
             # the first one of several
             best = max(tried, key=lambda one: self._gain(node, one))
             # the better child may be as good as it looks, and then the other is seen with a higher threshold
@@ -210,34 +220,85 @@ class BlockTree:
         most = _TRIED[self._relaxation.many]
         return [int(face) for face in undecided[np.argsort(-score, kind="stable")[:most]]]
 
-    def _try(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Tried] | None:
-        """What becomes of a node with either label of faces; None where time ran out. conflicts: to be added to."""
-        found: list[Tried] = []
-        # one program after another there is no use in asking for more once something is ruled out
-        for group in [faces] if self._relaxation.many else [[face] for face in faces]:
+    def _look(self, asked: Question) -> Looked | None:
+        """What becomes of a node with either label of the faces that are worth trying; None where time ran out."""
+        known = self._looked.pop(id(asked.node), None)
+        if known is not None:
+            return known
+        faces = self._telling(asked.node, self._undecided(asked.allowed))
+        if self._relaxation.many:
             if asked.late():
                 return None
-            found += self._decided(asked, group, conflicts)
+            first, *others = self._looks(asked, faces)
+            self._looked.update(others)
+            return first[1]
+        found, conflicts = list[Tried](), list[Conflict]()
+        # one program after another there is no use in asking for more once something is ruled out
+        for face in faces:
+            if asked.late():
+                return None
+            waiting = self._children(asked, [face], conflicts)
+            choices = self._relaxation.choose_all([self._program(asked, child) for _, child in waiting])
+            found += self._tried(asked, [face], waiting, choices, conflicts)
             if len(found[-1].left) < 2:
                 break
+        return found, conflicts
+
+    def _looks(self, asked: Question, faces: list[int]) -> list[tuple[int, Looked]]:
+        """The same of a node and of the best open one that was not looked at yet, which is kept for its turn: so there
+        is work for two threads. By what `id` says of the nodes."""
+        parts = []
+        for one, own in [(asked, faces), *self._ahead(asked)]:
+            conflicts: list[Conflict] = []
+            parts.append((one, own, self._children(one, own, conflicts), conflicts))
+        programs = [self._program(one, child) for one, _, waiting, _ in parts for _, child in waiting]
+        choices = iter(self._relaxation.choose_all(programs))
+        found = []
+        for one, own, waiting, conflicts in parts:
+            tried = self._tried(one, own, waiting, list(islice(choices, len(waiting))), conflicts)
+            found.append((id(one.node), (tried, conflicts)))
         return found
 
-    def _decided(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Tried]:
-        node, threshold = asked.node, asked.threshold
-        waiting: list[tuple[tuple[int, bool], Node]] = []
+    def _ahead(self, asked: Question) -> list[tuple[Question, list[int]]]:
+        for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
+            if id(node) in self._looked or -bound <= asked.threshold:
+                continue
+            allowed = self._settled(node.allowed & ~node.choice.useless)
+            if allowed is not None and (undecided := self._undecided(allowed)).size:
+                return [(replace(asked, node=node, allowed=allowed), self._telling(node, undecided))]
+        return []
+
+    @staticmethod
+    def _program(asked: Question, child: Node) -> Asked:
+        return child.allowed, asked.threshold, asked.node.choice.bound
+
+    def _children(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Waiting]:
+        """Children of a node by face and label, those that have labellings, with its own choice until theirs is known.
+        conflicts: to be added to."""
+        node, waiting = asked.node, []
         for face in faces:
             for label, others in ((False, self._parted), (True, self._held)):
                 decided = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
                 allowed = self._settled(asked.allowed & ~others[face])
                 if allowed is None:
-                    conflicts.append(Conflict(*decided, threshold))
+                    conflicts.append(Conflict(*decided, asked.threshold))
                 elif asked.possible(*decided):
                     waiting.append(((face, label), Node(*decided, allowed, node.choice)))
-        programs = [(child.allowed, threshold, node.choice.bound) for _, child in waiting]
+        return waiting
+
+    def _tried(
+        self,
+        asked: Question,
+        faces: list[int],
+        waiting: list[Waiting],
+        choices: Sequence[Choice],
+        conflicts: list[Conflict],
+    ) -> list[Tried]:
+        """What is left of children (k,) whose choices (k,) are known. conflicts: to be added to."""
         children: dict[tuple[int, bool], Node] = {}
-        for (place, child), choice in zip(waiting, self._relaxation.choose_all(programs), strict=True):
+        for (place, child), choice in zip(waiting, choices, strict=True):
             if choice.refuted:
-                conflicts.append(Conflict(child.faces, child.labels, threshold))
+                conflicts.append(Conflict(child.faces, child.labels, asked.threshold))
             else:
                 children[place] = replace(child, choice=choice)
         return [Tried(children.get((face, False)), children.get((face, True))) for face in faces]
@@ -257,8 +318,7 @@ class BlockTree:
         labels = np.concatenate([asked.node.labels, *(one.labels[-1:] for one in left)])
         allowed = self._settled(np.logical_and.reduce([one.allowed for one in left]))
         if allowed is not None:
-            choice = self._relaxation.choose(allowed, asked.threshold, min(one.choice.bound for one in left))
-            if not choice.refuted:
-                return Node(faces, labels, allowed, choice)
+            least = min(left, key=lambda one: one.choice.bound)
+            return Node(faces, labels, allowed, replace(least.choice, share=np.where(allowed, least.choice.share, 0.0)))
         conflicts.append(Conflict(faces, labels, asked.threshold))
         return None
