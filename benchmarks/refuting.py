@@ -86,14 +86,14 @@ LOST_WORDS: Final = (
 WHY_LOST: Final = (
     "Of the translates of a conflict a fifth still refute on the 6 × 8 wall, and most of those say what others have "
     "said. What propagation derives may stay decided and out of the conflict, which is then valid at its own "
-    "threshold alone; that leaves out a third of the faces, for relaxations that are solved one after the other. "
+    "threshold alone; that leaves out up to a third of the faces, for relaxations that are solved one after the other. "
     "Weighing a mechanism by the best choice of blocks instead of face by face frees one face in 20 and no conflict "
     "is saved: one inner face holds nearly every crack of strong walls, so that a conflict is a crack with all of its "
-    "faces dry. All cracks of one rigid motion at once take the conflicts of a high threshold by half, with some 45 "
-    "motions of 24 levels each, and twice the time: a conflict costs half a millisecond in the kernel, the clauses of "
-    "a motion slow every drawing. It is sound: of 1367 labellings of three walls that carry more than the threshold, "
-    "none was ruled out by 325 motions. Nearer the optimum mechanisms are of several parts, each with a motion of its "
-    "own, and it saves a tenth."
+    "faces dry. All cracks of one rigid motion at once save half the conflicts of a high threshold, with 40 motions "
+    "of 24 levels each, a third of them at the optimum, and take two to five times as long: a conflict costs half a "
+    "millisecond in the kernel, and the clauses of motions slow every drawing. It is sound: of 1367 labellings of "
+    "three walls that carry more than the threshold, none was ruled out by 325 motions in a trial apart. Most "
+    "mechanisms are of several parts, each with a motion of its own."
 )
 
 
