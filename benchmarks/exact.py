@@ -107,7 +107,7 @@ NOTE: Final = (
     "labellings ruled out; relaxations: programs solved to find them; solves: labellings evaluated."
 )
 OPEN: Final = (
-    "Walls of blocks of two with a gap at the root beyond 28 % (10 × 12) are proven by a tree of block choices (of "
+    "Walls of blocks of two with a root gap beyond 20 % (8 × 10, 10 × 12) are proven by a tree of block choices (of "
     "faces 37 thousand conflicts, in 110 s, did not bring that one's bound from 0.562 down to 0.541), all others by "
     "conflicts of faces, shrunk many at a time in the kernel from the bound at the root down. Where time ran out the "
     "bound is that of the last step that was refuted. What stands against the rest: on the 8 × 10 wall in blocks of up "
