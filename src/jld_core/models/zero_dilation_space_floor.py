@@ -1,8 +1,8 @@
 """A bound below which no spatial solution without dilation exists: frozen friction, products, circles, parts.
 
-As in the plane every step excludes an interval [L, p) of λ, given that [0, L) is excluded. Where a sweep stalls,
-polygons of friction get directions where forces or slips stand out of the circle; then rows y_k z_l that are violated
-are formed; then the solutions are parted, for every one belongs to one of two parts: an edge that stays closed and one
+As in the plane every step excludes an interval [L, p) of λ, given that [0, L) is excluded. Where a sweep stalls, rows
+y_k z_l that are violated are formed; then polygons of friction get directions where forces or slips stand out of the
+circle; then the solutions are parted, for every one belongs to one of two parts: an edge that stays closed and one
 that carries its resultant, a face that may slide this way and one that may slide that way. The part with the lowest
 bound is taken next, and the lowest bound of all parts is the bound.
 """
@@ -122,10 +122,12 @@ class SpaceFloorSearch:
             if near and step > finest:
                 step = finest
                 continue
+            if ceiling.met(part.proven):
+                break
+            if self._more_rows(modes, relaxed):
+                continue
             stalls += not ceiling.won(low, reached, _LITTLE)
-            if ceiling.met(part.proven) or not (
-                (stalls < 2 and self._sharpened(modes, relaxed)) or self._more_rows(modes, relaxed)
-            ):
+            if stalls == 2 or not self._sharpened(modes, relaxed):
                 break
         return part, relaxed
 
