@@ -344,7 +344,7 @@ def distances(known: dict[str, float], measured: list[int], kept: dict[str, list
             row = [name]
             for which in range(len(RIVALS)):
                 if which not in measured:
-                    row.append(kept[name][which])
+                    row.append(kept[name][which] if name in kept else "–")
                     continue
                 # −0 is 0
                 gaps = sorted(round(100.0 * (1.0 - one.result() / best), 4) + 0.0 for one in asked[name, which])

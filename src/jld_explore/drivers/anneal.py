@@ -8,7 +8,7 @@ of its changes a chain takes always where it is stronger, and where it is weaker
 falls over a cycle; every cycle is twice as long as the one before, and half of the chains begin it at the best
 labelling known.
 
-A genetic population has every other turn as long as it is ahead, and every fifth where it is not: it soon finds an
+A genetic population has every other turn as long as it is ahead, and every eighth where it is not: it soon finds an
 optimum that is put together of parts, chains find what takes many small steps.
 """
 
@@ -31,7 +31,7 @@ from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, standing
 from jld_explore.space import SearchSpace, keys
 
-_HOT: Final = 0.02
+_HOT: Final = 0.04
 _COLD: Final = 1e-3
 """Temperatures at the beginning and the end of a cycle, beside the largest λ known."""
 
@@ -47,14 +47,14 @@ _GREEDY: Final = 2
 _TURNS: Final = 8
 """How often changes are looked for that nobody has asked before; a chain without any begins anew."""
 
-_CROSS: Final = 0.1
-"""Share of changes that cross two labellings."""
+_CROSS: Final = 0.03
+"""Share of changes that cross two labellings; with a tenth chains come to stand at one place (6 × 8 wall)."""
 
 _OWN: Final = 0.5
 """Share of those with the chain's own image, where the scene has symmetries."""
 
 _AHEAD: Final = 2
-_BEHIND: Final = 5
+_BEHIND: Final = 8
 """One turn in so many is the population's, while it has the best labelling known and while it has not."""
 
 _BARRED: Final = 1e300
