@@ -20,6 +20,7 @@ from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.evaluation import CERTIFICATE, RECORDS_FILE, Evaluation, Forces, Mechanism, Proofs, Records
+from jld_explore.evaluation.rows import record_type, rows_of
 from jld_explore.report import tables
 from jld_explore.space import block_sizes, blocks_of, connectivity, counts, search_space, unpack
 from paths import SCENES
@@ -323,3 +324,9 @@ def test_many_rows(tmp_path: Path) -> None:
     assert table["labelling"].iloc[0] in set(front["labelling"])
     assert np.array_equal(unpack(records.rows["labelling"][:100], faces), every[:100])
     assert seconds < 6.0  # about 1.6 on one core of its own
+
+
+def test_a_portion_that_time_ran_out_before_is_empty_under_any_number_of_cases() -> None:
+    for cases in (0, 2):
+        found = rows_of(record_type(7, cases), np.empty((0, 7), dtype=bool), [], [])
+        assert found.shape == (0,)

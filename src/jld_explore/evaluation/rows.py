@@ -59,7 +59,9 @@ def rows_of(
         rows[name] = column
     rows["governing"] = [one.governing for one in found]
     if width := rows["cases"].shape[1]:
-        rows["cases"] = [one.cases or (math.nan,) * width for one in found]
+        cases = [one.cases or (math.nan,) * width for one in found]
+        # time may have run out before the first of a portion
+        rows["cases"] = np.array(cases, dtype=np.float64).reshape(-1, width)
     return rows
 
 
