@@ -2,11 +2,11 @@
 
 Solver and kernel hold no lock of the interpreter, so that drawing is shared out as well as shrinking, and nobody waits
 for anybody: what one has found the others take in before their next draw, and they go on while this thread has
-labellings evaluated. Threads that draw at a time would find the same conflicts: each looks where the face that
-conflicts of late are most about has another label, as long as there is anything left.
+labellings evaluated. Each draws by preferences of its own, so that few conflicts are found twice; giving each a half of
+the labellings, by the face that conflicts of late are most about, saves none and makes drawing a fifth slower.
 
-What is proven does not depend on who was quicker. A formula without any model holds nothing but conflicts, labellings
-that were handed over and halves of it that were empty; which conflicts those are differs from run to run.
+What is proven does not depend on who was quicker. A formula without any model holds nothing but conflicts and
+labellings that were handed over; which conflicts those are differs from run to run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ import numpy as np
 from jld_core.arrays import Bits, Bools
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflicts import Conflicts
-from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Catch, Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
@@ -33,21 +32,14 @@ from jld_explore.space import Range, SearchSpace
 _PATIENCE: Final = 0.1
 """Seconds the first thread waits at the most before it looks at the clock again."""
 
-_FADING: Final = 0.999
-"""What a face's weight in conflicts is multiplied by at each conflict after."""
-
 
 class _Known:
-    """What all threads are told: conflicts, with smaller bounds as they are found, and labellings dealt with.
+    """What all threads are told: conflicts, with smaller bounds as they are found, and labellings dealt with."""
 
-    weight: (m,) how much faces are in the conflicts of late.
-    """
-
-    def __init__(self, faces: int) -> None:
+    def __init__(self) -> None:
         self.conflicts: list[Conflict] = []
         self.passed: list[Bits] = []
         self._bounds: dict[tuple[bytes, bytes], float] = {}
-        self.weight, self._gain = np.zeros(faces), 1.0
 
     def add(self, conflict: Conflict, threshold: float) -> bool:
         """Take a conflict, unless that is known which rules out the same above a threshold; whether it was not."""
@@ -56,11 +48,6 @@ class _Known:
             return False
         self._bounds[name] = conflict.bound
         self.conflicts.append(conflict)
-        self._gain /= _FADING
-        self.weight[conflict.faces] += self._gain
-        if self._gain > 1e100:
-            self.weight /= self._gain
-            self._gain = 1.0
         return True
 
 
@@ -74,34 +61,23 @@ class _Chase:
 
 
 class _Member:
-    """What one thread has of its own: its draws, and a formula. number: of the thread."""
+    """What one thread has of its own: its draws, and a formula."""
 
-    def __init__(self, hunt: Hunt, known: _Known, number: int) -> None:
-        self._hunt, self._known, self._dry = hunt, known, number % 2 == 0
+    def __init__(self, hunt: Hunt, known: _Known) -> None:
+        self._hunt, self._known = hunt, known
         self._chase: _Chase | None = None
         self._formula: Formula | None = None
         self._heard = self._dealt = 0
-        self._closed: set[int] = set()
-        self._cube = EVERYTHING
 
-    def step(self, chase: _Chase, space: SearchSpace, blocks: PossibleBlocks | None, free: Bools) -> Catch:
+    def step(self, chase: _Chase, space: SearchSpace, blocks: PossibleBlocks | None) -> Catch:
         """Conflicts of some labellings; exhausted: no labelling is left at all."""
         if self._formula is None:
             self._formula = Formula(space, blocks)
         if chase is not self._chase:
             self._chase = chase
-            self._closed, self._cube = set(), EVERYTHING
             self._formula.aim(chase.threshold, chase.count)
             self._hunt.begin(self._formula, self._hear)
-        caught = self._hunt.step(chase.threshold, self._cube)
-        if caught.exhausted and self._cube is not EVERYTHING:
-            # nothing is left there: all faces, once, before another half is looked at
-            self._formula.set_aside(self._cube.faces, self._cube.labels)
-            self._closed.update(self._cube.faces)
-            self._cube, caught.exhausted = EVERYTHING, False
-        else:
-            self._cube = self._half(free)
-        return caught
+        return self._hunt.step(chase.threshold)
 
     def _hear(self) -> None:
         """Take in what is known by now."""
@@ -112,13 +88,6 @@ class _Member:
             self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
         for labels in passed:
             self._formula.forbid(np.arange(len(labels)), labels)
-
-    def _half(self, free: Bools) -> Cube:
-        """Where to look next: a label of the weightiest face."""
-        weight = np.where(free, self._known.weight, 0.0)
-        weight[list(self._closed)] = 0.0
-        face = int(weight.argmax())
-        return Cube((face,), (self._dry,)) if weight[face] > 0.0 else EVERYTHING
 
 
 class Pack:
@@ -138,11 +107,11 @@ class Pack:
         known: Conflicts,
         passed: Sequence[Bits],
     ) -> None:
-        self._recipe = space, blocks, free
+        self._recipe = space, blocks
         self._of_proof, self._said = (known, passed), (0, 0)
-        self._known = _Known(len(free))
+        self._known = _Known()
         hunts = [Hunt(relaxation, free, seed + 1000 * number) for number in range(threads)]
-        self._members = [_Member(hunt, self._known, number) for number, hunt in enumerate(hunts)]
+        self._members = [_Member(hunt, self._known) for hunt in hunts]
         self._pool = ThreadPoolExecutor(threads)
         self._idle = set(range(threads))
         self._chase: _Chase | None = None
