@@ -7,7 +7,7 @@
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
 - `SHRINKING`: how labellings are shrunk to what makes them too weak
-- `SOLVED`: solved
+- `SOLVED`: state of a choice of blocks of which a bound can be expected
 - `BlockAnswers`: of k choices: own (k, own rows of all blocks), shared (k, shared rows): multipliers of the rows; …
 - `BlockColumns`: columns of one block
 - `BlockLanes`: min −λ over choices of blocks, by the kernel

@@ -2,7 +2,7 @@
 
 - `FLOOR_SECONDS`: processor time for the bound below every λ without dilation
 - `LADDER`: what `LimitAnalysis.prove` tries by default, from the top down
-- `Asked`: built-in immutable sequence
+- `Asked`: what `BlockRelaxation.choose` is asked: blocks allowed, λ to reach, λ that is not exceeded
 - `Batch`: the kernel for one limit analysis
 - `BatchAnswers`: what is settled of k labellings
 - `BlockRelaxation`: bounds on λ over all choices of blocks
