@@ -114,11 +114,7 @@ class _Helper:
         """Take in what is new, and aim at what is asked for."""
         if self._formula is None:
             self._formula = Formula(self._space, self._blocks)
-        for one in order.news:
-            if self._is_new(one):
-                self._formula.forbid(one.faces, one.labels, one.bound)
-        for labels in order.passed:
-            self._formula.forbid(np.arange(len(labels)), labels)
+        self._formula.learn([one for one in order.news if self._is_new(one)], order.passed)
         if order.step != self._step:
             self._step = order.step
             self._formula.aim(order.threshold, order.count)

@@ -25,6 +25,7 @@ from pysat.solvers import Solver
 from jld_core.arrays import Bits, Ints
 from jld_explore.drivers.exact.guards import Guards
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.drivers.exact.unary import Unary
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
@@ -133,6 +134,13 @@ class Formula:
         """
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
         self._guards.hold(pairs, bound)
+
+    def learn(self, conflicts: Iterable[Conflict], passed: Iterable[Bits] = ()) -> None:
+        """Rule out what conflicts do, wherever their bounds allow, and labellings (m,) that are dealt with."""
+        for conflict in conflicts:
+            self.forbid(conflict.faces, conflict.labels, conflict.bound)
+        for labels in passed:
+            self.forbid(np.arange(len(labels)), labels)
 
     def set_aside(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
         """The same until something else is aimed at."""

@@ -1,5 +1,5 @@
 """Who hunts: this process, in two threads where there may be two and the kernel solves; then a crew of other processes
-in its place, where there may be more, or where the interpreter holds threads up.
+in its place, where there may be more, or where there is no kernel.
 """
 
 from __future__ import annotations
@@ -93,8 +93,7 @@ class Hunters:
         """A moment's catch. threshold: scaled λ, not lower than before in this formula."""
         assert self._formula is not None
         if self.crew is None and self._helped and self._is_time():
-            for conflict in self._known:  # threads have told formulas of their own
-                self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
+            self._formula.learn(self._known)  # threads have told formulas of their own
             self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._known, self._passed)
             self.crew.begin(self._formula, self._count, threshold)
         if self.crew is None:
@@ -108,8 +107,7 @@ class Hunters:
             caught = Catch() if self._pack is None else self._pack.close()
             self._pack = None
             found = self.crew.step(threshold, idle=not caught.conflicts)
-        for conflict in caught.conflicts:
-            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
+        self._formula.learn(caught.conflicts)
         self.solves = self.crew.solves
         caught.conflicts += found.conflicts
         caught.unrefuted += found.unrefuted

@@ -84,10 +84,7 @@ class _Member:
         assert self._formula is not None
         news, passed = self._known.conflicts[self._heard :], self._known.passed[self._dealt :]
         self._heard, self._dealt = self._heard + len(news), self._dealt + len(passed)
-        for conflict in news:
-            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
-        for labels in passed:
-            self._formula.forbid(np.arange(len(labels)), labels)
+        self._formula.learn(news, passed)
 
 
 class Pack:

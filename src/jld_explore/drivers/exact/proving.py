@@ -111,9 +111,6 @@ class Proving(Driver):
         """The formula, which knows all conflicts there are, and what was evaluated."""
         if self._formula is None:
             self._formula = Formula(self.space, self._blocks)
-        for conflict in self._conflicts[self._said[0] :]:
-            self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
-        for labels in self._passed[self._said[1] :]:
-            self._formula.forbid(np.arange(len(labels)), labels)
+        self._formula.learn(self._conflicts[self._said[0] :], self._passed[self._said[1] :])
         self._said = len(self._conflicts), len(self._passed)
         return self._formula
