@@ -14,9 +14,9 @@ from jld_core import LimitAnalysis, LimitAnalysisResult, tolerances
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, result_of
 from jld_core.models import Scheme
-from jld_core.models.zero_dilation_proof import proof_of
-from jld_core.models.zero_dilation_search import Pair, PairSearch
-from jld_core.models.zero_dilation_starts import first_forces
+from jld_core.models.zero_dilation.proof import proof_of
+from jld_core.models.zero_dilation.search import Pair, PairSearch
+from jld_core.models.zero_dilation.starts import first_forces
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ from jld_core import LimitAnalysis, Scene, Status, build_assembly, load_scene, p
 from jld_core.arrays import Bits
 from jld_core.limit import Proof
 from jld_core.models import Scheme
-from jld_core.models.zero_dilation_found import FromEverySide
-from jld_core.models.zero_dilation_range import load_range
-from jld_core.models.zero_dilation_starts import starts
+from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.range import load_range
+from jld_core.models.zero_dilation.starts import starts
 from jld_core.samples import box
 
 ROOT = Path(__file__).resolve().parent

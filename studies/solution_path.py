@@ -14,8 +14,8 @@ import numpy as np
 
 from jld_core import LimitAnalysis
 from jld_core.arrays import Bits, Floats
-from jld_core.models.zero_dilation_found import FromEverySide
-from jld_core.models.zero_dilation_search import Scheme
+from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.search import Scheme
 
 _LEGS: Final = 60  # mechanisms tried at the most
 _IDLE: Final = 20  # in a row that carry no more

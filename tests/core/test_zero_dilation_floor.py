@@ -16,16 +16,16 @@ from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly
 from jld_core import Assembly, LimitAnalysis, build_assembly, solve
-from jld_core.models.zero_dilation_blocks import BlockCertifier, relax_in_blocks
-from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
-from jld_core.models.zero_dilation_certificate import Certifier
-from jld_core.models.zero_dilation_floor import FloorSearch
-from jld_core.models.zero_dilation_found import FromEverySide
-from jld_core.models.zero_dilation_modes import Modes, modes_of
-from jld_core.models.zero_dilation_products import Region, relax
-from jld_core.models.zero_dilation_search import Scheme
-from jld_core.models.zero_dilation_statics import Statics, reach
-from jld_core.models.zero_dilation_sweep import BlockSweep
+from jld_core.models.zero_dilation.blocks import BlockCertifier, relax_in_blocks
+from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
+from jld_core.models.zero_dilation.certificate import Certifier
+from jld_core.models.zero_dilation.floor import FloorSearch
+from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.modes import Modes, modes_of
+from jld_core.models.zero_dilation.products import Region, relax
+from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.statics import Statics, reach
+from jld_core.models.zero_dilation.sweep import BlockSweep
 from nondilatant import block
 
 

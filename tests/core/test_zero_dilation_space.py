@@ -21,14 +21,21 @@ from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.arrays import Floats
 from jld_core.geometry import rectangle_torsion_length
 from jld_core.models import Scheme
-from jld_core.models.zero_dilation_ceiling import Ceiling
-from jld_core.models.zero_dilation_found import FromEverySide
-from jld_core.models.zero_dilation_products import Region
-from jld_core.models.zero_dilation_space import AXES, SpaceModes, space_modes_of, unit_direction, widest, with_direction
-from jld_core.models.zero_dilation_space_certificate import SpaceCertifier
-from jld_core.models.zero_dilation_space_floor import SpaceFloorSearch
-from jld_core.models.zero_dilation_space_products import SpaceRelaxed, relax_space
-from jld_core.models.zero_dilation_space_statics import SpaceStatics, space_reach
+from jld_core.models.zero_dilation.ceiling import Ceiling
+from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.products import Region
+from jld_core.models.zero_dilation.space_certificate import SpaceCertifier
+from jld_core.models.zero_dilation.space_floor import SpaceFloorSearch
+from jld_core.models.zero_dilation.space_modes import (
+    AXES,
+    SpaceModes,
+    space_modes_of,
+    unit_direction,
+    widest,
+    with_direction,
+)
+from jld_core.models.zero_dilation.space_products import SpaceRelaxed, relax_space
+from jld_core.models.zero_dilation.space_statics import SpaceStatics, space_reach
 from paths import SCENES
 
 GROUND = box("ground", [-3.0, -3.0, -0.5], [9.0, 3.0, 0.0], support=True)

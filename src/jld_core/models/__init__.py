@@ -29,7 +29,7 @@ from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
 from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
-from jld_core.models.zero_dilation_search import Scheme
+from jld_core.models.zero_dilation.search import Scheme
 
 __all__ = [
     "LADDERS",

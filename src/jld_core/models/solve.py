@@ -29,8 +29,8 @@ from jld_core.mechanics import require_materials
 from jld_core.models.effective_area import prove_effective_area
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
-from jld_core.models.zero_dilation import prove_zero_dilation
-from jld_core.models.zero_dilation_search import Scheme
+from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.solve import prove_zero_dilation
 from jld_core.solvers import is_large
 from jld_core.threads import one_thread
 

@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_blocks import BlockAnswer, BlockCertifier, relax_in_blocks
-from jld_core.models.zero_dilation_ceiling import Ceiling
-from jld_core.models.zero_dilation_modes import Modes
-from jld_core.models.zero_dilation_products import Region
-from jld_core.models.zero_dilation_statics import Statics
+from jld_core.models.zero_dilation.blocks import BlockAnswer, BlockCertifier, relax_in_blocks
+from jld_core.models.zero_dilation.ceiling import Ceiling
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.products import Region
+from jld_core.models.zero_dilation.statics import Statics
 
 _ENOUGH: Final = 4e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
 _FINE, _COARSE = 1e-8, 1e-5  # λ that a unit of cost earns in the program, relative to λ or to 1: at the least, and most
@@ -35,7 +35,7 @@ _DEPTH: Final = 6  # branches above one another
 
 
 class BlockSweep:
-    """One labelling. size, reach: see `Statics.size` and `zero_dilation_statics.reach`."""
+    """One labelling. size, reach: see `Statics.size` and `statics.reach`."""
 
     def __init__(self, modes: Modes, size: Floats, reach: Floats, ceiling: Ceiling) -> None:
         self.modes, self.size, self.reach, self.ceiling = modes, size, reach, ceiling

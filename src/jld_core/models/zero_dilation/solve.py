@@ -21,10 +21,10 @@ from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
-from jld_core.models.zero_dilation_proof import proof_of
-from jld_core.models.zero_dilation_range import load_range
-from jld_core.models.zero_dilation_search import PairSearch, Scheme
-from jld_core.models.zero_dilation_starts import first_forces
+from jld_core.models.zero_dilation.proof import proof_of
+from jld_core.models.zero_dilation.range import load_range
+from jld_core.models.zero_dilation.search import PairSearch, Scheme
+from jld_core.models.zero_dilation.starts import first_forces
 
 
 def prove_zero_dilation(

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation_modes import LinearModes, Modes
+from jld_core.models.zero_dilation.modes import LinearModes, Modes
 from jld_core.solvers import LinearAnswer, interior_point
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_modes import LinearModes
+from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.solvers import LinearRows
 
 _SUMS: Final = 1e-13  # rounding of a sum of a few hundred products, relative to the sum of their sizes

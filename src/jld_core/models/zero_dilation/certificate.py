@@ -21,9 +21,9 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
-from jld_core.models.zero_dilation_modes import Modes
-from jld_core.models.zero_dilation_products import (
+from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.products import (
     Multipliers,
     Region,
     extended,
@@ -48,7 +48,7 @@ _NIL: Final = 1e-60  # what is cut off residuals when they become doubles
 class Certifier:
     """Makes multipliers of one region exact and checks what they prove.
 
-    slack: σ. size, reach: see `Statics.size` and `zero_dilation_statics.reach`.
+    slack: σ. size, reach: see `Statics.size` and `statics.reach`.
     """
 
     def __init__(self, modes: Modes, region: Region, slack: float, size: Floats, reach: Floats) -> None:

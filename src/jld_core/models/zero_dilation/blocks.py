@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
-from jld_core.models.zero_dilation_around import Surroundings, lone_faces, velocities_of
-from jld_core.models.zero_dilation_certificate import Certifier, clean
-from jld_core.models.zero_dilation_interior import ProductProgram, minimise
-from jld_core.models.zero_dilation_modes import Modes
-from jld_core.models.zero_dilation_normal import NormalEquations
-from jld_core.models.zero_dilation_products import Multipliers, Region, cost_of, equal_pairs, extended, mixed, units_of
+from jld_core.models.zero_dilation.around import Surroundings, lone_faces, velocities_of
+from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
+from jld_core.models.zero_dilation.certificate import Certifier, clean
+from jld_core.models.zero_dilation.interior import ProductProgram, minimise
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.normal import NormalEquations
+from jld_core.models.zero_dilation.products import Multipliers, Region, cost_of, equal_pairs, extended, mixed, units_of
 
 _FREE: Final = (1e-6, 1e-4)  # sizes, one after the other, from which a multiplier may change as it must
 _GONE: Final = 1e-14  # multipliers below this are none

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
-from jld_core.models.zero_dilation_search import Pair
+from jld_core.models.zero_dilation.search import Pair
 
 
 def proof_of(associative: Proof, analysis: LimitAnalysis, pair: Pair | None, solves: int) -> Proof:

@@ -1,4 +1,4 @@
-"""The proof of a lower bound in space: the identity of `zero_dilation_certificate`, with the forms that couple slip.
+"""The proof of a lower bound in space: the identity of `certificate`, with the forms that couple slip.
 
     (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k z_l + Σ g_k ŷ_k (b_λ·u) + Σ ν_j B_j(Φ, w) + (K Φ)ᵀ Q w + Φᵀ Ψ w_still + Φᵀ R w
 
@@ -15,11 +15,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Floats
-from jld_core.models.binary_fractions import BITS, BinaryFractions, cut
-from jld_core.models.zero_dilation_certificate import Certifier, clean, least_change, taken_off
-from jld_core.models.zero_dilation_products import Region, extended, products, without
-from jld_core.models.zero_dilation_space import Forms, SpaceModes
-from jld_core.models.zero_dilation_space_products import equal_of, still
+from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
+from jld_core.models.zero_dilation.certificate import Certifier, clean, least_change, taken_off
+from jld_core.models.zero_dilation.products import Region, extended, products, without
+from jld_core.models.zero_dilation.space_modes import Forms, SpaceModes
+from jld_core.models.zero_dilation.space_products import equal_of, still
 
 _FREE: Final = 1e-7  # size from which a multiplier may change as it must; a smaller one in proportion
 _GONE: Final = 1e-14  # multipliers below this are none

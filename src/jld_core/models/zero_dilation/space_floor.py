@@ -17,13 +17,13 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.limit import LimitAnalysis
-from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
-from jld_core.models.zero_dilation_frozen import frozen_friction
-from jld_core.models.zero_dilation_products import Region
-from jld_core.models.zero_dilation_space import SpaceModes, Way, space_modes_of, with_direction
-from jld_core.models.zero_dilation_space_certificate import SpaceCertifier
-from jld_core.models.zero_dilation_space_products import SpaceRelaxed, relax_space
-from jld_core.models.zero_dilation_space_statics import SpaceStatics, space_reach
+from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
+from jld_core.models.zero_dilation.frozen import frozen_friction
+from jld_core.models.zero_dilation.products import Region
+from jld_core.models.zero_dilation.space_certificate import SpaceCertifier
+from jld_core.models.zero_dilation.space_modes import SpaceModes, Way, space_modes_of, with_direction
+from jld_core.models.zero_dilation.space_products import SpaceRelaxed, relax_space
+from jld_core.models.zero_dilation.space_statics import SpaceStatics, space_reach
 
 SPACE_FACES: Final = 24
 """Faces up to which products are formed; larger scenes have the cheap bound alone, unless time is given for more."""

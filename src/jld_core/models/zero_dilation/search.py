@@ -1,4 +1,4 @@
-"""The search for forces and velocities that satisfy friction without dilation; see `zero_dilation`."""
+"""The search for forces and velocities that satisfy friction without dilation; see `solve`."""
 
 from __future__ import annotations
 

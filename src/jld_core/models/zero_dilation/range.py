@@ -10,14 +10,14 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
-from jld_core.models.zero_dilation_floor import FloorSearch
-from jld_core.models.zero_dilation_found import FromEverySide
-from jld_core.models.zero_dilation_proof import proof_of
-from jld_core.models.zero_dilation_search import Scheme
-from jld_core.models.zero_dilation_space import space_modes_of
-from jld_core.models.zero_dilation_space_floor import SpaceFloorSearch
-from jld_core.models.zero_dilation_starts import certified
+from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
+from jld_core.models.zero_dilation.floor import FloorSearch
+from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.proof import proof_of
+from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.space_floor import SpaceFloorSearch
+from jld_core.models.zero_dilation.space_modes import space_modes_of
+from jld_core.models.zero_dilation.starts import certified
 
 _TRIED: Final = 3  # states of the relaxation that are walked on from
 

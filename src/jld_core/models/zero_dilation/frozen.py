@@ -9,9 +9,9 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import PrescribedFriction
-from jld_core.models.zero_dilation_ceiling import Ceiling
-from jld_core.models.zero_dilation_modes import LinearModes
-from jld_core.models.zero_dilation_statics import Statics
+from jld_core.models.zero_dilation.ceiling import Ceiling
+from jld_core.models.zero_dilation.modes import LinearModes
+from jld_core.models.zero_dilation.statics import Statics
 
 _ROUNDS: Final = 8
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_modes import Modes
+from jld_core.models.zero_dilation.modes import Modes
 from jld_core.solvers import LinearRows
 
 _CLOSED: Final = (1e-9, 1e-7, 1e-5)  # y below which a mode may move, as small as lets any mechanism through

@@ -2,7 +2,7 @@
 
 Every step excludes an interval [L, p) of λ, given that [0, L) is excluded already; where a sweep stalls on a mode, the
 solutions in which it does not move and those in which its slack is zero are bounded apart, for every solution is one
-or the other. A step counts as proven if its certificate says so, `zero_dilation_certificate`.
+or the other. A step counts as proven if its certificate says so, `certificate`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools
 from jld_core.limit import LimitAnalysis
-from jld_core.models.zero_dilation_ceiling import Ceiling, Floor
-from jld_core.models.zero_dilation_certificate import Certifier
-from jld_core.models.zero_dilation_frozen import frozen_friction
-from jld_core.models.zero_dilation_modes import Modes
-from jld_core.models.zero_dilation_products import Region, Relaxed, relax
-from jld_core.models.zero_dilation_statics import Statics, reach
-from jld_core.models.zero_dilation_sweep import BlockSweep
+from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
+from jld_core.models.zero_dilation.certificate import Certifier
+from jld_core.models.zero_dilation.frozen import frozen_friction
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.products import Region, Relaxed, relax
+from jld_core.models.zero_dilation.statics import Statics, reach
+from jld_core.models.zero_dilation.sweep import BlockSweep
 
 FACES: Final = 60
 """Faces up to which products are formed; larger scenes have the cheap bounds alone, unless time is given for more."""

@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation_modes import Modes
-from jld_core.models.zero_dilation_products import without
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.products import without
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
-from jld_core.models.zero_dilation_modes import Modes, modes_of
-from jld_core.models.zero_dilation_pivots import Pivots
-from jld_core.models.zero_dilation_search import Pair, PairSearch, Scheme
-from jld_core.models.zero_dilation_starts import certified, of_little_pressure, starts
+from jld_core.models.zero_dilation.modes import Modes, modes_of
+from jld_core.models.zero_dilation.pivots import Pivots
+from jld_core.models.zero_dilation.search import Pair, PairSearch, Scheme
+from jld_core.models.zero_dilation.starts import certified, of_little_pressure, starts
 
 _LITTLE: Final = 24  # states of little pressure that are started from in space,
 _IDLE: Final = 8  # so many in a row without a lower solution

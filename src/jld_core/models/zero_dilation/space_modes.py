@@ -27,7 +27,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.mechanics import SpatialYield
-from jld_core.models.zero_dilation_modes import LinearModes, near_faces
+from jld_core.models.zero_dilation.modes import LinearModes, near_faces
 from jld_core.program import Template
 
 AXES: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])

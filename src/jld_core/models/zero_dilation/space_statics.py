@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation_space import SpaceModes, widest
-from jld_core.models.zero_dilation_statics import Statics
+from jld_core.models.zero_dilation.space_modes import SpaceModes, widest
+from jld_core.models.zero_dilation.statics import Statics
 
 _LEAST: Final = 1e-6  # friction, scaled, that is surely mobilised
 _SAME: Final = 1e-9  # part of a motion that counts as none

@@ -1,4 +1,4 @@
-"""The linear program over products of spatial forces with velocities: `zero_dilation_space` multiplied out.
+"""The linear program over products of spatial forces with velocities: `space_modes` multiplied out.
 
 As in the plane, X = E[Φ wᵀ] of Φ = (F, λ, 1) and w = (u, z, t): equilibrium times every w_j, ties times every Φ_i,
 y_k z_l ≥ 0 of given pairs, = 0 of a bending row with its own mode, the forms that couple friction with slip,
@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation_products import (
+from jld_core.models.zero_dilation.products import (
     Multipliers,
     Region,
     extended,
@@ -24,7 +24,7 @@ from jld_core.models.zero_dilation_products import (
     units_of,
     without,
 )
-from jld_core.models.zero_dilation_space import SpaceModes
+from jld_core.models.zero_dilation.space_modes import SpaceModes
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
 
