@@ -1,7 +1,8 @@
 """Dry walls of Ferris & Tin-Loi, Int. J. Mech. Sci. 43 (2001) 209–224, friction 0.65, horizontal body load.
 
 λ as in the scenes' own `expected` (published to 3–5 digits, recomputed by two independent linear programs);
-tolerance 1e-6. The walls are symmetric about a vertical line, so both directions give the same value.
+tolerance 1e-6. The walls are symmetric about a vertical line, so both directions give the same value. Blocks and
+contacts are counted as in MPECLib, whose complementarity problem of n blocks and m contacts has 3n + 7m + 2 equations.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from jld_core.solvers import SOLVERS
 from paths import SCENES
 from transforms import as_elements
 
-WALLS = ("ferris_tinloi_1", "ferris_tinloi_2", "ferris_tinloi_4")
+WALLS = tuple(f"ferris_tinloi_{n}" for n in range(1, 7))
+EQUATIONS = (682, 1154, 854, 979, 1025, 2855)
+"""Of frictionalblock_1 … 6 in MPECLib."""
 
 
 def wall(name: str, direction: float = 1.0) -> tuple[Scene, Assembly]:
@@ -46,6 +49,13 @@ def test_wall(name: str, direction: float) -> None:
     assert low <= result.load_factor <= high
     assert (high - low) / published < 1e-7
     assert result.stands_at_zero is True
+
+
+@pytest.mark.parametrize(("name", "equations"), list(zip(WALLS, EQUATIONS, strict=True)))
+def test_blocks_and_contacts_are_those_of_mpeclib(name: str, equations: int) -> None:
+    _, assembly = wall(name)
+    blocks = int((~assembly.elements.support).sum())
+    assert 3 * blocks + 7 * len(assembly.interfaces) + 2 == equations
 
 
 @pytest.mark.parametrize("route", SOLVERS)
