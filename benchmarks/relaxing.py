@@ -23,8 +23,8 @@ from benchmarks.exact import wall
 from benchmarks.search_scenes import ENUMERATED
 from jld_core import Scene, build_assembly
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.lanes import described
-from jld_core.limit import LimitAnalysis, Relaxation
+from jld_core.lanes import ToShrink, described
+from jld_core.limit import Fallen, LimitAnalysis, Relaxation
 from jld_core.solvers import make_solver
 from jld_explore.drivers import Formula, possible_blocks
 from jld_explore.drivers.exact.hunting import Hunt
@@ -64,11 +64,11 @@ def shrunk(scene: Scene, threshold: float) -> tuple[Relaxation, Bools, list[Bits
     spent = 0.0
     shrink = relaxation.shrink
 
-    def timed(labels: Bits, *others: Any) -> Any:
+    def timed(asked: ToShrink) -> list[Fallen]:
         nonlocal spent
-        drawn.extend(labels)
+        drawn.extend(asked.labellings)
         start = time.process_time()
-        found = shrink(labels, *others)
+        found = shrink(asked)
         spent += time.process_time() - start
         return found
 
@@ -78,7 +78,6 @@ def shrunk(scene: Scene, threshold: float) -> tuple[Relaxation, Bools, list[Bits
     with patch.object(relaxation, "shrink", timed):
         while relaxation.solves < COUNT and not hunt.step(threshold / relaxation.template.scaling.load).exhausted:
             pass
-    formula.close()
     return relaxation, space.candidates, drawn, relaxation.solves, spent / relaxation.solves
 
 

@@ -29,6 +29,7 @@ from jld_core.lanes import (
     Joining,
     Lanes,
     Shrinking,
+    ToShrink,
     build,
     fits,
     library,
@@ -225,7 +226,7 @@ def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> No
     free, how = np.ones(asked.shape[1], dtype=bool), Shrinking(tries=3, inner=True)
 
     def shrunk(rows: Bits) -> list[np.ndarray]:
-        found = made.shrink(rows, free, thresholds[: len(rows)], how)
+        found = made.shrink(ToShrink(rows, free, thresholds[: len(rows)], how=how))
         return [found.fate, found.decided, found.velocity, found.relaxations]
 
     together = shrunk(asked)

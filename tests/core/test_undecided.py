@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from cases import CASES, grid_assembly
 from cases_spatial import box, scene
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
-from jld_core.lanes import Shrinking
+from jld_core.lanes import Shrinking, ToShrink
 from jld_core.limit import LimitAnalysis, Relaxation, Status
 from jld_core.scene import parse_scene
 from jld_explore.drivers import conflict_of
@@ -108,7 +109,8 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:40]]
     conflicts = [c for c in found if c is not None]
     if relaxation.many:
-        whole = relaxation.shrink(rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), Shrinking(neighbours=2))
+        asked = ToShrink(rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), how=Shrinking(neighbours=2))
+        whole = relaxation.shrink(asked)
         refuted = {one.labelling for one in whole if one.drawn and one.bound is not None}
         # what it leaves open is for the other route
         assert refuted
@@ -116,7 +118,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         if any(one.decided.any() for one in whole):
             assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
         outside = rng.random((40, m)) < 0.3
-        parts = relaxation.shrink(rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), undecided=outside)
+        parts = relaxation.shrink(replace(asked, how=Shrinking(), undecided=outside))
         assert {one.labelling for one in parts if one.bound is not None} <= refuted
         assert not any((one.decided & outside[one.labelling]).any() for one in parts)
         for one in (*whole, *parts):
@@ -183,7 +185,7 @@ def test_what_is_kept_of_shrunk_labellings_does_not_keep_workspaces() -> None:
     for call in range(80):
         rows = rng.random((8, len(free))) < 0.8
         threshold = np.full(8, 0.73 / relaxation.template.scaling.load)
-        for one in relaxation.shrink(rows, free, threshold, Shrinking(neighbours=3)):
+        for one in relaxation.shrink(ToShrink(rows, free, threshold, how=Shrinking(neighbours=3))):
             kept.append((np.flatnonzero(one.decided), rows[one.labelling][one.decided]))
         resident = 4096 * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
         first = resident if call == 20 else first

@@ -6,7 +6,6 @@
 - `LOCKED`: answer of a labelling that carries any load
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
-- `SHRINKING`: how labellings are shrunk to what makes them too weak
 - `SOLVED`: state of a choice of blocks of which a bound can be expected
 - `BlockAnswers`: of k choices: own (k, own rows of all blocks), shared (k, shared rows): multipliers of the rows; …
 - `BlockColumns`: columns of one block
@@ -17,28 +16,18 @@
 - `Lanes`: the kernel for one template
 - `Shrinking`: how labellings are shrunk to what makes them too weak
 - `Shrunk`: what shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each …
+- `ToShrink`: labellings to be shrunk, whoever is asked: the kernel, the relaxation of one load or that of several cases
 - `chosen`: the kernel in use
 - `described`: the kernel in use, in words
 - `fits`: whether the kernel knows rows of a shape
 """
 
 from jld_core.lanes.blocks import SOLVED, BlockAnswers, BlockColumns, BlockLanes
-from jld_core.lanes.kernel import (
-    CARRIED,
-    CARRIES,
-    FALLS,
-    LOCKED,
-    OPEN,
-    PROVEN,
-    SHRINKING,
-    LaneAnswers,
-    Lanes,
-    Shrinking,
-    Shrunk,
-)
+from jld_core.lanes.kernel import CARRIES, FALLS, LOCKED, OPEN, PROVEN, LaneAnswers, Lanes
 from jld_core.lanes.library import chosen, described
 from jld_core.lanes.parts import Graph, Joining
 from jld_core.lanes.rows import fits
+from jld_core.lanes.shrinking import CARRIED, Shrinking, Shrunk, ToShrink
 
 __all__ = [
     "CARRIED",
@@ -47,7 +36,6 @@ __all__ = [
     "LOCKED",
     "OPEN",
     "PROVEN",
-    "SHRINKING",
     "SOLVED",
     "BlockAnswers",
     "BlockColumns",
@@ -58,6 +46,7 @@ __all__ = [
     "Lanes",
     "Shrinking",
     "Shrunk",
+    "ToShrink",
     "chosen",
     "described",
     "fits",

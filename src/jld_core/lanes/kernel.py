@@ -21,6 +21,7 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.lanes import library
 from jld_core.lanes.pattern import factor_pattern
 from jld_core.lanes.rows import rows_of
+from jld_core.lanes.shrinking import Shrunk, ToShrink
 from jld_core.mechanics import Rows
 from jld_core.program import Template
 
@@ -29,9 +30,6 @@ PROVEN: Final = 1
 FALLS: Final = 2
 CARRIES: Final = 3
 LOCKED: Final = 4
-CARRIED: Final = 2
-"""Fate of a labelling that was to be shrunk, and whose forces were seen to carry more than its threshold."""
-
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
     "margin": 1e-10,
@@ -107,40 +105,6 @@ class LaneAnswers:
     velocity: Floats | None = None
     diagnosis: Floats | None = None
     rays: Floats | None = None
-
-
-@dataclass(frozen=True)
-class Shrinking:
-    """How labellings are shrunk to what makes them too weak.
-
-    neighbours: of each labelling that falls, the same with one face of its conflict undecided from the start. tries:
-    single faces tried in vain before a conflict is taken as it is. inner: whether inner faces are tried before dry
-    ones. balance: error of equilibrium with which forces that carry more end a relaxation.
-    """
-
-    neighbours: int = 0
-    tries: int = 2
-    inner: bool = False
-    balance: float = 1e-6
-
-
-SHRINKING: Final = Shrinking()
-
-
-@dataclass(frozen=True)
-class Shrunk:
-    """What shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each labelling before
-    its neighbours.
-
-    labelling: (r,) which of the k it is of. fate: (r,) OPEN (or never begun), PROVEN (refuted) or CARRIED. decided:
-    (r, m) faces that matter. velocity: (r, q·free) of the mechanism. relaxations: (r,) solved.
-    """
-
-    labelling: Ints
-    fate: NDArray[np.uint8]
-    decided: Bools
-    velocity: Floats
-    relaxations: NDArray[np.int32]
 
 
 class Lanes:
@@ -280,9 +244,7 @@ class Lanes:
         if failed:
             raise MemoryError("the kernel's workspace")
         if velocity is not None:
-            back = np.empty_like(velocity)
-            back[:, self._ends] = velocity
-            velocity = back
+            velocity = self._as_elements(velocity)
         return LaneAnswers(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
     def reversed(self) -> Lanes:
@@ -293,43 +255,42 @@ class Lanes:
         other._start = replace(self._start, jumps=nothing, speed=np.zeros(self.size), load=0.0)
         return other
 
-    def shrink(
-        self,
-        labellings: Bits,
-        free: Bools,
-        thresholds: Floats,
-        how: Shrinking = SHRINKING,
-        seed: int = 0,
-        undecided: Bools | None = None,
-    ) -> Shrunk:
-        """Labellings (k, m), True dry, each with as few faces decided as still keep λ at a threshold (k,).
+    def shrink(self, asked: ToShrink) -> Shrunk:
+        """Each labelling with as few faces decided as still keep λ at its threshold, which is a scaled one.
 
-        free: (m,) faces that may take either label. thresholds: scaled λ. seed: of the faces that neighbours do
-        without. undecided: (k, m) free faces that are so from the start, default none. What is said to refute is a
-        hint, to be weighed by who uses it.
+        What is said to refute is a hint, to be weighed by who uses it.
         """
-        count, wide = len(labellings), 1 + how.neighbours
-        asked_of = labellings if undecided is None else np.where(undecided & free, 2, labellings)
-        labels, matters = (np.ascontiguousarray(array, dtype=np.uint8) for array in (asked_of, free))
-        least = np.ascontiguousarray(thresholds, dtype=float)
+        count, how = len(asked.labellings), asked.how
+        wide = 1 + how.neighbours
+        begun = asked.labellings
+        if asked.undecided is not None:
+            begun = np.where(asked.undecided & asked.free, np.uint8(_UNDECIDED), begun)
+        labels, matters = (np.ascontiguousarray(array, dtype=np.uint8) for array in (begun, asked.free))
+        least = np.ascontiguousarray(asked.thresholds, dtype=float)
         fate, relaxations = np.zeros(count * wide, dtype=np.uint8), np.zeros(count * wide, dtype=np.int32)
         conflict = np.zeros((count * wide, self.faces), dtype=np.uint8)
         velocity = np.zeros((count * wide, self.size))
-        asked = library.Shrinking(
+        task = library.Shrinking(
             count,
             *(_pointer(array) for array in (labels, matters, least)),
             how.neighbours,
             how.tries,
             int(how.inner),
             how.balance,
-            seed,
+            asked.seed,
             *(_pointer(array) for array in (fate, conflict, velocity, relaxations)),
         )
-        if self._library.jld_lanes_shrink(self._problem(), self._tries[0], asked):
+        if self._library.jld_lanes_shrink(self._problem(), self._tries[0], task):
             raise MemoryError("the kernel's workspace")
+        return Shrunk(
+            np.arange(count).repeat(wide), fate, conflict.astype(bool), self._as_elements(velocity), relaxations
+        )
+
+    def _as_elements(self, velocity: Floats) -> Floats:
+        """Velocities (k, q·free) in the order of elements, from that of elimination."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
-        return Shrunk(np.arange(count).repeat(wide), fate, conflict.astype(bool), back, relaxations)
+        return back
 
     def _problem(self) -> library.Problem:
         p, start = self.pattern, self._start

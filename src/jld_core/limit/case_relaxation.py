@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.lanes import SHRINKING, Shrinking
+from jld_core.lanes import ToShrink
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
 
@@ -68,26 +68,17 @@ class CaseRelaxation:
         self._order.sort(key=lambda case: -counts[case])
         return found
 
-    def shrink(
-        self,
-        labellings: Bits,
-        free: Bools,
-        thresholds: Floats,
-        how: Shrinking = SHRINKING,
-        seed: int = 0,
-        undecided: Bools | None = None,
-    ) -> list[Fallen]:
+    def shrink(self, asked: ToShrink) -> list[Fallen]:
         """See `Relaxation.shrink`, with governing factors: each labelling under the first case that refutes it."""
         found: list[Fallen] = []
-        left, carried = np.arange(len(labellings)), np.ones(len(labellings), dtype=bool)
+        left, carried = np.arange(len(asked.labellings)), np.ones(len(asked.labellings), dtype=bool)
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
             if not left.size:
                 break
             unit = self._units[case]
             fallen: set[int] = set()
-            outside = None if undecided is None else undecided[left]
-            for one in self._cases[case].shrink(labellings[left], free, thresholds[left] / unit, how, seed, outside):
+            for one in self._cases[case].shrink(asked.take(left).in_units(unit)):
                 labelling = int(left[one.labelling])
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn
@@ -99,7 +90,7 @@ class CaseRelaxation:
             counts[case] = len(fallen)
             left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
         self._order = sorted(self._order, key=lambda case: -counts[case])  # other threads may be at the last one
-        return found + [Fallen(k, True, free, None, bool(carried[k])) for k in left.tolist()]
+        return found + [Fallen(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Governing factor that no labelling exceeds that agrees where decided; inf where none was found."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, PROVEN, SHRINKING, Lanes, Shrinking, chosen, fits
+from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, PROVEN, Lanes, ToShrink, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.program import ConicProgram
@@ -139,32 +139,21 @@ class Relaxation:
                 found[k] = one
         return found
 
-    def shrink(
-        self,
-        labellings: Bits,
-        free: Bools,
-        thresholds: Floats,
-        how: Shrinking = SHRINKING,
-        seed: int = 0,
-        undecided: Bools | None = None,
-    ) -> list[Fallen]:
-        """Labellings (k, m) with as few faces decided as still keep λ at thresholds (k,), and neighbours of them; where
-        the kernel solves many at a time.
-
-        free: (m,) faces that may take either label. thresholds: scaled λ. how, seed, undecided: as `Lanes.shrink`
-        takes them. Whatever the kernel refuted is weighed here.
+    def shrink(self, asked: ToShrink) -> list[Fallen]:
+        """Labellings with as few faces decided as still keep λ at their thresholds, scaled, and neighbours of them;
+        where the kernel solves many at a time. Whatever it refuted is weighed here.
         """
         assert self._lanes is not None
-        raw = self._lanes.shrink(labellings, free, thresholds, how, seed, undecided)
+        raw = self._lanes.shrink(asked)
         with _COUNTING:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
         left = np.arange(len(begun))[raw.fate[begun] == PROVEN]
-        open_ = free & ~raw.decided[begun]
+        open_ = asked.free & ~raw.decided[begun]
         found: list[DualBound | None] = [None] * len(begun)
-        self._weigh_all(raw.velocity[begun[left]], left, labellings[of], open_, thresholds[of], found)
-        drawn = begun % (len(raw.fate) // max(len(labellings), 1)) == 0
+        self._weigh_all(raw.velocity[begun[left]], left, asked.labellings[of], open_, asked.thresholds[of], found)
+        drawn = begun % (1 + asked.how.neighbours) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [
             Fallen(k, own, faces, None if one is None else one.bound, fate == CARRIED)

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools
-from jld_core.lanes import Shrinking
+from jld_core.lanes import Shrinking, ToShrink
 from jld_core.limit import Fallen
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
@@ -120,14 +120,15 @@ class Hunt:
                 continue
             of, outside = np.repeat(left, len(windows)), np.tile(~windows, (len(left), 1))
             limits = np.full(len(of), threshold)
-            fallen = self._relaxation.shrink(drawn[of], self._free, limits, inside, seed, outside)
+            fallen = self._relaxation.shrink(ToShrink(drawn[of], self._free, limits, outside, inside, seed))
             refuted = [replace(one, labelling=int(of[one.labelling])) for one in fallen if one.bound is not None]
             found += refuted
             rest = np.setdiff1d(left, [one.labelling for one in refuted])
             self._worth.tell(width, 1.0 - len(rest) / len(left))
             left = rest
         if left.size:
-            whole = self._relaxation.shrink(drawn[left], self._free, np.full(len(left), threshold), how, seed)
+            asked = ToShrink(drawn[left], self._free, np.full(len(left), threshold), how=how, seed=seed)
+            whole = self._relaxation.shrink(asked)
             found += [replace(one, labelling=int(left[one.labelling])) for one in whole]
         return found
 
