@@ -38,8 +38,6 @@ class Anew(Exact):
     """Proves with a formula of its own for every count and every λ aimed at, as was done before they shared one."""
 
     def _begin(self, target: int | None) -> None:
-        if self._formula is not None:
-            self._formula.close()
         self._formula, self._said = Fixed(self.space, self._blocks), (0, 0)
         super()._begin(target)
 

@@ -137,7 +137,6 @@ def refuted(
         spent = time.process_time() - began
         if caught.exhausted or spent > most:
             break
-    formula.close()
     end = "" if caught.exhausted else "more than "
     mean = float(np.mean(lengths)) if lengths else 0.0
     each = 1e3 * spent / relaxation.solves

@@ -63,10 +63,6 @@ class Formula:
         for lock in space.laying.locks if space.laying is not None else ():
             self.forbid(lock.faces, lock.labels)
 
-    def close(self) -> None:
-        """Free the solver."""
-        self._solver.delete()
-
     def aim(self, threshold: float, count: int | Range | None = None) -> None:
         """Look for labellings above a scaled λ from now on, with a count of the front or bounds on it; None for any."""
         if self._aside is not None:
