@@ -2,6 +2,8 @@
 
 - `FLOOR_SECONDS`: processor time for the bound below every λ without dilation
 - `LADDER`: what `LimitAnalysis.prove` tries by default, from the top down
+- `AnyBlockRelaxation`: the relaxation by blocks, under one load or several
+- `AnyRelaxation`: what refutes partial labellings, under one load or several
 - `Asked`: what `BlockRelaxation.choose` is asked: blocks allowed, λ to reach, λ that is not exceeded
 - `Batch`: the kernel for one limit analysis
 - `BatchAnswers`: what is settled of k labellings
@@ -34,6 +36,7 @@
 - `Thrust`: one end of the range
 - `apart`: whether two brackets of one λ have nothing in common
 - `applies_to`: whether there is a relaxation by blocks
+- `block_relaxation_of`: the relaxation by blocks of a structure under its load or all of its cases
 - `crossed`: whether two bounds contradict each other
 - `displacement`: velocities of points that move with an element
 - `element_velocities`: scaled velocities → scene units
@@ -45,6 +48,7 @@
 - `number`: a JSON number, or null
 - `reactions`: (k, q) what interfaces put on some elements (k,), supports too, about their centroids
 - `relative_width`: width of a bracket, relative
+- `relaxation_of`: the relaxation of a structure under its load or all of its cases
 - `result_of`: a proof → a result in scene units
 - `settle`: the range of thrust that a settlement leaves, and the mechanisms at its ends; associative, convex contact
 """
@@ -55,7 +59,14 @@ from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
-from jld_core.limit.case_relaxation import CaseBlockRelaxation, CaseRelaxation
+from jld_core.limit.case_relaxation import (
+    AnyBlockRelaxation,
+    AnyRelaxation,
+    CaseBlockRelaxation,
+    CaseRelaxation,
+    block_relaxation_of,
+    relaxation_of,
+)
 from jld_core.limit.governing import Governing, Known, governing
 from jld_core.limit.mechanism import (
     Movement,
@@ -75,6 +86,8 @@ from jld_core.limit.status import Status
 __all__ = [
     "FLOOR_SECONDS",
     "LADDER",
+    "AnyBlockRelaxation",
+    "AnyRelaxation",
     "Asked",
     "Batch",
     "BatchAnswers",
@@ -107,6 +120,7 @@ __all__ = [
     "Thrust",
     "apart",
     "applies_to",
+    "block_relaxation_of",
     "crossed",
     "displacement",
     "element_velocities",
@@ -118,6 +132,7 @@ __all__ = [
     "number",
     "reactions",
     "relative_width",
+    "relaxation_of",
     "result_of",
     "settle",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -9,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
+from jld_core.assembly import Assembly
 from jld_core.lanes import ToShrink
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
 
@@ -37,6 +40,16 @@ class CaseRelaxation:
     def many(self) -> bool:
         """Whether relaxations of every case are solved many at a time."""
         return all(one.many for one in self._cases)
+
+    @property
+    def unit(self) -> float:
+        """Governing factor for each of what is bounded here: 1, as it has no scale."""
+        return 1.0
+
+    @property
+    def each(self) -> tuple[Relaxation, ...]:
+        """The relaxation of every case."""
+        return tuple(self._cases)
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
         """A proof, by one case, that no labelling that agrees where decided reaches a factor; None where none is found.
@@ -153,3 +166,39 @@ class CaseBlockRelaxation:
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
         """Governing factors as scaled λ of a case, so that nothing is lost by it."""
         return (threshold - abs(threshold) * _ROUNDING) / unit, (most + abs(most) * _ROUNDING) / unit
+
+
+AnyRelaxation = Relaxation | CaseRelaxation
+"""What refutes partial labellings, under one load or several."""
+
+AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation
+"""The same of choices of blocks."""
+
+
+def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:
+    """The relaxation of a structure under its load or all of its cases; None where no hull is known of its faces.
+
+    analyses: of its cases, in their order, where they are at hand.
+    """
+    known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
+    if any(analysis.template.yield_set.hull() is None for analysis in known):
+        return None
+    each = [Relaxation(analysis) for analysis in known]
+    return CaseRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]
+
+
+def block_relaxation_of(
+    assembly: Assembly,
+    members: Sequence[Sequence[int]],
+    inside: Sequence[Sequence[int]],
+    analyses: Sequence[LimitAnalysis] = (),
+    seconds: float = math.inf,
+) -> AnyBlockRelaxation:
+    """The relaxation by blocks of a structure under its load or all of its cases.
+
+    members, inside, seconds: see `BlockRelaxation`. analyses: of its cases, in their order, where they are at hand.
+    Raises TypeError where there is none (`applies_to`).
+    """
+    known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
+    each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in known]
+    return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]

@@ -111,6 +111,16 @@ class Relaxation:
         """Whether relaxations are solved many at a time."""
         return self._lanes is not None
 
+    @property
+    def unit(self) -> float:
+        """λ in scene units for each of what is bounded here."""
+        return self.template.scaling.load
+
+    @property
+    def each(self) -> tuple[Relaxation, ...]:
+        """The relaxation of every load: of this one alone."""
+        return (self,)
+
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from jld_core.limit import FLOOR_SECONDS, CaseRelaxation, LimitAnalysis, Relaxation, SolveOptions
+from jld_core.limit import FLOOR_SECONDS, SolveOptions, relaxation_of
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.registry import DRIVERS, make_driver, owners
 from jld_explore.space import SearchSpace
@@ -53,11 +53,10 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
     if space.void is not None or not dilating.modular or len(assembly.interfaces) > BOUNDED:
         return None
-    analyses = [LimitAnalysis(case) for case in assembly.by_case]
-    if any(analysis.template.yield_set.hull() is None for analysis in analyses):
+    relaxation = relaxation_of(assembly)
+    if relaxation is None:
         return None
-    relaxation = CaseRelaxation([Relaxation(analysis) for analysis in analyses], assembly.required.tolist())
-    bound = relaxation.bound(space.fixed, space.candidates)
+    bound = relaxation.bound(space.fixed, space.candidates) * relaxation.unit
     return bound if math.isfinite(bound) else None
 
 

@@ -15,13 +15,13 @@ import cloudpickle
 import numpy as np
 
 from jld_core.arrays import Bits, Bools
-from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation
+from jld_core.limit import relaxation_of
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.cubes import Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
+from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import Range, SearchSpace
 
 _KEPT: Final = 4
@@ -85,8 +85,10 @@ class _Helper:
 
     def __init__(self, recipe: Recipe) -> None:
         self._space, self._blocks = recipe.space, recipe.blocks
-        self._relaxation = relaxation_of(recipe.space)
-        self._hunt = Hunt(self._relaxation, recipe.free, recipe.seed)
+        relaxation = relaxation_of(recipe.space.assembly)
+        assert relaxation is not None  # or there would be no proof to help with
+        self._relaxation = relaxation
+        self._hunt = Hunt(relaxation, recipe.free, recipe.seed)
         self._formula: Formula | None = None
         self._bounds: dict[tuple[bytes, bytes], float] = {}
         self._step = -1
@@ -143,9 +145,3 @@ def hunt_at_seat(order: Order) -> Answer:
     if helper is None or helper.number != order.number:
         return Answer(forgotten=True)
     return helper.work(order)
-
-
-def relaxation_of(space: SearchSpace) -> AnyRelaxation:
-    """The relaxation of a space, under its load or all of its cases."""
-    each = [Relaxation(LimitAnalysis(case)) for case in space.assembly.by_case]
-    return CaseRelaxation(each, space.assembly.required.tolist()) if space.assembly.cases else each[0]

@@ -14,12 +14,12 @@ from typing import Final, Literal
 import numpy as np
 
 from jld_core.arrays import Bits
-from jld_core.limit import LimitAnalysis, applies_to
+from jld_core.limit import AnyRelaxation, LimitAnalysis, applies_to
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
 from jld_explore.drivers.exact.choosers import Choosers
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
+from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]

@@ -20,7 +20,7 @@ from pysat.solvers import Solver
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation, SolveOptions, load_floor
+from jld_core.limit import LimitAnalysis, SolveOptions, load_floor, relaxation_of
 from jld_core.scene import Scene
 from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
@@ -91,18 +91,14 @@ class Certifier:
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:
         self._scene, self._space = scene, space
         assembly = space.assembly
-        cases, required = assembly.by_case, assembly.required.tolist()
-        floor = min(load_floor(case) / factor for case, factor in zip(cases, required, strict=True))
-        self.bound = bound + _SLACK * max(abs(bound), floor)
+        self.bound = bound + _SLACK * max(abs(bound), load_floor(assembly))
         self._claim = Claim(
             scene.model_dump(mode="json", exclude_defaults=True), self.bound, made_by=f"jld {__version__}"
         )
-        self._analyses = [LimitAnalysis(case) for case in cases]
-        each = [Relaxation(analysis) for analysis in self._analyses]
-        self._each = each
-        self._relaxation = CaseRelaxation(each, required) if assembly.cases else each[0]
-        self._scale = 1.0 if assembly.cases else each[0].template.scaling.load
-        self._factors = required
+        self._analyses = [LimitAnalysis(case) for case in assembly.by_case]
+        relaxation = relaxation_of(assembly, self._analyses)
+        assert relaxation is not None  # or the search would have proven nothing
+        self._relaxation, self._scale = relaxation, relaxation.unit
         self._checker = Checker(scene, assembly, self._claim)
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
@@ -222,7 +218,7 @@ class Certifier:
         """A mechanism, in whole numbers, that proves the bound for all labellings that agree where decided."""
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
-        for case, relaxation in enumerate(self._each):
+        for case, relaxation in enumerate(self._relaxation.each):
             raw = self._route.solve(relaxation.program(labels, undecided))
             velocity = raw.dual[: relaxation.template.matrix.shape[0]]
             reason = self._rounded(case, velocity, self._space.candidates & decided, labels)

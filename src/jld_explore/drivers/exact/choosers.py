@@ -17,7 +17,7 @@ from typing import Final
 import cloudpickle
 
 from jld_core.arrays import Bools
-from jld_core.limit import Asked, BlockRelaxation, CaseBlockRelaxation, Choice, LimitAnalysis
+from jld_core.limit import AnyBlockRelaxation, Asked, Choice, LimitAnalysis, block_relaxation_of
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.evaluation import Seat, Seats, client_of_cluster
@@ -29,7 +29,7 @@ ALONE: Final = 40
 Answer = tuple[Choice, int]
 """And the programs solved for it."""
 
-_kept: dict[str, BlockRelaxation | CaseBlockRelaxation] = {}
+_kept: dict[str, AnyBlockRelaxation] = {}
 
 
 @dataclass(frozen=True)
@@ -39,16 +39,12 @@ class Space:
     space: SearchSpace
     blocks: PossibleBlocks
 
-    def relaxation(
-        self, analyses: Sequence[LimitAnalysis] | None = None, seconds: float = math.inf
-    ) -> BlockRelaxation | CaseBlockRelaxation:
-        """The relaxation by blocks, under one load or all cases. analyses: of the cases, where they are at hand;
-        seconds: that a program may take.
+    def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
+        """The relaxation by blocks. analyses: of the load cases, where they are at hand; seconds: that a program may
+        take.
         """
-        assembly = self.space.assembly
-        known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
-        each = [BlockRelaxation(analysis, self.blocks.members, self.blocks.inside, seconds) for analysis in known]
-        return CaseBlockRelaxation(each, assembly.required.tolist()) if assembly.cases else each[0]
+        members, inside = self.blocks.members, self.blocks.inside
+        return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
 
 
 @one_thread()

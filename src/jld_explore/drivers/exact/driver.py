@@ -89,8 +89,7 @@ class Exact(Proving):
             known = " or ".join(count.name for count in registered() if count.terms)
             raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
         super().__init__(space, seed, self._count, list_blocks=list_blocks)
-        with_factors = zip(space.assembly.by_case, space.assembly.required.tolist(), strict=True)
-        self._floor = min(load_floor(case) / factor for case, factor in with_factors)
+        self._floor = load_floor(space.assembly)
         self._by_blocks: BlockSearch | None = None
         self._narrowing: Narrowing | None = None
         if self._relaxation is not None:

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from jld_core.arrays import Bits, Bools
+from jld_core.limit import AnyRelaxation
 from jld_explore.drivers.exact.conflicts import Conflicts
 from jld_explore.drivers.exact.crew import Crew
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Catch, Hunt
 from jld_explore.drivers.exact.pack import Pack
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import AnyRelaxation
 from jld_explore.evaluation import client_of_cluster
 from jld_explore.space import Range, SearchSpace
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools
 from jld_core.lanes import Shrinking, ToShrink
-from jld_core.limit import Fallen
+from jld_core.limit import AnyRelaxation, Fallen
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict, conflict_of
+from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.exact.windows import Worth, windows_of
 
 _DRAWN: Final = 8

@@ -21,12 +21,13 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools
+from jld_core.limit import AnyRelaxation
 from jld_core.threads import one_thread
 from jld_explore.drivers.exact.conflicts import Conflicts
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Catch, Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import AnyRelaxation, Conflict
+from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import Range, SearchSpace
 
 _PATIENCE: Final = 0.1

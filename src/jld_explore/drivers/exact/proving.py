@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits
-from jld_core.limit import CaseRelaxation, LimitAnalysis, Relaxation
+from jld_core.limit import LimitAnalysis, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflicts import Conflicts, key_of
@@ -41,19 +41,13 @@ class Proving(Driver):
     def __init__(self, space: SearchSpace, seed: int, counted: Count | None, *, list_blocks: bool = True) -> None:
         super().__init__(space, seed)
         self._analyses = [LimitAnalysis(case) for case in space.assembly.by_case]
-        # bounds of several cases are of the governing factor, which has no scale
-        self._scale = 1.0 if space.assembly.cases else self._analyses[0].template.scaling.load
         self._blocks = possible_blocks(space) if list_blocks else None
         asked = [count for count, _ in space.limits.on_counts] + ([] if counted is None else [counted])
         terms = [count.terms(space.assembly) if count.terms else None for count in asked]
         listed = all(one is not None and not (one.blocks and self._blocks is None) for one in terms)
-        covered = listed and all(one.template.yield_set.hull() is not None for one in self._analyses)
-        self._everything = None if covered else Enumeration(space)
-        self._relaxation: Relaxation | CaseRelaxation | None = None
-        if covered:
-            each = [Relaxation(analysis) for analysis in self._analyses]
-            required = space.assembly.required.tolist()
-            self._relaxation = CaseRelaxation(each, required) if space.assembly.cases else each[0]
+        self._relaxation = relaxation_of(space.assembly, self._analyses) if listed else None
+        self._everything = Enumeration(space) if self._relaxation is None else None
+        self._scale = 1.0 if self._relaxation is None else self._relaxation.unit
         self._free = space.candidates.copy()
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}

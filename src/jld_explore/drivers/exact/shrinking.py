@@ -15,10 +15,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
-from jld_core.limit import CaseRelaxation, DualBound, Relaxation
-
-AnyRelaxation = Relaxation | CaseRelaxation
-"""What refutes partial labellings, under one load or several."""
+from jld_core.limit import AnyRelaxation, DualBound
 
 _TRIES: Final = 2
 """Single faces tried in vain, the most promising first, before a conflict is taken as it is."""
