@@ -82,7 +82,7 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
     """
     if driver.bound is None:
         raise InputError("--certificate", "the search ended without any bound", _OPEN)
-    Certifier(scene, driver.space, driver.bound).write(path, driver._conflicts, found)
+    Certifier(scene, driver.space, driver.bound).write(path, driver.known, found)
 
 
 class Certifier:

@@ -36,7 +36,6 @@ from jld_core.limit import load_floor
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
-from jld_explore.drivers.exact.hunters import Hunters
 from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
 from jld_explore.drivers.exact.narrowing import Narrowing
@@ -88,7 +87,7 @@ class Exact(Proving):
         if self._count is not None and self._count.terms is None:
             known = " or ".join(count.name for count in registered() if count.terms)
             raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
-        super().__init__(space, seed, self._count, list_blocks=list_blocks)
+        super().__init__(space, seed, self._count, list_blocks=list_blocks, alone=alone)
         self._floor = load_floor(space.assembly)
         self._by_blocks: BlockSearch | None = None
         self._narrowing: Narrowing | None = None
@@ -103,10 +102,6 @@ class Exact(Proving):
         self._patience = step_after or _PATIENCE[not quick]
         self._ladder = Ladder(self._patience)
         self._turns = Turns(quick=quick, never=search == 0)
-        self._hunters: Hunters | None = None
-        if self._relaxation is not None:
-            proof = self._conflicts, self._passed
-            self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
         self._none_asked = self._by_more_than_faces = True
         self._aimed = math.inf
         self._began = 0
@@ -120,15 +115,10 @@ class Exact(Proving):
         return {"aim": self.aim}
 
     @property
-    def conflicts(self) -> int:
-        """Conflicts found so far."""
-        return len(self._conflicts)
-
-    @property
     def relaxations(self) -> int:
-        """Programs solved for them."""
-        parts = (self._relaxation, self._by_blocks, self._narrowing, self._hunters)
-        return sum(part.solves for part in parts if part is not None)
+        """See `Proving.relaxations`."""
+        by_blocks = sum(part.solves for part in (self._by_blocks, self._narrowing) if part is not None)
+        return super().relaxations + by_blocks
 
     @property
     def bound(self) -> float | None:
@@ -148,7 +138,7 @@ class Exact(Proving):
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """See `Driver.facts`: what the proof took, and the front where that was aimed at."""
-        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        found = super().facts(results, complete)
         if self._count is not None:
             enumerated = self._everything is not None
             rows = front_of_all(results, self._count.name, complete) if enumerated else front(self.found.values())
@@ -157,8 +147,7 @@ class Exact(Proving):
 
     def employ(self, jobs: int) -> None:
         """See `Driver.employ`: they refute parts of the space."""
-        if self._hunters is not None:
-            self._hunters.employ(jobs)
+        super().employ(jobs)
         if self._by_blocks is not None:
             self._by_blocks.employ(jobs)
 
@@ -166,8 +155,7 @@ class Exact(Proving):
         """See `Driver.close`."""
         if self._by_blocks is not None:
             self._by_blocks.close()
-        if self._hunters is not None:
-            self._conflicts.add(self._hunters.close().conflicts)
+        super().close()
 
     # --- ask and tell -----------------------------------------------------------------------------------
 
@@ -201,6 +189,9 @@ class Exact(Proving):
             low = self._incumbents.best(target)
             if math.isfinite(low) and not best.load_factor >= low:
                 self.found[target] = replace(best, load_factor=low)
+
+    def _is_evaluated(self, labels: Bits) -> bool:
+        return labels in self._incumbents
 
     @property
     def _late(self) -> bool:
@@ -243,9 +234,7 @@ class Exact(Proving):
                     return self._none
                 self._begin(None)
                 continue
-            caught = self._hunters.step(threshold / self._scale)
-            self._conflicts.add(caught.conflicts)
-            self._heartbeat()
+            caught = self._hunted(self._hunters, threshold)
             if caught.exhausted:
                 self._lower(target, threshold)
                 self._ladder.proven(self.conflicts - self._began)
@@ -254,7 +243,7 @@ class Exact(Proving):
                     return self._none
                 self._begin(target)
                 continue
-            proposed = np.concatenate([self._none, *(self._offer(labels) for labels in caught.unrefuted)])
+            proposed = self._offered(caught.unrefuted)
             if self._ladder.stuck(self.conflicts - self._began, self.found[target].bound, threshold):
                 self._begin(target)
             self._left = self._turns.due(self.relaxations)
@@ -283,13 +272,6 @@ class Exact(Proving):
         assert self._formula is not None
         self._conflicts.add([conflict])
         self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
-
-    def _offer(self, labels: Bits) -> Bits:
-        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
-        assert self._formula is not None
-        self._formula.forbid(np.arange(len(labels)), labels)
-        row = self._pass(labels)
-        return self._none if row[0] in self._incumbents else row
 
     def _choose(self, search: BlockSearch, threshold: float) -> Bits:
         """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or none."""

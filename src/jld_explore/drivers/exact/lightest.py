@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
@@ -39,12 +37,8 @@ class Lightest(Proving):
             raise InputError("--aim", "a front is not what search.require asks for", "best")
         name, sense = space.search.front.axes[0]
         self._count, self._least = count_named(name), sense == "min"
-        super().__init__(space, seed, self._count)
+        super().__init__(space, seed, self._count, alone=alone)
         self._threshold = space.search.require.threshold
-        self._hunters: Hunters | None = None
-        if self._relaxation is not None:
-            proof = self._conflicts, self._passed
-            self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
         self._genetic = Genetic(space, seed)
         self._left = search * int(space.candidates.sum())
         self._searching = True
@@ -76,22 +70,6 @@ class Lightest(Proving):
             for met, may, count in self._known.values()
         )
 
-    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """See `Driver.facts`: what the proof took."""
-        parts = (self._relaxation, self._hunters)
-        solves = sum(part.solves for part in parts if part is not None)
-        return {"conflicts": len(self._conflicts), "relaxations": solves}
-
-    def employ(self, jobs: int) -> None:
-        """See `Driver.employ`: they refute parts of the space."""
-        if self._hunters is not None:
-            self._hunters.employ(jobs)
-
-    def close(self) -> None:
-        """See `Driver.close`."""
-        if self._hunters is not None:
-            self._conflicts.add(self._hunters.close().conflicts)
-
     def ask(self, limit: int | None = None) -> Bits:
         if self._everything is not None:
             return self._everything.ask(limit)
@@ -107,19 +85,10 @@ class Lightest(Proving):
             assert self._hunters is not None
             if not self._begun:
                 self._begin(self._hunters)
-            caught = self._hunters.step(self._threshold / self._scale)
-            self._conflicts.add(caught.conflicts)
-            self._heartbeat()
+            caught = self._hunted(self._hunters, self._threshold)
             self._done = caught.exhausted
-            self._waiting = np.concatenate([self._waiting, *(self._offer(labels) for labels in caught.unrefuted)])
+            self._waiting = self._offered(caught.unrefuted)
         return self._given(limit)
-
-    def _offer(self, labels: Bits) -> Bits:
-        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
-        if self._formula is not None:
-            self._formula.forbid(np.arange(len(labels)), labels)
-        row = self._pass(labels)
-        return row[:0] if np.packbits(row[0]).tobytes() in self._known else row
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:
@@ -133,6 +102,9 @@ class Lightest(Proving):
             if self._hunters is not None:
                 self._hunters.end()
             self._begun = False
+
+    def _is_evaluated(self, labels: Bits) -> bool:
+        return np.packbits(labels).tobytes() in self._known
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         count = values_of(self._count, self.space.assembly, labellings, self.space.graph)

@@ -1,10 +1,11 @@
-"""What the exact drivers prove with: relaxations, possible blocks, a formula of what is left, and conflicts for it."""
+"""What the exact drivers prove with: relaxations, possible blocks, a formula of what is left, conflicts, hunters."""
 
 from __future__ import annotations
 
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -15,9 +16,14 @@ from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.exact.conflicts import Conflicts, key_of
 from jld_explore.drivers.exact.formula import Formula
+from jld_explore.drivers.exact.hunters import Hunters
+from jld_explore.drivers.exact.hunting import Catch
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import Count, SearchSpace, canonical
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class ExactOptions(DriverOptions):
@@ -30,7 +36,7 @@ class Proving(Driver):
     """A driver that proves; or enumerates, which proves the same, where its space has no formula or no relaxation.
 
     counted: a count the formula must hold, besides those that are limited. list_blocks: list the blocks there can be,
-    where they are few enough.
+    where they are few enough. alone: see `Hunters`.
     """
 
     name = "exact"
@@ -38,7 +44,15 @@ class Proving(Driver):
     modular = True
     Options = ExactOptions
 
-    def __init__(self, space: SearchSpace, seed: int, counted: Count | None, *, list_blocks: bool = True) -> None:
+    def __init__(
+        self,
+        space: SearchSpace,
+        seed: int,
+        counted: Count | None,
+        *,
+        list_blocks: bool = True,
+        alone: int | None = None,
+    ) -> None:
         super().__init__(space, seed)
         self._analyses = [LimitAnalysis(case) for case in space.assembly.by_case]
         self._blocks = possible_blocks(space) if list_blocks else None
@@ -56,6 +70,10 @@ class Proving(Driver):
         self._formula: Formula | None = None
         self._said = 0, 0
         self._passed: list[Bits] = []
+        self._hunters: Hunters | None = None
+        if self._relaxation is not None:
+            proof = self._conflicts, self._passed
+            self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
         self._waiting = self._none
         self._deadline: float | None = None
         self._heartbeat: Callable[[], None] = lambda: None
@@ -64,6 +82,35 @@ class Proving(Driver):
     def exhaustive(self) -> bool:
         """See `Driver.exhaustive`."""
         return self._everything is not None
+
+    @property
+    def known(self) -> Conflicts:
+        """The conflicts found so far."""
+        return self._conflicts
+
+    @property
+    def conflicts(self) -> int:
+        """How many they are."""
+        return len(self._conflicts)
+
+    @property
+    def relaxations(self) -> int:
+        """Programs solved for them, by whomever."""
+        return sum(part.solves for part in (self._relaxation, self._hunters) if part is not None)
+
+    def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
+        """See `Driver.facts`: what the proof took."""
+        return {"conflicts": self.conflicts, "relaxations": self.relaxations}
+
+    def employ(self, jobs: int) -> None:
+        """See `Driver.employ`: they refute parts of the space."""
+        if self._hunters is not None:
+            self._hunters.employ(jobs)
+
+    def close(self) -> None:
+        """See `Driver.close`."""
+        if self._hunters is not None:
+            self._conflicts.add(self._hunters.close().conflicts)
 
     def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """See `Driver.start`."""
@@ -81,6 +128,10 @@ class Proving(Driver):
     @abstractmethod
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
 
+    @abstractmethod
+    def _is_evaluated(self, labels: Bits) -> bool:
+        """Whether a canonical labelling (m,) was evaluated."""
+
     @property
     def _none(self) -> Bits:
         return np.empty((0, len(self.space.fixed)), dtype=bool)
@@ -95,11 +146,24 @@ class Proving(Driver):
         self._waiting = self._waiting[len(given) :]
         return given
 
-    def _pass(self, labels: Bits) -> Bits:
-        """Note a labelling that no mechanism ruled out: its class, (1, m)."""
+    def _hunted(self, hunters: Hunters, threshold: float) -> Catch:
+        """What hunters find in a moment, its conflicts kept. threshold: λ, scene units."""
+        caught = hunters.step(threshold / self._scale)
+        self._conflicts.add(caught.conflicts)
+        self._heartbeat()
+        return caught
+
+    def _offered(self, labellings: Sequence[Bits]) -> Bits:
+        """Of labellings that no mechanism ruled out, those (k, m) to be evaluated."""
+        return np.concatenate([self._none, *(self._offer(labels) for labels in labellings)])
+
+    def _offer(self, labels: Bits) -> Bits:
+        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
+        if self._formula is not None:
+            self._formula.forbid(np.arange(len(labels)), labels)
         row = np.asarray(canonical(labels[None], self.space.group))
         self._passed.append(row[0])
-        return row
+        return self._none if self._is_evaluated(row[0]) else row
 
     def _told(self) -> Formula:
         """The formula, which knows all conflicts there are, and what was evaluated."""
