@@ -7,56 +7,62 @@ from __future__ import annotations
 
 import cvxpy as cp
 import numpy as np
+import scipy.sparse as sp
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Ints
 from jld_core.assembly import Assembly
 
 
 def reference_problem(assembly: Assembly, labels: Bits) -> tuple[cp.Problem, cp.Variable]:
-    """max λ for one labelling. Returns the problem and λ; forces are divided by a common weight for the solver."""
+    """max λ for one labelling. Returns the problem and λ; forces are divided by a common weight for the solver.
+
+    Conditions of all faces are stated together: CVXPY takes far longer over many small ones than the solver does.
+    """
     faces, elements, s = assembly.interfaces, assembly.elements, assembly.strengths
     # a plain scale, so that the solver's absolute tolerances mean something; nothing else is scaled
     unit = assembly.total_dead / max(len(elements.free), 1) or assembly.total_live
     reach = assembly.size
-    n, v, m = (cp.Variable(len(faces)) for _ in range(3))  # m is moment / reach
+    count = len(faces)
+    n, v, m = (cp.Variable(count) for _ in range(3))  # m is moment / reach
     load = cp.Variable()
-    forces = {e: [[], [], []] for e in elements.free}
-    for k in range(len(faces)):
+    place = {int(element): 3 * position for position, element in enumerate(elements.free)}
+    acts = sp.lil_array((3 * len(place), 3 * count))  # forces of faces (all n, all v, all m) → on elements
+    length = np.empty(count)
+    for k in range(count):
+        start, end = faces.polygon[k]
+        length[k] = np.hypot(*(end - start))
         direction, across = faces.normal[k], np.array([-faces.normal[k][1], faces.normal[k][0]])
         for element, sign in ((int(faces.a[k]), -1.0), (int(faces.b[k]), 1.0)):
-            if element not in forces:
+            if element not in place:
                 continue
-            arm = (faces.polygon[k][0] + faces.polygon[k][1]) / 2 - elements.centroid[element]
-            for axis in (0, 1):
-                forces[element][axis].append(sign * (n[k] * direction[axis] + v[k] * across[axis]))
-            lever_n = (arm[0] * direction[1] - arm[1] * direction[0]) / reach
-            lever_v = (arm[0] * across[1] - arm[1] * across[0]) / reach
-            forces[element][2].append(sign * (n[k] * lever_n + v[k] * lever_v + m[k]))
-    constraints = []
-    for element, parts in forces.items():
-        for axis, size in ((0, 1.0), (1, 1.0), (2, reach)):
-            dead = assembly.dead[element, axis] / unit / size
-            live = assembly.live[element, axis] / assembly.total_live / size
-            constraints.append(sum(parts[axis]) + dead + load * live == 0)
-    for k in range(len(faces)):
-        length = float(np.hypot(*(faces.polygon[k][1] - faces.polygon[k][0])))
-        area = length * float(faces.l2[k])
-        half = length / 2 / reach
-        if labels[k]:
-            mu, crush = s.friction[k], s.crush_dry[k] * area / unit
-            stuck = s.cohesion[k] * area / unit
-            constraints.append(cp.abs(v[k]) <= stuck + mu * n[k])
-            constraints.append(n[k] >= 0)  # which friction alone says of itself
-            if np.isfinite(crush):
-                constraints.append(cp.abs(m[k]) / half + cp.square(n[k]) / crush <= n[k])
-            else:
-                constraints.append(cp.abs(m[k]) <= half * n[k])
-        else:
-            tension, shear = s.tension[k] * area / unit, s.shear[k] * area / unit
-            constraints.append(cp.abs(m[k]) <= half / 3 * (n[k] + tension))
-            constraints.append(cp.abs(v[k]) <= shear + s.inner_friction[k] * n[k])
-            if np.isfinite(s.crush_inner[k]):
-                constraints.append(cp.abs(m[k]) <= half / 3 * (s.crush_inner[k] * area / unit - n[k]))
+            arm, row = (start + end) / 2 - elements.centroid[element], place[element]
+            for column, way in ((k, direction), (count + k, across)):
+                acts[row, column], acts[row + 1, column] = sign * way
+                acts[row + 2, column] = sign * (arm[0] * way[1] - arm[1] * way[0]) / reach
+            acts[row + 2, 2 * count + k] = sign
+    size = np.array([1.0, 1.0, reach])
+    dead = (assembly.dead[elements.free] / unit / size).ravel()
+    live = (assembly.live[elements.free] / assembly.total_live / size).ravel()
+    constraints = [acts.tocsr() @ cp.hstack([n, v, m]) + dead + load * live == 0]
+    area, half = length * np.asarray(faces.l2) / unit, length / 2 / reach  # area: of a stress, what its force is
+    dry, crushed = np.asarray(labels, dtype=bool), np.isfinite(np.where(labels, s.crush_dry, s.crush_inner))
+
+    def where(chosen: Bits) -> Ints:
+        return np.flatnonzero(chosen)
+
+    if len(k := where(dry)):
+        constraints.append(cp.abs(v[k]) <= s.cohesion[k] * area[k] + cp.multiply(s.friction[k], n[k]))
+        constraints.append(n[k] >= 0)  # which friction alone says of itself
+    if len(k := where(dry & crushed)):
+        bent, pressed = cp.multiply(1 / half[k], cp.abs(m[k])), cp.square(n[k])
+        constraints.append(bent + cp.multiply(1 / (s.crush_dry[k] * area[k]), pressed) <= n[k])
+    if len(k := where(dry & ~crushed)):
+        constraints.append(cp.abs(m[k]) <= cp.multiply(half[k], n[k]))
+    if len(k := where(~dry)):
+        constraints.append(cp.abs(m[k]) <= cp.multiply(half[k] / 3, n[k] + s.tension[k] * area[k]))
+        constraints.append(cp.abs(v[k]) <= s.shear[k] * area[k] + cp.multiply(s.inner_friction[k], n[k]))
+    if len(k := where(~dry & crushed)):
+        constraints.append(cp.abs(m[k]) <= cp.multiply(half[k] / 3, s.crush_inner[k] * area[k] - n[k]))
     return cp.Problem(cp.Maximize(load), constraints), load
 
 

@@ -14,6 +14,7 @@ import cvxpy as cp
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 Array = NDArray[np.float64]
 
@@ -82,47 +83,61 @@ def _integrals(corners: Array) -> tuple[Array, float]:
 
 
 def face_constraints(
-    face: Face, f: Any, dry: bool, material: dict[str, float], kern: bool = False, unit: float = 1.0
+    faces: list[Face], f: Any, dry: bool, materials: list[dict[str, float]], kern: bool = False, unit: float = 1.0
 ) -> list[Any]:
-    """Constraints on f = (N, V1, V2, M1, M2, MT), forces over `unit`, moments in force × length.
+    """Constraints on rows f[k] = (N, V1, V2, M1, M2, MT) of faces alike in label, forces over `unit`.
 
-    material: friction, cohesion (a stress); tension, shear (stresses); crush (a stress, if any).
+    Moments are in force × length. materials, one for each face: friction, cohesion (a stress); tension, shear
+    (stresses); crush (a stress, if any). All faces are stated together: CVXPY takes far longer over many small
+    conditions than the solver does.
     """
-    n, v, m1, m2, twist = f[0], f[1:3], f[3], f[4], f[5]
+    n, v, m1, m2, twist = f[:, 0], f[:, 1:3], f[:, 3], f[:, 4], f[:, 5]
+    area = np.array([face.area for face in faces]) / unit
+    size = np.array([np.ptp(face.corners, axis=0) for face in faces])
+    crush = np.array([material.get("crush", np.inf) for material in materials]) * area
+    crushed = np.flatnonzero(np.isfinite(crush))
+
+    def each(key: str) -> Array:
+        return np.array([material.get(key, 0.0) for material in materials])
+
     constraints = []
-    crush = material.get("crush")
-    size = np.ptp(face.corners, axis=0)
     if dry:
-        weight = cp.Variable(len(face.corners), nonneg=True)
-        constraints += [
-            cp.sum(weight) == n,
-            face.corners[:, 0] @ weight == -m2,
-            face.corners[:, 1] @ weight == m1,
-        ]
-        capacity = material.get("cohesion", 0.0) * face.area / unit + material["friction"] * n
-        if crush is not None:
+        rows = [(np.ones(len(face.corners)), *face.corners.T) for face in faces]
+        total, x, y = (block_diag(*parts) for parts in zip(*rows, strict=True))
+        weight = cp.Variable(total.shape[1], nonneg=True)
+        constraints += [total @ weight == n, x @ weight == -m2, y @ weight == m1]
+        capacity = each("cohesion") * area + cp.multiply(each("friction"), n)
+        for k in crushed:
             # effective rectangle (l1 − 2|x1|)(l2 − 2|x2|) σc ≥ N, multiplied out
-            one = size[0] * n - 2.0 * cp.abs(m2)
-            two = size[1] * n - 2.0 * cp.abs(m1)
-            stress = cp.Constant(crush / unit)
-            constraints.append(cp.geo_mean(cp.hstack([one, two, stress])) >= n)
+            one = size[k, 0] * n[k] - 2.0 * cp.abs(m2[k])
+            two = size[k, 1] * n[k] - 2.0 * cp.abs(m1[k])
+            stress = cp.Constant(crush[k] / faces[k].area)
+            constraints.append(cp.geo_mean(cp.hstack([one, two, stress])) >= n[k])
     else:
-        strength = material["tension"] * face.area / unit
-        capacity = material["shear"] * face.area / unit + material.get("friction", 0.0) * n
-        limit = None if crush is None else crush * face.area / unit
-        if face.rectangle and not kern:
-            for moment, length in ((m1, size[1]), (m2, size[0])):
-                constraints.append(cp.abs(moment) <= (n + strength) * length / 6.0)
-                if limit is not None:
-                    constraints.append(cp.abs(moment) <= (limit - n) * length / 6.0)
-        else:
-            slope = cp.Variable(2)  # of the stress, times the area
-            constraints.append(face.moments / face.area @ slope == cp.hstack([-m2, m1]))
-            stress = n + face.corners @ slope
-            constraints.append(stress >= -strength)
-            if limit is not None:
-                constraints.append(stress <= limit)
-    constraints.append(cp.norm(v) + cp.abs(twist) / face.torsion <= capacity)
+        strength = each("tension") * area
+        capacity = each("shear") * area + cp.multiply(each("friction"), n)
+        blocks = [k for k, face in enumerate(faces) if face.rectangle and not kern]
+        others = [k for k in range(len(faces)) if k not in blocks]
+        for moment, length in ((m1, size[:, 1] / 6.0), (m2, size[:, 0] / 6.0)) if blocks else ():
+            constraints.append(cp.abs(moment[blocks]) <= cp.multiply(n[blocks] + strength[blocks], length[blocks]))
+            if len(some := np.intersect1d(blocks, crushed)):
+                constraints.append(cp.abs(moment[some]) <= cp.multiply(crush[some] - n[some], length[some]))
+        if others:
+            slope = cp.Variable((len(others), 2))  # of the stress, times the area
+            along, across = slope[:, 0], slope[:, 1]
+            second = np.array([faces[k].moments / faces[k].area for k in others])
+            for row, moment in enumerate((-m2[others], m1[others])):
+                bent = cp.multiply(second[:, row, 0], along) + cp.multiply(second[:, row, 1], across)
+                constraints.append(bent == moment)
+            owner = np.repeat(np.arange(len(others)), [len(faces[k].corners) for k in others])
+            x, y = np.concatenate([faces[k].corners for k in others]).T
+            at = np.array(others)[owner]
+            stress = n[at] + cp.multiply(x, along[owner]) + cp.multiply(y, across[owner])
+            constraints.append(stress >= -strength[at])
+            if len(some := np.flatnonzero(np.isfinite(crush[at]))):
+                constraints.append(stress[some] <= crush[at][some])
+    torsion = np.array([face.torsion for face in faces])
+    constraints.append(cp.norm(v, axis=1) + cp.multiply(1.0 / torsion, cp.abs(twist)) <= capacity)
     return constraints
 
 
@@ -146,9 +161,10 @@ def load_factor(document: dict[str, Any], concave: bool = False, kern: bool = Fa
     weight = {k: e.get("density", 1.0) * e["volume"] * gravity for k, e in elements.items() if not e["support"]}
     unit = sum(weight.values()) / len(weight)
     body = np.sum([np.array(load["body"], dtype=float) for load in document["loads"]["live"]], axis=0)
-    force = {k: [] for k in weight}
-    moment = {k: [] for k in weight}
-    constraints = []
+    place = {name: 6 * position for position, name in enumerate(weight)}
+    kinds: dict[bool, list[tuple[Face, dict[str, float]]]] = {True: [], False: []}
+    acts: dict[str, list[Array]] = {"dry": [], "inner": [], "corner": []}  # columns: what one unknown does to elements
+    rough: list[float] = []  # friction at each corner
     for entry in document["interfaces"]:
         polygon = np.array(entry["polygon"])
         normal = np.cross(polygon[1] - polygon[0], polygon[-1] - polygon[0])
@@ -169,31 +185,44 @@ def load_factor(document: dict[str, Any], concave: bool = False, kern: bool = Fa
         }
         if named.get("compressive_strength") is not None:
             material["crush"] = named["compressive_strength"]
+        none = np.zeros((3, 3))
         if dry and concave:
             corners = face.origin + face.corners @ face.frame[1:]
-            parts = cp.Variable((len(corners), 3))
-            constraints.append(parts[:, 0] >= 0)  # which the cone says only where there is friction
-            constraints.append(material["friction"] * parts[:, 0] >= cp.norm(parts[:, 1:], axis=1))
-            acting = [(corners[k], parts[k] @ face.frame, np.zeros(3)) for k in range(len(corners))]
+            rough += [material["friction"]] * len(corners)
+            unknowns = [(corner, face.frame.T, none) for corner in corners]
         else:
-            f = cp.Variable(6)
-            constraints += face_constraints(face, f, dry, material, kern, unit)
-            couple = f[3] * face.frame[1] + f[4] * face.frame[2] + f[5] * face.frame[0]
-            acting = [(face.origin, f[:3] @ face.frame, couple)]
-        for name, sign in ((a, -1.0), (b, 1.0)):
-            if name not in weight:
-                continue
-            centre = np.array(elements[name]["centroid"])
-            for place, push, couple in acting:
-                x, y, z = place - centre
+            kinds[dry].append((face, material))
+            # f = (N, V1, V2, M1, M2, MT): force and couple of each
+            couple = face.frame[[1, 2, 0]].T
+            unknowns = [(face.origin, np.hstack([face.frame.T, none]), np.hstack([none, couple]))]
+        for at, push, couple in unknowns:
+            columns = np.zeros((6 * len(weight), push.shape[1]))
+            for name, sign in ((a, -1.0), (b, 1.0)):
+                if name not in weight:
+                    continue
+                x, y, z = at - np.array(elements[name]["centroid"])
                 cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-                force[name].append(sign * push)
-                moment[name].append(sign * (cross @ push + couple))
+                columns[place[name] : place[name] + 3] = sign * push
+                columns[place[name] + 3 : place[name] + 6] = sign * (cross @ push + couple)
+            acts["corner" if dry and concave else "dry" if dry else "inner"].append(columns)
     load = cp.Variable()
-    for name, amount in weight.items():
-        own = amount / unit
-        constraints.append(sum(force[name]) + own * (np.array([0.0, 0.0, -1.0]) + load * body) == 0)
-        constraints.append(sum(moment[name]) == 0)
+    own = np.array(list(weight.values()))[:, None] / unit
+    down, pushed = np.zeros((2, len(weight), 6))
+    down[:, 2], pushed[:, :3] = -own[:, 0], own * body
+    balance = down.ravel() + load * pushed.ravel()
+    constraints = []
+    for dry, named in ((True, "dry"), (False, "inner")):
+        if kinds[dry]:
+            f = cp.Variable((len(kinds[dry]), 6))
+            faces, materials = zip(*kinds[dry], strict=True)
+            constraints += face_constraints(list(faces), f, dry, list(materials), kern, unit)
+            balance = balance + np.hstack(acts[named]) @ cp.reshape(f, (f.size,), order="C")
+    if rough:
+        parts = cp.Variable((len(rough), 3))
+        constraints.append(parts[:, 0] >= 0)  # which the cone says only where there is friction
+        constraints.append(cp.multiply(np.array(rough), parts[:, 0]) >= cp.norm(parts[:, 1:], axis=1))
+        balance = balance + np.hstack(acts["corner"]) @ cp.reshape(parts, (parts.size,), order="C")
+    constraints.append(balance == 0)
     problem = cp.Problem(cp.Maximize(load), constraints)
     problem.solve(solver="CLARABEL", tol_gap_abs=1e-10, tol_gap_rel=1e-10, tol_feas=1e-10)
     assert problem.status == "optimal", problem.status

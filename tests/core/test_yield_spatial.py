@@ -183,13 +183,13 @@ def test_dissipation_is_the_support_function(name: str, bending: InnerBending) -
         beyond[:, 0] -= sets.margin(beyond, labels) + 0.05
         for k in range(len(faces)):
             face = make_face(faces.polygon[k], faces.normal[k])
-            f = cp.Variable(6)
+            f = cp.Variable((1, 6))
             turn = np.eye(6)
             turn[1:3, 1:3] = turn[3:5, 3:5] = face.frame[1:] @ np.array([faces.e1[k], faces.e2[k]]).T
             weights = cp.Parameter(6)
             # forces in units of the force scale, so that the objective is D as the program knows it
-            constraints = face_constraints(face, f, dry, material, bending == "kern", scaling.force)
-            problem = cp.Problem(cp.Maximize(-weights @ f), constraints)
+            constraints = face_constraints([face], f, dry, [material], bending == "kern", scaling.force)
+            problem = cp.Problem(cp.Maximize(-weights @ f[0]), constraints)
             for table in jumps:
                 weights.value = turn @ (table[k] * scaling.force / scaling.face[k])
                 value = problem.solve(solver="CLARABEL")
