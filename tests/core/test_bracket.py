@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cases import CASES, grid_assembly
+from cases import CASES, Document, grid_assembly, grid_document
 from cases_spatial import assembly, box
-from jld_core import LimitAnalysis, Status, solve
+from jld_core import LimitAnalysis, Status, build_assembly, parse_scene, solve
 from jld_core.lanes import chosen
 from jld_core.solvers import ClarabelSolver
 from noisy import noisy
@@ -108,3 +108,42 @@ def test_a_cube_pressed_beside_another_is_locked(glued: bool) -> None:
     live = [{"element": "pressed", "force": [0, 0, -1]}]
     labels = {"inner": [["pressed", "other"]]} if glued else {}
     assert solve(assembly(cubes, live=live, labels={"default": "dry", **labels})).status is Status.LOCKED
+
+
+def of_labels(document: Document, labels: Document, **loads: list[Document]) -> Status:
+    return solve(build_assembly(parse_scene(document | {"labels": labels, "loads": document["loads"] | loads}))).status
+
+
+def test_nothing_stands_though_ever_more_load_could_be_carried() -> None:
+    """A cell glued to the ground, its weight W = 13.7 N pushing sideways with W/2 = 6.9 N against τA = 5 N: no λ mends
+    that. The live load presses down and could grow for ever, so no motion of negative excess makes it work either."""
+    document = grid_document(["a", "#"], shear=500.0, crush_dry=1e6, live=[{"element": "c0r0", "force": [0, -1]}])
+    pushed = [{"body": [0.5, 0]}]
+    assert of_labels(document, {"default": "inner"}, dead=pushed) is Status.UNSTABLE
+    # just as much as is held: 5 N
+    held = [{"body": [4.99 / (1400 * 9.81 * 0.001), 0]}]
+    assert of_labels(document, {"default": "inner"}, dead=held) is Status.LOCKED
+
+
+def test_a_ray_past_a_joint_that_crushes() -> None:
+    """The live load goes from one cell through its inner face straight into the abutment; above it stands another on a
+    joint without friction that crushes and bears no ray."""
+    document = grid_document(
+        ["#a.#", "#bc#", "#dd#"], friction=0.0, crush_dry=1e6, live=[{"element": "c1r1", "force": [1, 0]}]
+    )
+    assert of_labels(document, {"default": "inner", "dry": [["c1r0", "c1r1"]]}) is Status.LOCKED
+
+
+def test_cracks_without_strength_beside_a_joint_that_crushes() -> None:
+    """Cracks with σt = τ = 0 carry no shear, so a sideways push has λ = 0; a first answer of infeasible is no end."""
+    document = grid_document(
+        ["a.", "bc", "##"],
+        crush_dry=1.2e6,
+        tension=0.0,
+        shear=0.0,
+        live=[{"element": "c0r0", "force": [2, -1], "at": [0.02, 0.25]}],
+    )
+    labels = {"default": "inner", "dry": [["c0r0", "c0r1"], ["c0r1", "c1r1"]]}
+    result = solve(build_assembly(parse_scene(document | {"labels": labels})))
+    assert result.status is Status.COLLAPSE
+    assert result.load_factor == pytest.approx(0.0, abs=1e-6 * 13.7)

@@ -8,7 +8,7 @@ from studies.families import running_bond
 
 from cases import CASES, grid_assembly
 from cases_spatial import ELL, IRREGULAR, OBLONG, TRIANGLE, assembly, rotation, stools, wall
-from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, solve
+from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
 from jld_core.errors import SolverError
 from jld_core.limit import Prover, Repair
 from jld_core.mechanics import scaling_of, spatial_yield
@@ -151,3 +151,24 @@ def test_multipliers_and_point_solve_the_program() -> None:
     np.testing.assert_allclose(program.objective + program.matrix.T @ answer.dual, 0.0, atol=1e-10)
     np.testing.assert_allclose((program.matrix @ answer.point - program.rhs)[: s.equalities], 0.0, atol=1e-10)
     assert answer.point[-1] == pytest.approx(other.point[-1], rel=1e-7)
+
+
+def test_a_run_that_loses_its_scale_proves_nothing_and_says_so() -> None:
+    """Two wedges that nothing holds, found by drawing: τ of the embedding goes to zero, and was divided by."""
+    polygons = {
+        "base": [[0, 0], [0.78, 0], [0.65, 0.31], [0, 0.31]],
+        "lean": [[0.41, 0.78], [0.35, 0.78], [0.56, 0.31], [1.1, 0.31]],
+        "wedge": [[1.1, 0.31], [1.1, 0.78], [0.41, 0.78], [1.1, 0.31]],
+        "ground": [[0, -0.3], [0.96, -0.3], [0.96, 0], [0, 0]],
+    }
+    document = {
+        "elements": [{"id": name, "polygon": p, "support": name == "ground"} for name, p in polygons.items()],
+        "materials": {
+            "density": 1400,
+            "dry": {"friction_coefficient": 0.65},
+            "inner": {"tensile_strength": 0, "shear_strength": 0},
+        },
+        "loads": {"live": [{"element": "lean", "moment": -330}], "dead": [{"body": [0.05, -0.1]}]},
+        "labels": {"default": "dry", "inner": [["base", "ground"]]},
+    }
+    assert solve(build_assembly(parse_scene(document)), solver="schur").status is Status.UNSTABLE

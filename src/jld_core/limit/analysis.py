@@ -89,6 +89,11 @@ class Climb:
         return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
+    def edgeless(self) -> bool:
+        """Was no state asked for yet where yield sets leave no room?"""
+        return "edge" not in self.proof.route
+
+    @property
     def runs_away(self) -> bool:
         """The same, of a program that the last raw answer calls unbounded, and that the kernel was not asked yet."""
         unasked = "lanes" not in self.proof.route
@@ -182,7 +187,7 @@ class Climb:
         size = float(abs(velocity).max())
         if not (np.isfinite(size) and size > 0.0):
             return
-        motion = self.prover.motion(velocity / size, self.labels, normalise=False)
+        motion = given = self.prover.motion(velocity / size, self.labels, normalise=False)
         if motion.margin < 0.0:
             motion = self._opened(motion, normalise=False)
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
@@ -190,6 +195,10 @@ class Climb:
             idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
             if motion.work < idle:
                 motion = self.interior.make_work_positive(motion, self.labels)
+            if motion.work < idle:
+                # nor can it be positive where a ray carries the live load: then it is zero, and so are the ray's jumps
+                self.proof.route.append("facial reduction")
+                motion = self.interior.reduced(given, self.labels, normalise=False) or motion
             fine = motion.margin >= 0.0 and motion.work >= idle
             if fine and motion.bound < -max(tolerances.ROUNDING, motion.noise):
                 self.proof.collapse_below_zero = motion
@@ -219,8 +228,11 @@ class Climb:
                 proof.offer_state(inside)
                 if not unbounded:
                     proof.offer_state(self.prover.blend(state, inside, labels))
+            elif unbounded:
+                # a program may have a ray and no point: the multipliers of the largest slack say why
+                self._offer_instability(self.interior.fall(labels))
         if unbounded:
-            if proof.ray is None:
+            if proof.ray is None and proof.collapse_below_zero is None:
                 proof.ray = self.interior.ray(labels)
                 proof.solves += 1
                 proof.route.append("ray inside")
@@ -278,6 +290,7 @@ LADDER: Final = (
     Rung("vertex", lambda c: c.open and c.linear, Climb.vertex, "both sides of a linear program, exact to rounding"),
     Rung("edge", lambda c: c.open_inside, Climb.edge, "a state where yield sets leave no room"),
     Rung("unshrunk", lambda c: c.open, Climb.unshrunk, "an interior point without margin, for sets that leave none"),
+    Rung("last edge", lambda c: c.open_inside and c.edgeless, Climb.edge, "the same, after all"),
     Rung("less margin", lambda c: c.crushed_wide, Climb.less_margin, "a narrower bracket of crushable scenes"),
     Rung("small λ", lambda c: c.wide_beside_load and c.linear, Climb.vertex, "whether λ is small or zero"),
 )

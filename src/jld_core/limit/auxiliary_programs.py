@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Bools, Floats, Ints
 from jld_core.program import ConicProgram, Structure, pack
 from jld_core.solvers import ClarabelSolver, RawStatus, auxiliary, is_large
 
@@ -32,6 +32,25 @@ def with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
     objective = np.zeros(wide.shape[1])
     objective[-1] = -1.0
     return pack(rows, rhs, objective, s.equalities, s.linear + 1, s.cones, s.places)
+
+
+def of_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
+    """The program whose other columns are zero: inequalities and cones that ask nothing of those kept are left out.
+
+    kept: (columns,). The first inequality, which bounds λ, stays.
+    """
+    s = program.structure
+    matrix = program.matrix.tocsr()[:, np.flatnonzero(kept)]
+    asks = np.diff(matrix.indptr) > 0
+    asks[: s.equalities + 1] = True
+    start = s.equalities + s.linear
+    ends = start + np.cumsum(s.cones, dtype=np.int64)
+    cones = tuple(size for size, end in zip(s.cones, ends, strict=True) if asks[end - size : end].any())
+    for size, end in zip(s.cones, ends, strict=True):
+        asks[end - size : end] = asks[end - size : end].any()
+    rows = np.flatnonzero(asks)
+    linear = int(asks[s.equalities : start].sum())
+    return pack(matrix[rows], program.rhs[rows], program.objective[kept], s.equalities, linear, cones, s.places)
 
 
 def least_multipliers(

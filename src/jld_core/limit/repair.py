@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit.auxiliary_programs import least_multipliers, tips_of, with_slack
+from jld_core.limit.auxiliary_programs import least_multipliers, of_columns, tips_of, with_slack
 from jld_core.limit.bounds import Motion, Prover, State, usable
 from jld_core.program import ConicProgram, Structure, Template, pack
 from jld_core.solvers import RawSolution, auxiliary, is_large
@@ -67,6 +67,10 @@ class Repair:
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
             return False
         return True if self.edge_state(raw.point, labels, load_fixed=True) is not None else None
+
+    def fall(self, labels: Bits) -> Floats:
+        """Velocities (≥ q·free,) that gain energy, raw, where the largest slack at any λ is negative."""
+        return self._deepest_answer(labels).dual
 
     def _deepest_answer(self, labels: Bits) -> RawSolution:
         key = np.packbits(labels).tobytes()
@@ -140,10 +144,15 @@ class Repair:
 
     def ray(self, labels: Bits) -> State | None:
         """A way to carry ever more live load: A R + b_λ = 0 with R inside the recession cones; None without proof."""
+        # faces that crush bear no ray; without them their cones, which a solver meets to its residual only, are gone
         program = self.template.program(labels)
+        bears = self.template.yield_set.recession_active(labels).ravel()
+        kept = np.ones(program.structure.shape[1], dtype=bool)
+        kept[: len(bears)] = bears
+        program = of_columns(program, kept)
         target = np.concatenate([-self.template.live, np.zeros(len(program.rhs) - len(self.template.live))])
-        answer, slack = self._with_most_slack(program, target, program.structure.shape[1] - 1)
-        s, columns = program.structure, self.template.matrix.shape[1]
+        s, columns = program.structure, int(bears.sum())
+        answer, slack = self._with_most_slack(program, target, s.shape[1] - 1)
         point = answer.point[:columns]
         if columns <= _DENSE and not s.cones:
             # rows that no ray leaves slack are equations: a solver meets them to its residual only
@@ -152,7 +161,9 @@ class Repair:
             wanted = np.concatenate([-self.template.live, np.zeros(len(tight))])
             for _ in range(2):
                 point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
-        ray = self.prover.ray(np.append(point, 1.0), labels)
+        whole = np.zeros(len(bears))
+        whole[bears] = point
+        ray = self.prover.ray(np.append(whole, 1.0), labels)
         return ray if ray.to_rounding else None
 
     def _with_most_slack(
@@ -248,16 +259,26 @@ class Repair:
         template = self.template
         if template.matrix.shape[0] > _DENSE:
             return None
+        # the sign of a work that is zero but for the solver's residual decides the proof: make it zero. What carries
+        # ever more live load then stands in the way like a self-stress, if it can
+        idle = not normalise and abs(motion.work) < 1e-9
+        return (self._reduced(motion, labels, normalise, idle, True) if idle else None) or self._reduced(
+            motion, labels, normalise, idle, False
+        )
+
+    def _reduced(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
+        """The same; idle: the live load does no work. loaded: self-stress is in balance with more of it."""
+        template = self.template
         program = template.program(labels)
-        _, slack = self._with_most_slack(program, np.zeros(len(program.rhs)), program.structure.shape[1] - 1)
+        columns = program.structure.shape[1] - (0 if loaded else 1)
+        _, slack = self._with_most_slack(program, np.zeros(len(program.rhs)), columns)
         moving = slack < 0.5
-        inside = self._relative_interior(program, moving, labels)
+        inside = self._relative_interior(program, moving, labels, columns)
         if inside is None:
             return None
         bases = self._allowed_jumps(program, moving)
         forbid = self._forbidden(bases)
-        if not normalise and abs(motion.work) < 1e-9:
-            # the sign of a work that is zero but for the solver's residual decides the proof: make it zero
+        if idle:
             forbid = np.vstack([forbid, template.live / np.linalg.norm(template.live)])
         inverse = np.linalg.pinv(forbid) if len(forbid) else np.zeros((template.matrix.shape[0], 0))
 
@@ -281,10 +302,15 @@ class Repair:
                 return found
         return None
 
-    def _relative_interior(self, program: ConicProgram, moving: Bools, labels: Bits) -> Motion | None:
-        """Velocities whose jumps are −Gᵀz with z ≥ 1 on the moving rows and 0 on the others; None if there are none."""
+    def _relative_interior(
+        self, program: ConicProgram, moving: Bools, labels: Bits, columns: int | None = None
+    ) -> Motion | None:
+        """Velocities whose jumps are −Gᵀz with z ≥ 1 on the moving rows and 0 on the others; None if there are none.
+
+        columns: those that are balanced, all but that of λ by default.
+        """
         s = program.structure
-        matrix = program.matrix.tocsr()[:, : s.shape[1] - 1]
+        matrix = program.matrix.tocsr()[:, : s.shape[1] - 1 if columns is None else columns]
         tips = tips_of(s)
         linear_rows = tips[: s.linear - 1]
         cone_starts = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)

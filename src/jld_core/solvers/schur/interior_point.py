@@ -200,8 +200,9 @@ class _Iteration:
         s, v = it.s + alpha * scaling.times(ws), it.v + alpha * scaling.divide(wv)
         if cones.slack(s) <= 0.0 or cones.slack(v) <= 0.0:
             return None
-        tau = it.tau + alpha * dt
-        made = _Iterate(it.x + alpha * dx, it.u + alpha * du, s, v, tau, it.kappa + alpha * dk)
+        # a run that breaks down may leave nothing of τ, and a division by it must say so as numpy's do
+        tau = np.float64(it.tau + alpha * dt)
+        made = _Iterate(it.x + alpha * dx, it.u + alpha * du, s, v, tau, np.float64(it.kappa + alpha * dk))
         size = 1.0 / max(made.tau, made.kappa)
         return _Iterate(made.x * size, made.u * size, made.s * size, made.v * size, made.tau * size, made.kappa * size)
 
