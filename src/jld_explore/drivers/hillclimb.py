@@ -14,7 +14,7 @@ from jld_core.errors import InputError
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, aims, standing
-from jld_explore.space import SearchSpace, feasible, keys
+from jld_explore.space import LETTERS, SearchSpace, feasible, from_string, keys
 
 _ALL = -1  # owner of a labelling that all climbers begin at
 
@@ -62,9 +62,9 @@ class HillClimb(Searcher):
         self._owner: dict[bytes, int] = {}
         self._first: Bits | None = None
         if start is not None:
-            if len(start) != len(space.fixed) or start.strip("di"):
+            if len(start) != len(space.fixed) or start.strip(LETTERS):
                 raise InputError("start", f"it is {start[:40]!r}", f"{len(space.fixed)} letters d or i")
-            self._first = np.array([letter == "d" for letter in start])
+            self._first = from_string(start)
             if not feasible(space, self._first[None])[0]:
                 raise InputError("start", "the search does not admit it", "a segmentation within all limits")
 

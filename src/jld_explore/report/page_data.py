@@ -17,7 +17,7 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
 from jld_core.views import look, quantities
-from jld_explore.space import omitted
+from jld_explore.space import beside_nothing, omitted, to_string
 
 FORMAT: Final = "jld-page"
 VERSION: Final = 1
@@ -179,7 +179,7 @@ def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
     cases = result.cases or {"": result}
     names = list(cases)
     return {
-        "labelling": "".join("d" if dry else "i" for dry in result.labels),
+        "labelling": to_string(result.labels),
         "load_factor": rounded(result.load_factor),
         "bracket": [rounded(end, 15) for end in result.bracket],
         "status": str(result.status),
@@ -194,7 +194,7 @@ def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
 def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str, Any]:
     """A solution of what a labelling leaves, by the faces and elements of the whole structure; None beside nothing."""
     gone = omitted(assembly, text)
-    faces = np.flatnonzero(np.array(list(text)) != "v").tolist()
+    faces = np.flatnonzero(~beside_nothing(text)).tolist()
     elements = np.flatnonzero(~gone).tolist()
 
     def spread(values: Any, rows: list[int], count: int, none: Any) -> Any:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_explore.report.page_data import rounded
-from jld_explore.space import Count, from_string, pack, registered
+from jld_explore.space import Count, beside_nothing, dry_of, pack, registered
 
 MOST: Final = 20_000
 """Rows that a page holds: the strongest, and the front."""
@@ -49,9 +49,10 @@ def table_of(
     """
     count, sense = axes[0]
     texts = results["labelling"].astype(str)
-    rows = [from_string(text.replace("v", "i")) for text in texts]
+    rows = [dry_of(text) for text in texts]
     bits = np.array(rows, dtype=bool).reshape(len(results), len(assembly.interfaces))
-    beside = np.array([[letter == "v" for letter in text] for text in texts] if texts.str.contains("v").any() else [])
+    nothing = [beside_nothing(text) for text in texts]
+    beside = np.array(nothing if np.any(nothing) else [])
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
     evidence.loc[known] = front.loc[known, "evidence"].astype(str)

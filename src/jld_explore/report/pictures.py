@@ -27,7 +27,7 @@ from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
 from jld_explore.report.evidence import known_front
-from jld_explore.space import Count, count_named, cut, from_string, registered
+from jld_explore.space import Count, count_named, cut, dry_of, registered
 
 FIRST: Final = registered()[0].name
 """The count that pictures weigh λ against where none is named."""
@@ -233,7 +233,7 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
     count = len(assembly.interfaces)
     if not isinstance(text, str) or len(text) != count:
         raise ValueError(f"labelling {text!r}: expected {count} letters d, i or v")
-    return from_string(text.replace("v", "i"))
+    return dry_of(text)
 
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:

@@ -20,6 +20,7 @@ from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import tables
 from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
+from jld_explore.space import is_labelling
 from jld_explore.study import StopReason
 
 LEFT: Final = "a file as jld explore left it, or jld explore --resume to write it again"
@@ -112,7 +113,7 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
         raise InputError(f"{path}: {key}" if key else str(path), str(first["msg"]).lower(), LEFT) from None
     except ValueError as error:
         raise _damaged(path, str(error)) from None
-    if found["best_labelling"] is not None and not _is_labelling(found["best_labelling"], faces):
+    if found["best_labelling"] is not None and not is_labelling(found["best_labelling"], faces):
         raise InputError(f"{path}: best_labelling", "it is of another scene", f"{faces} letters d, i or v")
     known: dict[str, Any] = found
     return known
@@ -132,15 +133,11 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
     if not table["status"].isin([str(status) for status in Status]).all():
         raise InputError(str(path), "column status holds what is none", LEFT)
     faces = len(assembly.interfaces)
-    wrong = np.flatnonzero([not _is_labelling(text, faces) for text in table["labelling"]])
+    wrong = np.flatnonzero([not is_labelling(text, faces) for text in table["labelling"]])
     if len(wrong):
         problem = f"the labelling of row {wrong[0] + 1} is of another scene"
         raise InputError(str(path), problem, f"{faces} letters d, i or v, one for each face of scene.json")
     return table.reset_index(drop=True)
-
-
-def _is_labelling(text: object, faces: int) -> bool:
-    return isinstance(text, str) and len(text) == faces and not text.strip("div")
 
 
 def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:

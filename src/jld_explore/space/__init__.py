@@ -1,7 +1,8 @@
 """What may be labelled, under which limits, and what is counted.
 
 - `CELLS`: the measure of a block that counts its elements
-- `EXEMPT`: how large a block is, over its free elements, scene units; a part of a block is never larger than it
+- `EXEMPT`: the measure of a block that counts the elements that limits except
+- `LETTERS`: d and i, of a labelling as text
 - `MEASURES`: measures of blocks that limits may speak of
 - `SHAPED`: limits on the shape of single blocks, and what they measure
 - `BlockShapes`: the shapes of all blocks that are asked for, of one assembly
@@ -15,6 +16,7 @@
 - `Void`: what may be left out
 - `Words`: rows of labels as words of 64 bits
 - `as_words`: rows of labels as words that compare as they do
+- `beside_nothing`: faces beside a cell that is left out, by the letters of a labelling
 - `block_sizes`: sizes of all blocks
 - `blocks_of`: the block of each element
 - `canonical`: the smallest image under the symmetries
@@ -22,8 +24,10 @@
 - `count_named`: a count by its name
 - `counts`: values of all counts
 - `cut`: the structure that a labelling (m letters) leaves, and its labels
+- `dry_of`: the letters of a labelling, v among them → which faces are dry
 - `feasible`: which labellings are in the space
 - `from_string`: text → labelling
+- `is_labelling`: whether something is the letters of a labelling
 - `keys`: hashable keys of labellings
 - `omitted`: (n,) elements that the letters (m,) of a labelling leave out: free ones whose every face is beside nothing
 - `orbit_sizes`: how many images a labelling has
@@ -55,6 +59,7 @@ from jld_explore.space.counts import (
     values_of,
 )
 from jld_explore.space.labelling import (
+    LETTERS,
     Words,
     as_words,
     blocks_of,
@@ -74,11 +79,12 @@ from jld_explore.space.limits import CELLS, EXEMPT, MEASURES, SHAPED, Limits, Ra
 from jld_explore.space.reasons import reasons_against
 from jld_explore.space.search_space import SearchSpace, feasible, search_space
 from jld_explore.space.shapes import BlockShapes
-from jld_explore.space.void import Void, cut, omitted
+from jld_explore.space.void import Void, beside_nothing, cut, dry_of, is_labelling, omitted
 
 __all__ = [
     "CELLS",
     "EXEMPT",
+    "LETTERS",
     "MEASURES",
     "SHAPED",
     "BlockShapes",
@@ -92,6 +98,7 @@ __all__ = [
     "Void",
     "Words",
     "as_words",
+    "beside_nothing",
     "block_sizes",
     "blocks_of",
     "canonical",
@@ -99,8 +106,10 @@ __all__ = [
     "count_named",
     "counts",
     "cut",
+    "dry_of",
     "feasible",
     "from_string",
+    "is_labelling",
     "keys",
     "omitted",
     "orbit_sizes",

@@ -26,6 +26,11 @@ Packed = NDArray[np.uint8]
 Words = NDArray[np.uint64]
 """The same as words of 64 bits, (k, w)."""
 
+DRY_LETTER: Final = "d"
+INNER_LETTER: Final = "i"
+LETTERS: Final = DRY_LETTER + INNER_LETTER
+"""Of a labelling as text: letters, as a spreadsheet makes a number of digits."""
+
 _ENTRIES: Final = 1 << 23
 """Entries of one temporary array in `blocks_of`; larger batches are taken in parts."""
 
@@ -48,22 +53,22 @@ def keys(labellings: Bits) -> list[bytes]:
 
 
 def to_string(labelling: Bits) -> str:
-    """A labelling (m,) as text, 'd' dry and 'i' inner: letters, as a spreadsheet makes a number of digits."""
+    """A labelling (m,) as text, 'd' dry and 'i' inner."""
     return to_strings(np.asarray(labelling)[None])[0]
 
 
 def to_strings(labellings: Bits) -> list[str]:
     """The texts of labellings (k, m)."""
     width = labellings.shape[1]
-    text = np.where(labellings, np.uint8(ord("d")), np.uint8(ord("i"))).tobytes().decode("ascii")
+    text = np.where(labellings, np.uint8(ord(DRY_LETTER)), np.uint8(ord(INNER_LETTER))).tobytes().decode("ascii")
     return [text[n * width : (n + 1) * width] for n in range(len(labellings))]
 
 
 def from_string(text: str) -> Bits:
     """The labelling (m,) of a text of 'd' and 'i'. Raises ValueError for any other character."""
-    if text.strip("di"):
-        raise ValueError(f"a labelling holds {text.strip('di')[0]!r}; expected 'd' and 'i' only")
-    return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord("d"))
+    if text.strip(LETTERS):
+        raise ValueError(f"a labelling holds {text.strip(LETTERS)[0]!r}; expected 'd' and 'i' only")
+    return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(DRY_LETTER))
 
 
 @dataclass(frozen=True)

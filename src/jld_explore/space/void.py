@@ -17,10 +17,12 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import DRY, Assembly, LoadCase, Strengths, without
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
-from jld_explore.space.labelling import to_strings
+from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
 LETTER: Final = "v"
 """Of a face beside a cell that is left out."""
+
+_LETTERS: Final = LETTERS + LETTER
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,29 @@ class Void:
         ]
 
 
+def is_labelling(text: object, faces: int) -> bool:
+    """Whether something is the letters of a labelling of so many faces."""
+    return isinstance(text, str) and len(text) == faces and not text.strip(_LETTERS)
+
+
+def beside_nothing(text: str) -> Bools:
+    """(m,) faces that the letters of a labelling say to lie beside a cell that is left out."""
+    return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(LETTER))
+
+
+def dry_of(text: str) -> Bits:
+    """(m,) True where the letters d, i and v of a labelling say dry; what lies beside nothing is not.
+
+    Raises ValueError for other letters.
+    """
+    if text.strip(_LETTERS):
+        raise ValueError(f"a labelling holds {text.strip(_LETTERS)[0]!r}; expected 'd', 'i' and 'v' only")
+    return from_string(text.replace(LETTER, INNER_LETTER))
+
+
 def omitted(assembly: Assembly, text: str) -> Bools:
     """(n,) elements that the letters (m,) of a labelling leave out: free ones whose every face is beside nothing."""
-    void = np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(LETTER)
+    void = beside_nothing(text)
     faces = assembly.interfaces
     solid = np.zeros(len(assembly.elements), dtype=bool)
     solid[faces.a[~void]] = solid[faces.b[~void]] = True
@@ -58,9 +80,7 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
     """The structure that a labelling (m letters) leaves, and its labels. Raises ValueError for other letters."""
-    if text.strip("div"):
-        raise ValueError(f"a labelling holds {text.strip('div')[0]!r}; expected 'd', 'i' and 'v' only")
-    labels = np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord("d")
+    labels = dry_of(text)
     if LETTER not in text:
         return assembly, labels
     rest, kept = without(assembly, omitted(assembly, text))

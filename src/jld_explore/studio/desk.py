@@ -17,7 +17,7 @@ from jld_core.build import build_assembly, build_geometry
 from jld_core.errors import InputError
 from jld_core.scene import Scene, parse_scene
 from jld_explore.report import CaseSolver, loads_of, solution_of
-from jld_explore.space import SearchSpace, reasons_against, search_space
+from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
 
 KEPT: Final = 16
 """Assemblies kept for changes taken back and done again: all but labels is in their key."""
@@ -75,9 +75,9 @@ class Desk:
     def labels(self, letters: object) -> Bits:
         """(m,) labels from letters d and i. Raises InputError for anything else."""
         count = len(self.setup({}).assembly.interfaces)
-        if not isinstance(letters, str) or len(letters) != count or letters.strip("di"):
+        if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
-        return np.asarray(np.frombuffer(letters.encode("ascii"), dtype=np.uint8) == ord("d"))
+        return from_string(letters)
 
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
         """What the page shows of a labelling: its solution, the loads, and why a search would not admit it."""
