@@ -36,6 +36,7 @@
 - `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
 - `is_small`: whether a solve takes less than to send it
+- `load_factors`: λ of each record
 - `may_meet`: whether a labelling is not proven to carry less than is required
 - `meets`: whether it carries what is required
 - `objectives`: what is minimised
@@ -72,7 +73,7 @@ from jld_explore.evaluation.ranking import (
 )
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records
-from jld_explore.evaluation.rows import settled, statuses
+from jld_explore.evaluation.rows import load_factors, settled, statuses
 from jld_explore.evaluation.seats import Seat, Seats
 from jld_explore.evaluation.undisturbed import disturb
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
@@ -115,6 +116,7 @@ __all__ = [
     "evaluator_of",
     "front_counts",
     "is_small",
+    "load_factors",
     "may_meet",
     "meets",
     "objectives",

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
 
@@ -117,6 +117,13 @@ def statuses(rows: Rows) -> NDArray[np.object_]:
 def settled(rows: Rows) -> NDArray[np.object_]:
     """How each row was settled, (k,): by a solve, a certificate or a bound."""
     return np.asarray(_SETTLED_NAMES[rows["settled"]])
+
+
+def load_factors(rows: Rows) -> Floats:
+    """λ of each row, (k,), as `Evaluation.load_factor` has it."""
+    zero = rows["zero_dilation"]
+    found = np.where(np.isnan(zero), rows["associative"], zero)
+    return np.asarray(np.where(rows["settled"] == _SETTLED_CODES[BOUND], np.nan, found))
 
 
 def checksums(rows: Rows) -> list[int]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Status, load_floor, relative_width
-from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, settled, statuses
+from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
@@ -53,7 +53,7 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
     labellings = unpack(rows["labelling"], records.faces)
     associative, zero = rows["associative"], rows["zero_dilation"]
     how = settled(rows)
-    load_factor = np.where(how == BOUND, np.nan, np.where(np.isnan(zero), associative, zero))
+    load_factor = load_factors(rows)
     table = pd.DataFrame(
         {
             "labelling": to_strings(labellings) if space.void is None else space.void.texts(labellings),
@@ -144,9 +144,7 @@ def convergence_table(records: Records) -> pd.DataFrame:
     which evaluations were finished.
     """
     rows = records.rows
-    zero = rows["zero_dilation"]
-    value = np.where(np.isnan(zero), rows["associative"], zero)
-    value = np.where(statuses(rows) == str(Status.COLLAPSE), value, np.nan)
+    value = np.where(statuses(rows) == str(Status.COLLAPSE), load_factors(rows), np.nan)
     best = np.fmax.accumulate(value) if len(value) else value
     before = np.concatenate([[np.nan], best[:-1]])
     last = np.arange(len(rows)) == len(rows) - 1

@@ -16,7 +16,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
-from jld_explore.space.labelling import Connectivity, blocks_of, connectivity
+from jld_explore.space.labelling import Connectivity, blocks_of, connectivity, numbers_of, totals_of
 from jld_explore.space.shapes import BlockShapes
 
 Values = dict[str, Ints | Floats]
@@ -43,9 +43,7 @@ class Layouts:
     @cached_property
     def cells(self) -> Ints:
         """(n, k) free elements in each block, at the row of its smallest element, 0 elsewhere."""
-        rows, count = self.blocks.shape
-        place = self.blocks[:, self.assembly.elements.free] + count * np.arange(rows)[:, None]
-        found = np.bincount(place.ravel(), minlength=rows * count).reshape(rows, count).T
+        found = numbers_of(self.blocks, self.assembly.elements.free).T
         if self.assembly.sink >= 0:
             # what is left out is no block
             found[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
@@ -138,12 +136,9 @@ def _dry_length(layouts: Layouts) -> Floats:
 
 
 def _largest_mass(layouts: Layouts) -> Floats:
-    elements, blocks = layouts.assembly.elements, layouts.blocks
-    rows, count = blocks.shape
-    place = (blocks[:, elements.free] + count * np.arange(rows)[:, None]).ravel()
+    elements = layouts.assembly.elements
     stays = layouts.stays[:, elements.free] * elements.mass[elements.free]
-    mass = np.bincount(place, stays.ravel(), minlength=rows * count)
-    return np.asarray(mass.reshape(rows, count).max(axis=1, initial=0.0))
+    return np.asarray(totals_of(layouts.blocks, elements.free, stays).max(axis=1, initial=0.0))
 
 
 def _mass(layouts: Layouts) -> Floats:

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Bits, Bools, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.lanes import Graph
 
@@ -121,6 +121,27 @@ def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
     parts = [_spread(graph, rows[i : i + size]) for i in range(0, max(1, len(rows)), size)]
     blocks = np.concatenate(parts)
     return blocks[0] if labellings.ndim == 1 else blocks
+
+
+def totals_of(blocks: Ints, elements: Ints, values: Floats) -> Floats:
+    """Sums over blocks (k, n) of what some elements (e,) have, (k, n) at the column of each block's name, else zero.
+
+    values: (e,), or (k, e) where they differ from row to row.
+    """
+    weights = np.broadcast_to(values, (len(blocks), len(elements))).ravel()
+    total = np.bincount(_names(blocks, elements), weights, minlength=blocks.size)
+    return np.asarray(total.reshape(blocks.shape), dtype=np.float64)
+
+
+def numbers_of(blocks: Ints, elements: Ints) -> Ints:
+    """The same of how many of the elements (e,) each block holds."""
+    return np.asarray(np.bincount(_names(blocks, elements), minlength=blocks.size).reshape(blocks.shape))
+
+
+def _names(blocks: Ints, elements: Ints) -> Ints:
+    """(k · e,) the block of each element in each row, by one number among all rows."""
+    rows, width = blocks.shape
+    return np.asarray((blocks[:, elements] + width * np.arange(rows)[:, None]).ravel())
 
 
 def _spread(graph: Connectivity, rows: Bits) -> Ints:

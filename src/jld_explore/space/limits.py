@@ -20,7 +20,7 @@ from jld_core.assembly import Assembly, Elements
 from jld_core.errors import InputError
 from jld_core.scene import Search
 from jld_explore.space.counts import Count, Terms, registered, values_of
-from jld_explore.space.labelling import Connectivity, blocks_of
+from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of, totals_of
 from jld_explore.space.shapes import BlockShapes
 
 _SAME: Final = 1e-12
@@ -66,6 +66,10 @@ class Range:
     def below(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
         """True where values fall short of the range by more than rounding."""
         return np.asarray(np.asarray(values) < self.least * (1.0 - slack))
+
+    def outside(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
+        """True where values do either."""
+        return np.asarray(self.above(values, slack) | self.below(values, slack))
 
 
 @dataclass(frozen=True)
@@ -168,12 +172,12 @@ def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = 
     """
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape
-    place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
     found = {}
     for measure in measures:
         if measure.of:
-            values = np.bincount(place, np.tile(measure.of(elements)[free], count), minlength=count * width)
+            values = totals_of(blocks, free, measure.of(elements)[free])
         else:
+            place = (blocks[:, free] + width * np.arange(count)[:, None]).ravel()
             corner = np.full((count * width, 2 * assembly.dimension), -inf)
             np.maximum.at(corner, place, np.tile(np.hstack([elements.upper, -elements.lower])[free], (count, 1)))
             values = np.where(np.isfinite(corner[:, 0]), _longest(corner.T), 0.0)
@@ -258,10 +262,7 @@ class Limits:
         if not self.on_shapes or self.excepted[rows].any():
             return False
         shape = self.block_shapes.one(rows)
-        return any(
-            bool(bounds.above(getattr(shape, name), _MEASURED) | bounds.below(getattr(shape, name), _MEASURED))
-            for name, bounds in self.on_shapes
-        )
+        return any(bool(bounds.outside(getattr(shape, name), _MEASURED)) for name, bounds in self.on_shapes)
 
     @property
     def given(self) -> bool:
@@ -318,23 +319,27 @@ class Limits:
             if self.excepted.any():
                 holds &= self._exempt(blocks) == 0.0
             for name, bounds in self.on_shapes:
-                each = self.block_shapes.values(name)
-                odd = np.asarray(bounds.above(each, _MEASURED) | bounds.below(each, _MEASURED))
+                odd = bounds.outside(self.block_shapes.values(name), _MEASURED)
                 good &= ~np.any(holds & odd[places], axis=1)
         for count, bounds in self.on_counts:
-            values = values_of(count, self.assembly, labellings, graph, self.block_shapes)
-            good &= ~(bounds.above(values) | bounds.below(values))
+            good &= ~bounds.outside(values_of(count, self.assembly, labellings, graph, self.block_shapes))
         return good
+
+    @property
+    def most_left_out(self) -> float:
+        """Volume of the cells that may be left out together, scene units, rounding allowed for; 0 where none may."""
+        if self.search.void is None:
+            return 0.0
+        elements = self.assembly.elements
+        return self.search.void.most * float(elements.volume[elements.free].sum()) * (1.0 + tolerances.DECIMALS)
 
     def _leaves_a_structure(self, graph: Connectivity, blocks: Ints) -> Bools:
         """(k,) True where no more is left out than may be, and all that stays is joined to a support."""
         sink, elements, faces = self.assembly.sink, self.assembly.elements, self.assembly.interfaces
         gone = blocks == blocks[:, [sink]]
         free, support = elements.free, np.flatnonzero(elements.support & (np.arange(len(elements)) != sink))
-        volume = elements.volume[free]
-        assert self.search.void is not None
-        most = self.search.void.most * float(volume.sum()) * (1.0 + tolerances.DECIMALS)
-        good = ~gone[:, support].any(axis=1) & (gone[:, free] @ volume <= most) & ~gone[:, free].all(axis=1)
+        enough = gone[:, free] @ elements.volume[free] <= self.most_left_out
+        good = ~gone[:, support].any(axis=1) & enough & ~gone[:, free].all(axis=1)
         may = np.isin(np.arange(len(elements)), faces.a[faces.b == sink])
         good &= ~(gone[:, free] & ~may[free]).any(axis=1)
         parts = blocks_of(graph, gone[:, faces.a] | gone[:, faces.b])
@@ -345,9 +350,7 @@ class Limits:
 
     def _exempt(self, blocks: Ints) -> Floats:
         """(k, n) elements that are excepted in each block (k, n), at the column of its name."""
-        rows, width = blocks.shape
-        place = (blocks[:, self.excepted] + width * np.arange(rows)[:, None]).ravel()
-        return np.bincount(place, minlength=rows * width).reshape(rows, width).astype(float)
+        return numbers_of(blocks, np.flatnonzero(self.excepted)).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:
         """Ranges on single blocks made of some sets, by key; where sizes go with cells, as limits on cells.

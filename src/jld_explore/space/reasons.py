@@ -35,7 +35,7 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
     excepted = np.isin(names, blocks[0][limits.excepted])
     for measure, bounds in limits.on_blocks:
         sizes = block_sizes(space.assembly, blocks, [measure])[measure.key][0][names]
-        wrong = (bounds.above(sizes) | bounds.below(sizes)) & ~excepted
+        wrong = bounds.outside(sizes) & ~excepted
         if wrong.any():
             worst = int(np.argmax(np.where(wrong, sizes, -1.0)))
             what = f"{_block(space, blocks[0], int(names[worst]), wrong)} has {sizes[worst]:.6g} {measure.words}"
@@ -53,7 +53,7 @@ def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
     limits, found = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]
-        if bounds.above(value) or bounds.below(value):
+        if bounds.outside(value):
             found.append(f"{count.name} is {value:.6g}; the search allows {_words(bounds)}")
     if not space.can_be_laid(labels[None])[0]:
         found.append(f"it cannot be laid as assemble: {space.search.assemble} asks")

@@ -218,14 +218,14 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
 
 def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
     """What a search may leave out, by atoms: those of candidate cells alone."""
-    if space.void is None or space.search.void is None:
+    if space.void is None:
         return None
     elements, cells = space.assembly.elements, space.void.cells
     free = np.where(elements.support, 0.0, elements.volume)
     volume = np.bincount(graph.of_element, free, minlength=len(graph))
     others = np.delete(np.arange(len(elements) - 1), cells)
     may = set(graph.of_element[cells].tolist()) - set(graph.of_element[others].tolist())
-    most = space.search.void.most * float(free.sum()) * (1.0 + tolerances.DECIMALS)
+    most = space.limits.most_left_out
     return Sink(int(graph.of_element[space.assembly.sink]), frozenset(may), volume.tolist(), most)
 
 
