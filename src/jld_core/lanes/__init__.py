@@ -6,6 +6,7 @@
 - `LOCKED`: answer of a labelling that carries any load
 - `OPEN`: answer of a labelling that is left to the usual way
 - `PROVEN`: answer of a labelling with both bounds
+- `REFUTED`: fate of a labelling that a mechanism proves too weak
 - `SOLVED`: state of a choice of blocks of which a bound can be expected
 - `BlockAnswers`: of k choices: own (k, own rows of all blocks), shared (k, shared rows): multipliers of the rows; …
 - `BlockColumns`: columns of one block
@@ -27,7 +28,7 @@ from jld_core.lanes.kernel import CARRIES, FALLS, LOCKED, OPEN, PROVEN, LaneAnsw
 from jld_core.lanes.library import chosen, described
 from jld_core.lanes.parts import Graph, Joining
 from jld_core.lanes.rows import fits
-from jld_core.lanes.shrinking import CARRIED, Shrinking, Shrunk, ToShrink
+from jld_core.lanes.shrinking import CARRIED, REFUTED, Shrinking, Shrunk, ToShrink
 
 __all__ = [
     "CARRIED",
@@ -36,6 +37,7 @@ __all__ = [
     "LOCKED",
     "OPEN",
     "PROVEN",
+    "REFUTED",
     "SOLVED",
     "BlockAnswers",
     "BlockColumns",

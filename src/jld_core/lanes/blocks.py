@@ -6,7 +6,6 @@ block by block, and those that it shares with others, three to a node.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -38,13 +37,6 @@ _ROOM: Final = 1e-6
 
 _MOST: Final = 50
 """Iterations of one; from the same start it takes 15 to 30."""
-
-
-_LISTS: Final = (
-    *("own_start", "shared_start", "shared", "column_start", "entry_start", "entry_row", "entry"),
-    *("of_x", "of_load", "place_start", "place"),
-)
-"""Arrays of `JldBlocks` in their order."""
 
 
 @dataclass(frozen=True)
@@ -142,69 +134,30 @@ class BlockLanes:
             np.zeros(count),
         )
         spent, state = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.uint8)
-        outputs: tuple[NDArray[Any], ...] = (dual, share, load, spent, state)
-        bounds = [np.ascontiguousarray(one, dtype=float) for one in (thresholds, least, most)]
-        p = self.pattern
-        lists = (p.column_start, p.row, p.pair_start, p.pair, p.left_start, p.left, p.left_column)
-        problem = _Blocks(
-            self._blocks,
-            len(p.order),
-            len(p.order),
-            *(_data(one) for one in lists),
-            *(_data(self._arrays[name]) for name in _LISTS),
-            _data(self._rhs),
-            len(self._load),
-            _data(self._load),
+        problem = library.Blocks(
+            blocks=self._blocks,
+            nodes=len(self.pattern.order),
+            pattern=self.pattern.handed_over(),
+            loads=len(self._load),
+            **library.pointers(**self._arrays, rhs=self._rhs, load=self._load),
         )
-        task = _Task(
-            count,
-            _data(chosen),
-            *(_data(one) for one in bounds),
-            _GAP,
-            _NEAR,
-            _FINE,
-            _ROOM,
-            _MOST,
-            *(_data(one) for one in outputs),
+        bounds = {"thresholds": thresholds, "least": least, "most": most}
+        known = {name: np.ascontiguousarray(one, dtype=float) for name, one in bounds.items()}
+        task = library.BlockTask(
+            count=count,
+            gap=_GAP,
+            near=_NEAR,
+            fine=_FINE,
+            room=_ROOM,
+            iterations=_MOST,
+            **library.pointers(allowed=chosen, **known),
+            **library.pointers(dual=dual, share=share, load=load, spent=spent, state=state),
         )
-        failed = self._library.jld_lanes_blocks(ctypes.byref(problem), ctypes.byref(task))
+        failed = self._library.jld_lanes_blocks(problem, task)
         if failed:
             raise MemoryError("the kernel's workspace") if failed == 1 else ValueError("a block of too many rows")
         shared = dual[:, self._own :][:, self._back]
         return BlockAnswers(dual[:, : self._own], shared, share, load, spent, state)
-
-
-class _Blocks(ctypes.Structure):
-    """`JldBlocks` of source/blocks.h, with the pattern in its place."""
-
-    _fields_ = (
-        ("blocks", ctypes.c_int32),
-        ("nodes", ctypes.c_int32),
-        ("pattern_nodes", ctypes.c_int32),
-        *((f"pattern_{k}", ctypes.c_void_p) for k in range(7)),
-        *((name, ctypes.c_void_p) for name in (*_LISTS, "rhs")),
-        ("loads", ctypes.c_int32),
-        ("load", ctypes.c_void_p),
-    )
-
-
-class _Task(ctypes.Structure):
-    """`JldBlockTask`."""
-
-    _fields_ = (
-        ("count", ctypes.c_int64),
-        *((name, ctypes.c_void_p) for name in ("allowed", "thresholds", "least", "most")),
-        ("gap", ctypes.c_double),
-        ("near", ctypes.c_double),
-        ("fine", ctypes.c_double),
-        ("room", ctypes.c_double),
-        ("iterations", ctypes.c_int32),
-        *((name, ctypes.c_void_p) for name in ("dual", "share", "load", "spent", "state")),
-    )
-
-
-def _data(array: NDArray[Any]) -> int:
-    return array.ctypes.data
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:

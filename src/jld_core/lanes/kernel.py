@@ -6,11 +6,10 @@ routes that take one labelling at a time.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,7 @@ from scipy.sparse.linalg import spsolve
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.lanes import library
-from jld_core.lanes.pattern import factor_pattern
-from jld_core.lanes.rows import rows_of
+from jld_core.lanes.rows import pattern_of, rows_of
 from jld_core.lanes.shrinking import Shrunk, ToShrink
 from jld_core.mechanics import Rows
 from jld_core.program import Template
@@ -30,6 +28,8 @@ PROVEN: Final = 1
 FALLS: Final = 2
 CARRIES: Final = 3
 LOCKED: Final = 4
+"""Verdicts, as `JldVerdict` of source/problem.h numbers them."""
+
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
     "margin": 1e-10,
@@ -146,12 +146,7 @@ class Lanes:
             usual = tuple(one for one in usual if one.aim > 0.0)  # edges and rays of parabolas are left to others
         chosen_tries = tries or usual
         self._tries = tuple(chosen_tries)
-        elements, faces = template.assembly.elements, template.assembly.interfaces
-        node = np.full(len(elements), -1, dtype=np.int64)
-        node[elements.free] = np.arange(len(elements.free))
-        a, b = node[faces.a], node[faces.b]
-        both = (a >= 0) & (b >= 0)
-        self.pattern = factor_pattern(a[both], b[both], elements.centroid[elements.free])
+        self.pattern, a, b = pattern_of(template.assembly)
         self._lay_out(template, a, b)
         ends = np.concatenate([q * e + np.arange(q) for e in self.pattern.order]).astype(np.int64)
         self._ends = ends
@@ -235,11 +230,17 @@ class Lanes:
         rays = np.zeros((count, self.faces, self._q)) if vectors else None
         problem = self._problem()
         settings = (library.Try * len(self._tries))(*self._tries)
-        answers = library.Answers(
-            *(_pointer(array) for array in (low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays))
-        )
+        asked = library.pointers(labels=labels, thresholds=least)
+        places = library.pointers(low=low, high=high, verdict=verdict, iterations=iterations, tries=tries)
+        more = library.pointers(forces=forces, velocity=velocity, diagnosis=diagnosis, rays=rays)
         failed = self._library.jld_lanes_solve(
-            problem, settings, len(self._tries), count, labels.ctypes.data, _pointer(least), answers
+            problem,
+            settings,
+            len(self._tries),
+            count,
+            asked["labels"],
+            asked.get("thresholds"),
+            library.Answers(**places, **more),
         )
         if failed:
             raise MemoryError("the kernel's workspace")
@@ -270,15 +271,17 @@ class Lanes:
         fate, relaxations = np.zeros(count * wide, dtype=np.uint8), np.zeros(count * wide, dtype=np.int32)
         conflict = np.zeros((count * wide, self.faces), dtype=np.uint8)
         velocity = np.zeros((count * wide, self.size))
+        given = library.pointers(labels=labels, free=matters, thresholds=least)
+        places = library.pointers(fate=fate, conflict=conflict, velocity=velocity, relaxations=relaxations)
         task = library.Shrinking(
-            count,
-            *(_pointer(array) for array in (labels, matters, least)),
-            how.neighbours,
-            how.tries,
-            int(how.inner),
-            how.balance,
-            asked.seed,
-            *(_pointer(array) for array in (fate, conflict, velocity, relaxations)),
+            count=count,
+            neighbours=how.neighbours,
+            tries=how.tries,
+            inner=int(how.inner),
+            balance=how.balance,
+            seed=asked.seed,
+            **given,
+            **places,
         )
         if self._library.jld_lanes_shrink(self._problem(), self._tries[0], task):
             raise MemoryError("the kernel's workspace")
@@ -293,36 +296,37 @@ class Lanes:
         return back
 
     def _problem(self) -> library.Problem:
-        p, start = self.pattern, self._start
-        lists = (p.column_start, p.row, p.pair_start, p.pair, p.left_start, p.left, p.left_column)
-        arrays = (self._low, self._high, self._block, self._sides, self._rows, self._keep, self._dead, self._live)
-        return library.Problem(
-            len(p.order),
-            self.faces,
-            self._pairs,
-            len(self._rows),
-            self._q,
-            int(not self._keep.all()),
-            len(p.order),
-            *(_pointer(array) for array in (*lists, *arrays)),
-            self._floor,
-            _pointer(self._opening),
-            tolerances.ROUNDING,
-            _pointer(start.forces),
-            _pointer(start.jumps),
-            _pointer(start.speed),
-            start.load,
-            start.room,
-            _PUSH if self._q == 3 else _PUSH_SPATIAL,
-            self._zero,
-            _pointer(self._bows),
-            int(self._meets),
+        start = self._start
+        arrays = library.pointers(
+            low=self._low,
+            high=self._high,
+            block=self._block,
+            sides=self._sides,
+            rows=self._rows,
+            keep=self._keep,
+            dead=self._dead,
+            live=self._live,
+            opening=self._opening,
+            forces=start.forces,
+            jumps=start.jumps,
+            speed=start.speed,
+            bows=self._bows,
         )
-
-
-_KINDS: Final[dict[str, Any]] = {"float64": ctypes.c_double, "int32": ctypes.c_int32, "uint8": ctypes.c_uint8}
-
-
-def _pointer(array: NDArray[np.int32] | NDArray[np.uint8] | Floats | None) -> object:
-    kind = ctypes.c_double if array is None else _KINDS[array.dtype.name]
-    return ctypes.POINTER(kind)() if array is None else array.ctypes.data_as(ctypes.POINTER(kind))
+        return library.Problem(
+            elements=len(self.pattern.order),
+            faces=self.faces,
+            pairs=self._pairs,
+            labels=len(self._rows),
+            freedoms=self._q,
+            dropping=int(not self._keep.all()),
+            pattern=self.pattern.handed_over(),
+            floor=self._floor,
+            noise=tolerances.ROUNDING,
+            load=start.load,
+            room=start.room,
+            push=_PUSH if self._q == 3 else _PUSH_SPATIAL,
+            zero=self._zero,
+            gap=tolerances.GAP,
+            meets=int(self._meets),
+            **arrays,
+        )

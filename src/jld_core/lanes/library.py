@@ -8,7 +8,9 @@ import subprocess
 import warnings
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+from numpy.typing import NDArray
 
 from jld_core.errors import InputError
 from jld_core.lanes import build
@@ -28,21 +30,18 @@ _NEEDED: Final[dict[str, tuple[str, ...]]] = {
 
 _LIBRARIES: Final = (".so", ".pyd", ".dll", ".dylib")
 
+_int32 = ctypes.c_int32
+_double = ctypes.c_double
 _int32s = ctypes.POINTER(ctypes.c_int32)
 _doubles = ctypes.POINTER(ctypes.c_double)
+_bytes = ctypes.POINTER(ctypes.c_uint8)
 
 
-class Problem(ctypes.Structure):
-    """`JldProblem` of source/problem.h, with the pattern in its place."""
+class FactorPattern(ctypes.Structure):
+    """`FactorPattern` of source/cholesky.h."""
 
     _fields_ = (
-        ("elements", ctypes.c_int32),
-        ("faces", ctypes.c_int32),
-        ("pairs", ctypes.c_int32),
-        ("labels", ctypes.c_int32),
-        ("freedoms", ctypes.c_int32),
-        ("dropping", ctypes.c_int32),
-        ("nodes", ctypes.c_int32),
+        ("nodes", _int32),
         ("column_start", _int32s),
         ("row", _int32s),
         ("pair_start", _int32s),
@@ -50,6 +49,20 @@ class Problem(ctypes.Structure):
         ("left_start", _int32s),
         ("left", _int32s),
         ("left_column", _int32s),
+    )
+
+
+class Problem(ctypes.Structure):
+    """`JldProblem` of source/problem.h."""
+
+    _fields_ = (
+        ("elements", _int32),
+        ("faces", _int32),
+        ("pairs", _int32),
+        ("labels", _int32),
+        ("freedoms", _int32),
+        ("dropping", _int32),
+        ("pattern", FactorPattern),
         ("low", _int32s),
         ("high", _int32s),
         ("block", _int32s),
@@ -58,18 +71,19 @@ class Problem(ctypes.Structure):
         ("keep", _doubles),
         ("dead", _doubles),
         ("live", _doubles),
-        ("floor", ctypes.c_double),
+        ("floor", _double),
         ("opening", _doubles),
-        ("noise", ctypes.c_double),
+        ("noise", _double),
         ("forces", _doubles),
         ("jumps", _doubles),
         ("speed", _doubles),
-        ("load", ctypes.c_double),
-        ("room", ctypes.c_double),
-        ("push", ctypes.c_double),
-        ("zero", ctypes.c_double),
+        ("load", _double),
+        ("room", _double),
+        ("push", _double),
+        ("zero", _double),
+        ("gap", _double),
         ("bows", _doubles),
-        ("meets", ctypes.c_int32),
+        ("meets", _int32),
     )
 
 
@@ -77,23 +91,20 @@ class Try(ctypes.Structure):
     """`JldTry`: settings of one pass over the labellings that are still open."""
 
     _fields_ = (
-        ("proximal", ctypes.c_double),
-        ("margin", ctypes.c_double),
-        ("target", ctypes.c_double),
-        ("active", ctypes.c_double),
-        ("first", ctypes.c_double),
-        ("last", ctypes.c_double),
-        ("near", ctypes.c_double),
-        ("relax", ctypes.c_double),
-        ("jumps", ctypes.c_double),
-        ("aim", ctypes.c_double),
-        ("press", ctypes.c_double),
-        ("endless", ctypes.c_double),
-        ("most", ctypes.c_int32),
+        ("proximal", _double),
+        ("margin", _double),
+        ("target", _double),
+        ("active", _double),
+        ("first", _double),
+        ("last", _double),
+        ("near", _double),
+        ("relax", _double),
+        ("jumps", _double),
+        ("aim", _double),
+        ("press", _double),
+        ("endless", _double),
+        ("most", _int32),
     )
-
-
-_bytes = ctypes.POINTER(ctypes.c_uint8)
 
 
 class Shrinking(ctypes.Structure):
@@ -104,10 +115,10 @@ class Shrinking(ctypes.Structure):
         ("labels", _bytes),
         ("free", _bytes),
         ("thresholds", _doubles),
-        ("neighbours", ctypes.c_int32),
-        ("tries", ctypes.c_int32),
-        ("inner", ctypes.c_int32),
-        ("balance", ctypes.c_double),
+        ("neighbours", _int32),
+        ("tries", _int32),
+        ("inner", _int32),
+        ("balance", _double),
         ("seed", ctypes.c_uint64),
         ("fate", _bytes),
         ("conflict", _bytes),
@@ -130,6 +141,61 @@ class Answers(ctypes.Structure):
         ("diagnosis", _doubles),
         ("rays", _doubles),
     )
+
+
+class Blocks(ctypes.Structure):
+    """`JldBlocks` of source/blocks.h."""
+
+    _fields_ = (
+        ("blocks", _int32),
+        ("nodes", _int32),
+        ("pattern", FactorPattern),
+        ("own_start", _int32s),
+        ("shared_start", _int32s),
+        ("shared", _int32s),
+        ("column_start", _int32s),
+        ("entry_start", _int32s),
+        ("entry_row", _int32s),
+        ("entry", _doubles),
+        ("of_x", _doubles),
+        ("of_load", _doubles),
+        ("place_start", _int32s),
+        ("place", _int32s),
+        ("rhs", _doubles),
+        ("loads", _int32),
+        ("load", _int32s),
+    )
+
+
+class BlockTask(ctypes.Structure):
+    """`JldBlockTask`: choices of blocks, how far they are solved, and where results go."""
+
+    _fields_ = (
+        ("count", ctypes.c_int64),
+        ("allowed", _bytes),
+        ("thresholds", _doubles),
+        ("least", _doubles),
+        ("most", _doubles),
+        ("gap", _double),
+        ("near", _double),
+        ("fine", _double),
+        ("room", _double),
+        ("iterations", _int32),
+        ("dual", _doubles),
+        ("share", _doubles),
+        ("load", _doubles),
+        ("spent", _int32s),
+        ("state", _bytes),
+    )
+
+
+_POINTERS: Final[dict[str, Any]] = {"float64": _doubles, "int32": _int32s, "uint8": _bytes}
+
+
+def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
+    """Arrays by the names of a structure's fields as it takes them, those that are None left out: they are null."""
+    known = {name: array for name, array in arrays.items() if array is not None}
+    return {name: array.ctypes.data_as(_POINTERS[array.dtype.name]) for name, array in known.items()}
 
 
 def built() -> dict[str, Path]:
@@ -210,12 +276,14 @@ def library(variant: str) -> ctypes.CDLL:
         ctypes.POINTER(Try),
         ctypes.c_int32,
         ctypes.c_int64,
-        ctypes.c_void_p,
+        _bytes,
         _doubles,
         ctypes.POINTER(Answers),
     )
     loaded.jld_lanes_shrink.restype = ctypes.c_int32
     loaded.jld_lanes_shrink.argtypes = tuple(ctypes.POINTER(kind) for kind in (Problem, Try, Shrinking))
+    loaded.jld_lanes_blocks.restype = ctypes.c_int32
+    loaded.jld_lanes_blocks.argtypes = tuple(ctypes.POINTER(kind) for kind in (Blocks, BlockTask))
     i32, i64, data = ctypes.c_int32, ctypes.c_int64, ctypes.c_void_p
     loaded.jld_blocks.restype = loaded.jld_parts.restype = i32
     loaded.jld_blocks.argtypes = (i32, i32, data, i32, data, data, i64, data, data)

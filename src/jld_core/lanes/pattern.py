@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
+from jld_core.lanes import library
 from jld_core.linalg import nested_dissection
 
 Int32s = NDArray[np.int32]
@@ -38,6 +39,12 @@ class FactorPattern:
     left_start: Int32s
     left: Int32s
     left_column: Int32s
+
+    def handed_over(self) -> library.FactorPattern:
+        """As the kernel takes it; the arrays stay where they are."""
+        names = ("column_start", "row", "pair_start", "pair", "left_start", "left", "left_column")
+        arrays = {name: getattr(self, name) for name in names}
+        return library.FactorPattern(nodes=len(self.order), **library.pointers(**arrays))
 
     @property
     def products(self) -> int:

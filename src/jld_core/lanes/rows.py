@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
-from jld_core.lanes.pattern import factor_pattern
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.lanes.pattern import FactorPattern, factor_pattern
 from jld_core.mechanics import RowPattern, Rows
 from jld_core.program import Template
 
@@ -43,13 +44,17 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
 
 def _products(template: Template) -> int:
     """Products of numbers in one factorisation."""
-    elements, faces = template.assembly.elements, template.assembly.interfaces
+    return int(pattern_of(template.assembly)[0].products * template.assembly.freedoms**3)
+
+
+def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
+    """The pattern of an assembly's equilibrium, and the free elements (m,) on both sides of each face, −1 for none."""
+    elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
     node[elements.free] = np.arange(len(elements.free))
     a, b = node[faces.a], node[faces.b]
     both = (a >= 0) & (b >= 0)
-    pattern = factor_pattern(a[both], b[both], elements.centroid[elements.free])
-    return int(pattern.products * template.assembly.freedoms**3)
+    return factor_pattern(a[both], b[both], elements.centroid[elements.free]), a, b
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 
+REFUTED: Final = 1
+"""Fate of a labelling that was to be shrunk: a mechanism proves it too weak. Numbers as in `JldFate` of problem.h."""
+
 CARRIED: Final = 2
-"""Fate of a labelling that was to be shrunk, and whose forces were seen to carry more than its threshold."""
+"""The same where its forces were seen to carry more than its threshold."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Shrunk:
     """What shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each labelling before
     its neighbours.
 
-    labelling: (r,) which of the k it is of. fate: (r,) OPEN (or never begun), PROVEN (refuted) or CARRIED. decided:
+    labelling: (r,) which of the k it is of. fate: (r,) 0 (open, or never begun), REFUTED or CARRIED. decided:
     (r, m) faces that matter. velocity: (r, q·free) of the mechanism. relaxations: (r,) solved.
     """
 

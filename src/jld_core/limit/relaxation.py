@@ -19,7 +19,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, PROVEN, Lanes, ToShrink, chosen, fits
+from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, REFUTED, Lanes, ToShrink, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.program import ConicProgram
@@ -159,7 +159,7 @@ class Relaxation:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
-        left = np.arange(len(begun))[raw.fate[begun] == PROVEN]
+        left = np.arange(len(begun))[raw.fate[begun] == REFUTED]
         open_ = asked.free & ~raw.decided[begun]
         found: list[DualBound | None] = [None] * len(begun)
         self._weigh_all(raw.velocity[begun[left]], left, asked.labellings[of], open_, asked.thresholds[of], found)

@@ -49,7 +49,7 @@ struct Run {
             bool better = low > out.low[who], lower = high < out.high[who];
             if (better) out.low[who] = low;
             if (lower) out.high[who] = high;
-            if (falls) out.verdict[who] = 2;
+            if (falls) out.verdict[who] = JLD_FALLS;
             if (out.diagnosis) {
                 double* d = out.diagnosis + 4 * who;
                 d[0] = lanes_of(proof.slack)[i], d[1] = lanes_of(proof.error)[i], d[2] = lanes_of(proof.margin)[i];
@@ -60,7 +60,7 @@ struct Run {
             if (out.velocity && (lower || falls))
                 for (int k = 0; k < Q * p.elements; ++k) out.velocity[who * Q * p.elements + k] = lanes_of(proof.best[k])[i];
             judge(who);
-            if (out.verdict[who] == 0) {
+            if (out.verdict[who] == JLD_OPEN) {
                 // where no motion bounds anything forces may grow
                 if (!(out.high[who] < 1e300)) grows[who] = 1;
                 next.push_back(who);
@@ -101,7 +101,7 @@ struct Run {
                     for (int k = 0; k < 3 * p.faces; ++k) out.forces[who * 3 * p.faces + k] = lanes_of(edge.best[k])[i];
             }
             judge(who);
-            if (out.verdict[who] == 0) next.push_back(who);
+            if (out.verdict[who] == JLD_OPEN) next.push_back(who);
         }
         waiting = 0;
     }
@@ -116,7 +116,7 @@ struct Run {
                 for (int f = 0; f < p.faces; ++f)
                     for (int k = 0; k < Q; ++k) out.rays[(who * p.faces + f) * Q + k] = lanes_of(ready.face[f].F[k])[i];
             judge(who);
-            if (out.verdict[who] == 0) next.push_back(who);
+            if (out.verdict[who] == JLD_OPEN) next.push_back(who);
         }
         waiting = 0;
     }
@@ -128,10 +128,11 @@ struct Run {
         double low = std::fabs(out.low[who]), high = std::fabs(out.high[who]), size = low > high ? low : high;
         if (out.low[who] <= 0.0 && out.high[who] >= 0.0 && size < p.zero) size = p.zero;
         // proofs that contradict each other prove nothing
-        if (out.verdict[who] == 2 && out.low[who] >= 0.0) out.verdict[who] = 0;
-        if (out.verdict[who] == 0 && thresholds && out.low[who] > thresholds[who]) out.verdict[who] = 3;
-        if (out.verdict[who] == 0 && size < 1e30 && out.high[who] - out.low[who] <= 1e-6 * size) out.verdict[who] = 1;
-        if (out.verdict[who] == 0 && endless[who] && out.low[who] > -1e30) out.verdict[who] = 4;
+        int32_t& verdict = out.verdict[who];
+        if (verdict == JLD_FALLS && out.low[who] >= 0.0) verdict = JLD_OPEN;
+        if (verdict == JLD_OPEN && thresholds && out.low[who] > thresholds[who]) verdict = JLD_CARRIES;
+        if (verdict == JLD_OPEN && size < 1e30 && out.high[who] - out.low[who] <= p.gap * size) verdict = JLD_PROVEN;
+        if (verdict == JLD_OPEN && endless[who] && out.low[who] > -1e30) verdict = JLD_LOCKED;
     }
 
     void pass(std::vector<int64_t> todo) {
@@ -198,7 +199,7 @@ struct Run {
         for (int64_t k = 0; k < count; ++k) {
             todo[k] = k;
             out.low[k] = -std::numeric_limits<double>::infinity(), out.high[k] = -out.low[k];
-            out.verdict[k] = out.iterations[k] = out.tries[k] = 0;
+            out.verdict[k] = JLD_OPEN, out.iterations[k] = out.tries[k] = 0;
         }
         for (turn = 0; turn < count_of_tries && !todo.empty(); ++turn) {
             next.clear();

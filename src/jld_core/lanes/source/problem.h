@@ -6,6 +6,16 @@
 
 extern "C" {
 
+// Of a face in a labelling.
+enum JldLabel : uint8_t { JLD_INNER = 0, JLD_DRY = 1, JLD_UNDECIDED = 2 };
+
+// What is proven of a labelling: nothing yet; both bounds, a narrow bracket; that it falls without live load; that it
+// carries more than its threshold; that it carries any load.
+enum JldVerdict : int32_t { JLD_OPEN = 0, JLD_PROVEN = 1, JLD_FALLS = 2, JLD_CARRIES = 3, JLD_LOCKED = 4 };
+
+// What became of a labelling that was to be shrunk: open or never begun, refuted, seen to carry more.
+enum JldFate : uint8_t { JLD_LEFT = 0, JLD_REFUTED = 1, JLD_CARRIED = 2 };
+
 struct JldProblem {
     int32_t elements, faces, pairs, labels, freedoms;
     int32_t dropping;      // does any label drop V?
@@ -32,6 +42,7 @@ struct JldProblem {
     double load;           // lambda there
     double room, push;     // least slack and multiplier at the start
     double zero;           // lambda beside which a bracket around zero may be narrow
+    double gap;            // relative width of a narrow bracket
     // (labels, faces, 2 or more) c and n0 of planar first pairs that bow, b |M| <= h + a N - c N^2 from n0 on and its
     // tangent at n0 below; where V and M meet the numbers of Meeting follow. Null where none does
     const double* bows;
@@ -55,7 +66,7 @@ struct JldTry {
 // Labellings that are too weak, each to be shrunk to what makes it so. Results have 1 + neighbours rows for each.
 struct JldShrinking {
     int64_t count;
-    const uint8_t* labels;     // (count, faces) 0 inner, 1 dry, 2 undecided from the start
+    const uint8_t* labels;     // (count, faces) of JldLabel, undecided where it is so from the start
     const uint8_t* free;       // (faces) 1 where a face may take either label
     const double* thresholds;  // (count) scaled lambda
     int32_t neighbours;        // labellings of one face less begun from each that gives a conflict
@@ -63,7 +74,7 @@ struct JldShrinking {
     int32_t inner;             // are inner faces tried before dry ones?
     double balance;            // error of equilibrium with which forces that carry more end it
     uint64_t seed;
-    uint8_t* fate;             // (rows) 0 open or not begun, 1 refuted, 2 carries more
+    uint8_t* fate;             // (rows) of JldFate
     uint8_t* conflict;         // (rows, faces) 1 where decided in the end
     double* velocity;          // (rows, 3 elements) what refutes
     int32_t* relaxations;      // (rows)
@@ -72,8 +83,7 @@ struct JldShrinking {
 struct JldAnswers {
     double* low;         // (count) proven lower bound, -inf for none
     double* high;        // (count) proven upper bound, +inf for none
-    // (count) 0 open, 1 both bounds, 2 falls without live load, 3 carries more than its threshold, 4 carries any load
-    int32_t* verdict;
+    int32_t* verdict;    // (count) of JldVerdict
     int32_t* iterations; // (count) of all tries
     int32_t* tries;      // (count)
     double* forces;      // (count, 3 faces) or null

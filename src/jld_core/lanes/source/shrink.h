@@ -11,14 +11,12 @@
 
 namespace jld {
 
-enum Fate : uint8_t { LEFT_OPEN = 0, REFUTED = 1, CARRIED = 2 };
-
 struct Job {
     int64_t row;
     const uint8_t* labels;
     double threshold;
     bool drawn;
-    std::vector<uint8_t> asked;    // (faces) as the kernel labels them: 0 inner, 1 dry, 2 undecided
+    std::vector<uint8_t> asked;    // (faces) of JldLabel
     std::vector<uint8_t> tried;    // (faces) tried alone
     std::vector<double> cost;      // (faces) of the mechanism at hand
     std::vector<double> velocity;  // its own
@@ -135,7 +133,7 @@ struct Shrink {
         bool lost = !(gap < 1e30) || !(speed < 1e30) || age[i] >= how.most;
         if (carries) {
             leave(i);
-            advance(job, false, CARRIED);
+            advance(job, false, JLD_CARRIED);
         } else if (solved || falls || lost) {
             ready.copy(work, i, waiting);
             parked[waiting++] = job;
@@ -158,7 +156,7 @@ struct Shrink {
             }
             for (int i = 0; i < waiting; ++i) {
                 uint8_t label = parked[i]->asked[f];
-                lanes_of(dry)[i] = label == 1, lanes_of(free)[i] = label == 2;
+                lanes_of(dry)[i] = label == JLD_DRY, lanes_of(free)[i] = label == JLD_UNDECIDED;
             }
             Lane either = larger(d[0], d[1]), own = select(dry > 0.0, d[1], d[0]), margin = select(dry > 0.0, m[1], m[0]);
             own = select(free > 0.0, either, own), margin = select(free > 0.0, smaller(m[0], m[1]), margin);
@@ -206,7 +204,7 @@ struct Shrink {
             double spent = lanes_of(total)[i] + lanes_of(noise)[i], works = lanes_of(work_done)[i];
             double excess = job->threshold * works - spent;
             if (!(lanes_of(least)[i] >= 0.0 && spent < 1e200 && works >= 0.0 && excess > 0.0)) {
-                if (job->thorough) advance(job, false, LEFT_OPEN);
+                if (job->thorough) advance(job, false, JLD_LEFT);
                 else job->thorough = true, begin_at_passed(job), queue.push_back(job);
                 continue;
             }
@@ -214,7 +212,7 @@ struct Shrink {
             job->velocity.resize(n);
             for (size_t k = 0; k < n; ++k) job->velocity[k] = lanes_of(u[k])[i];
             for (int f = 0; f < p.faces; ++f) job->cost[f] = lanes_of(cost[f])[i];
-            advance(job, true, REFUTED);
+            advance(job, true, JLD_REFUTED);
         }
     }
 
@@ -225,11 +223,11 @@ struct Shrink {
     }
 
     // What is asked next, once it is known whether the last relaxation refuted.
-    void advance(Job* job, bool refuted, Fate fate) {
+    void advance(Job* job, bool refuted, JldFate fate) {
         const bool whole = job->refuted || refuted, together = job->alone < 0;
         if (!whole) return finish(job, fate);
         if (!refuted) {
-            if (together) return finish(job, REFUTED);  // the mechanism before still stands
+            if (together) return finish(job, JLD_REFUTED);  // the mechanism before still stands
             job->asked[job->alone] = job->labels[job->alone];
             ++job->vain;
         }
@@ -238,14 +236,14 @@ struct Shrink {
         std::vector<std::pair<double, int>> order;
         order.reserve(p.faces);
         for (int f = 0; f < p.faces; ++f)
-            if (s.free[f] && job->asked[f] != 2) order.emplace_back(job->cost[f], f);
+            if (s.free[f] && job->asked[f] != JLD_UNDECIDED) order.emplace_back(job->cost[f], f);
         std::sort(order.begin(), order.end());
         if (refuted) {
             double spare = job->excess;
             bool freed = false;
             for (auto& [_, f] : order) {
                 if (!(job->cost[f] < spare)) break;
-                spare -= job->cost[f], job->asked[f] = 2, freed = true;
+                spare -= job->cost[f], job->asked[f] = JLD_UNDECIDED, freed = true;
             }
             job->excess = spare;
             if (freed) return queue.push_back(job);
@@ -254,18 +252,18 @@ struct Shrink {
         for (int pass = 0; pass < 2 && job->vain < s.tries; ++pass)
             for (auto& [_, f] : order)
                 if (!job->tried[f] && (!s.inner || pass == job->labels[f])) {
-                    job->tried[f] = 1, job->asked[f] = 2, job->alone = f;
+                    job->tried[f] = 1, job->asked[f] = JLD_UNDECIDED, job->alone = f;
                     return queue.push_back(job);
                 }
-        finish(job, REFUTED);
+        finish(job, JLD_REFUTED);
     }
 
-    void finish(Job* job, Fate fate) {
+    void finish(Job* job, JldFate fate) {
         s.fate[job->row] = fate;
         s.relaxations[job->row] = job->relaxations;
         uint8_t* decided = s.conflict + job->row * p.faces;
-        for (int f = 0; f < p.faces; ++f) decided[f] = s.free[f] && job->asked[f] != 2;
-        if (fate == REFUTED) {
+        for (int f = 0; f < p.faces; ++f) decided[f] = s.free[f] && job->asked[f] != JLD_UNDECIDED;
+        if (fate == JLD_REFUTED) {
             std::memcpy(s.velocity + job->row * u.size(), job->velocity.data(), 8 * u.size());
             if (job->drawn && s.neighbours) spawn(job, decided);
         }
@@ -282,7 +280,7 @@ struct Shrink {
             state ^= state << 13, state ^= state >> 7, state ^= state << 17;
             size_t at = (state >> 11) % inside.size();
             Job* next = begin(job->row + 1 + k, job->labels, job->threshold, false);
-            next->asked[inside[at]] = 2;
+            next->asked[inside[at]] = JLD_UNDECIDED;
             next->start = job->first, next->product = job->earliest;
             inside.erase(inside.begin() + at);
         }
