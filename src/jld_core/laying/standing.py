@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.geometry import moment_about
 from jld_core.laying.blocks import Blocks
-from jld_core.program import ConicProgram, Template, pack
+from jld_core.program import ConicProgram, Template, beginnings, pack
 from jld_core.solvers import auxiliary
 
 _NONE: Final = 1e-6
@@ -76,9 +76,9 @@ class Standing:
         equations = (q * standing[:, None] + np.arange(q)).ravel()
         first = template.structure.equalities + 1
         linear = first + np.flatnonzero(face[pattern.row_face[: pattern.linear]])
-        heads = pattern.linear + np.cumsum([0, *pattern.cones]).astype(np.int64)
+        heads = pattern.linear + beginnings(pattern.cones)
         kept = [k for k in range(len(pattern.cones)) if face[pattern.row_face[heads[k]]]]
-        conic = [first + np.arange(heads[k], heads[k + 1]) for k in kept]
+        conic = [first + heads[k] + np.arange(pattern.cones[k]) for k in kept]
         yields = np.concatenate([linear, *conic]) if conic else linear
         matrix = program.matrix.tocsr()
         of_yield, of_equations = matrix[yields], matrix[equations]

@@ -13,8 +13,7 @@ from jld_core.solvers import ClarabelSolver, RawStatus, auxiliary, is_large
 def tips_of(structure: Structure) -> Ints:
     """Rows that carry a slack: every linear yield row (the first linear row bounds λ), then the head of each cone."""
     linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
-    heads = structure.equalities + structure.linear + np.concatenate([[0], np.cumsum(structure.cones)])
-    return np.concatenate([linear, heads[: len(structure.cones)]]).astype(np.int64)
+    return np.concatenate([linear, structure.heads]).astype(np.int64)
 
 
 def with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:

@@ -15,7 +15,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit.auxiliary_programs import least_multipliers, of_columns, tips_of, with_slack
 from jld_core.limit.bounds import Motion, Prover, State, usable
-from jld_core.program import ConicProgram, Structure, Template, pack
+from jld_core.program import ConicProgram, Structure, Template, beginnings, pack
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
@@ -117,8 +117,7 @@ class Repair:
     def _whole_rows(self, s: Structure, tight: Bools) -> Ints:
         """Yield rows of the tips that are tight, a cone with all of its rows."""
         linear = s.linear - 1
-        heads = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(np.int64)
-        cones = [np.arange(a, a + k) for a, k, at in zip(heads, s.cones, tight[linear:], strict=True) if at]
+        cones = [np.arange(a, a + k) for a, k, at in zip(s.heads, s.cones, tight[linear:], strict=True) if at]
         return np.concatenate([tips_of(s)[:linear][tight[:linear]], *cones]).astype(np.int64)
 
     def _state_at_edge(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
@@ -313,12 +312,9 @@ class Repair:
         matrix = program.matrix.tocsr()[:, : s.shape[1] - 1 if columns is None else columns]
         tips = tips_of(s)
         linear_rows = tips[: s.linear - 1]
-        cone_starts = s.equalities + s.linear + np.concatenate([[0], np.cumsum(s.cones)])[: len(s.cones)].astype(int)
         kept_linear = linear_rows[moving[: len(linear_rows)]]
         kept_cones = [
-            (start, size)
-            for start, size, use in zip(cone_starts, s.cones, moving[len(linear_rows) :], strict=True)
-            if use
+            (start, size) for start, size, use in zip(s.heads, s.cones, moving[len(linear_rows) :], strict=True) if use
         ]
         cone_rows = np.concatenate([np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]).astype(int)
         chosen = np.concatenate([kept_linear, cone_rows])
@@ -326,9 +322,9 @@ class Repair:
         velocities = s.equalities
         floor = np.zeros(len(chosen))
         floor[: len(kept_linear)] = 1.0
-        starts = len(kept_linear) + np.cumsum([0, *(k for _, k in kept_cones)])[: len(kept_cones)]
-        floor[starts] = 1.0
         sizes = tuple(k for _, k in kept_cones)
+        starts = len(kept_linear) + beginnings(sizes)
+        floor[starts] = 1.0
         point = least_multipliers(matrix[: s.equalities], matrix[chosen], floor, len(kept_linear), sizes, s)
         left = balance @ point
         if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(point[velocities:][starts] < 0.5):

@@ -19,7 +19,7 @@ from jld_core.arrays import Bits, Floats, Ints
 from jld_core.assembly import Assembly, Elements, blocks_of
 from jld_core.geometry import moment_about, spun
 from jld_core.limit import LimitAnalysis, Motion, Proof, Status, element_velocities
-from jld_core.program import Template, pack
+from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, is_large
 
 _STRONG = 300.0  # strength over force scale above which blocks count as rigid until shown otherwise
@@ -226,8 +226,7 @@ def _inner_forces(
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
-    heads = linear + np.concatenate([[0], np.cumsum(cones)])[: len(cones)].astype(int)
-    return np.asarray(row_face[heads])
+    return np.asarray(row_face[linear + beginnings(cones)])
 
 
 def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:

@@ -4,12 +4,13 @@
 - `ConicProgram`: the numbers of one program
 - `Structure`: what all programs of one template share
 - `Template`: what does not depend on the labelling, scaled
+- `beginnings`: where each of some cones begins among their rows
 - `pack`: a program from sparse rows
 """
 
 from __future__ import annotations
 
-from jld_core.program.conic import ConicProgram, Structure, pack
+from jld_core.program.conic import ConicProgram, Structure, beginnings, pack
 from jld_core.program.template import Beside, Template
 
 __all__ = [
@@ -17,5 +18,6 @@ __all__ = [
     "ConicProgram",
     "Structure",
     "Template",
+    "beginnings",
     "pack",
 ]

@@ -5,6 +5,7 @@ minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order co
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -31,6 +32,16 @@ class Structure:
     linear: int
     cones: tuple[int, ...]
     places: Floats | None = None
+
+    @property
+    def heads(self) -> Ints:
+        """(cones,) the first row of each cone."""
+        return self.equalities + self.linear + beginnings(self.cones)
+
+
+def beginnings(sizes: Sequence[int]) -> Ints:
+    """(k,) where each of some cones begins among their rows, one after the other."""
+    return np.cumsum([0, *sizes], dtype=np.int64)[:-1]
 
 
 def pack(

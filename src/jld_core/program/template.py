@@ -142,8 +142,7 @@ class Template:
         self._row_face = np.concatenate([np.zeros(len(head), dtype=np.int64), pattern.row_face])
         self._tips = np.zeros(count)
         self._tips[len(head) : len(head) + pattern.linear] = 1.0
-        tips = len(head) + pattern.linear + np.cumsum([0, *pattern.cones[:-1]]) if pattern.cones else np.array([])
-        self._tips[tips.astype(np.int64)] = 1.0
+        self._tips[self.structure.heads] = 1.0
         self._objective = np.zeros(last + 1)
         self._objective[-1] = -1.0
         self._pressure = np.zeros(last + 1)

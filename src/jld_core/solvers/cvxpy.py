@@ -42,8 +42,7 @@ class CvxpySolver(Solver):
             matrix[: s.equalities] @ y == program.rhs[: s.equalities],
             matrix[s.equalities : edge] @ y <= program.rhs[s.equalities : edge],
         ]
-        starts = edge + np.concatenate([[0], np.cumsum(s.cones)]).astype(int)
-        for low, size in zip(starts, s.cones, strict=False):
+        for low, size in zip(s.heads, s.cones, strict=True):
             inside = program.rhs[low : low + size] - matrix[low : low + size] @ y
             constraints.append(cp.SOC(inside[0], inside[1:]))
         problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
