@@ -175,6 +175,18 @@ def test_a_layout_without_forces_says_how_to_get_them(visit: Open, study: Path, 
     assert found.page.locator("svg.figure").is_visible()
 
 
+def test_a_search_in_which_nothing_stands_says_so(visit: Open, tmp_path: Path) -> None:
+    scene = {**small_scene(rows=["abc", "#.."]), "loads": {"live": [{"body": [1, 0]}]}}
+    scene["materials"]["inner"] = {"tensile_strength": 1.0, "shear_strength": 1.0}
+    explore(parse_scene(scene), tmp_path / "out", ExploreSettings(jobs=1, pictures=False))
+    (tmp_path / "page.html").write_text(page_of_study.study_page(read_folder(tmp_path / "out")), encoding="utf-8")
+    found = visit(tmp_path / "page.html")
+    assert "4 of 4 layouts have no λ" in found.text("#picture")
+    assert "proven: no layout stands" in found.text("#facts")
+    assert found.page.locator("#scatter .legend li").count() == 0
+    assert "no layouts" in found.page.locator("canvas.scatter").get_attribute("aria-label")
+
+
 def test_downloads_are_the_scene_the_summary_and_the_table(visit: Open, study: Path) -> None:
     found = visit(study / "report.html")
     for name in ("scene.json", "summary.json", "layouts.csv"):
@@ -272,6 +284,8 @@ def test_dark_and_small(visit: Open, study: Path) -> None:
     looks_like(dark, "dark", "#viewer")
     phone = visit(study / "report.html", size=(390, 800), is_mobile=True, has_touch=True)
     assert phone.run("() => document.documentElement.scrollWidth") <= 390
+    # writing on a drawing that is made smaller stays as large as writing beside it
+    assert phone.run("() => document.querySelector('.scalebar text').getBoundingClientRect().height") > 11
     looks_like(phone, "phone", "#viewer")
 
 

@@ -68,6 +68,11 @@ def test_what_governs() -> None:
     open_end = governing([known(Status.UNCERTIFIED, math.nan, 2.0), collapse], [1, 1])
     assert (open_end.status, open_end.high) == (Status.UNCERTIFIED, 1.0)
     assert math.isnan(open_end.low)
+    # of brackets that overlap none is the lower: two routes to one λ shall name one case, not one each by rounding
+    near, nearer = known(Status.COLLAPSE, 1.0 - 2e-9, 1.0 + 1e-9), known(Status.COLLAPSE, 1.0 - 1e-9, 1.0)
+    assert [governing(pair, [1, 1]).case for pair in ([near, nearer], [nearer, near])] == [0, 0]
+    assert governing([near, nearer], [1, 1]).high == 1.0
+    assert governing([known(Status.COLLAPSE, 1.1, 1.1), nearer], [1, 1]).case == 1
 
 
 def test_a_bound_of_any_case_bounds_the_factor() -> None:

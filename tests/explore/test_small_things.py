@@ -11,13 +11,15 @@ import pytest
 from typer.main import get_command
 
 from command import call
-from jld_core import build_assembly, load_scene, solve
-from jld_explore import ExploreSettings, explore, search_space
+from jld_core import InputError, build_assembly, load_scene, parse_scene, solve
+from jld_explore import ExploreSettings, explore, read_folder, search_space
 from jld_explore.cli import overview
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.drivers import DRIVERS
+from jld_explore.report import words
 from jld_explore.study import Progress
 from paths import ROOT
+from scenes_of_pages import scene_of_cases, small_scene
 
 SCENE = ROOT / "scenes" / "flat_beam_arch.json"
 
@@ -92,6 +94,42 @@ def test_things_say_what_they_are_in_one_line(tmp_path: Path) -> None:
         assert text.startswith(f"{type(thing).__name__}({scene.name!r}, ")
         assert len(text.splitlines()) == 1
         assert len(text.replace(str(tmp_path), "")) < 140
+
+
+def test_what_was_found_is_said_as_it_is(tmp_path: Path) -> None:
+    """Nothing stands, which is proven; the best that meets the bound known beforehand is; cases go by λ / required."""
+    overhang = {**small_scene(rows=["abc", "#.."]), "loads": {"live": [{"body": [1, 0]}]}}
+    overhang["materials"]["inner"] = {"tensile_strength": 1.0, "shear_strength": 1.0}
+    slides = {**small_scene(), "loads": {"live": [{"body": [1, 0]}]}}
+    slides["materials"]["dry"] = {"friction_coefficient": 0.3}
+    said = {}
+    for name, scene, driver in (
+        ("nothing", overhang, "enumeration"),
+        ("slides", slides, "random"),
+        ("cases", scene_of_cases(), "random"),
+    ):
+        done = explore(
+            parse_scene(scene), tmp_path / name, ExploreSettings(driver=driver, budget=5, jobs=1, pictures=False)
+        )
+        said[name] = (words.facts_of_exploration(done), done.summary)
+    assert said["nothing"][0]["best λ"] == "none (proven: no layout stands)"
+    assert said["nothing"][0]["stopped"].startswith("nothing left to evaluate after")
+    facts, summary = said["slides"]
+    assert (summary["stop_reason"], summary["proven"], summary["next"]) == ("budget", True, None)
+    assert summary["gap"] <= 1e-6
+    assert facts["best λ"].startswith("0.3")
+    assert facts["best λ"].endswith("(proven strongest)")
+    assert "best λ / required" in said["cases"][0]
+
+
+def test_a_folder_whose_search_was_killed_says_how_to_go_on(tmp_path: Path) -> None:
+    scene = parse_scene(small_scene())
+    out = tmp_path / "out"
+    explore(scene, out, ExploreSettings(driver="random", budget=3, jobs=1, pictures=False))
+    for name in ("results.parquet", "summary.json"):
+        (out / name).unlink()
+    with pytest.raises(InputError, match=r"killed, or is still running; expected .* --resume"):
+        read_folder(out)
 
 
 def test_terminal_tables_shorten_long_labellings(

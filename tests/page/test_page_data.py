@@ -114,6 +114,19 @@ def test_every_load_case_is_there_with_what_governs() -> None:
     )
 
 
+def test_columns_are_called_what_they_hold(tmp_path: Path) -> None:
+    """With load cases what ranks is no λ, and what is a length in the plane is an area in space."""
+    titles = {}
+    for name, scene in (("cases", scene_of_cases()), ("space", spatial_scene())):
+        done = explore(parse_scene(scene), tmp_path / name, ExploreSettings(driver="random", budget=3, jobs=1))
+        columns = embedded((tmp_path / name / "report.html").read_text("utf-8"))["table"]["columns"]
+        titles[name] = {column["name"]: column["title"] for column in columns}
+        assert done.results["load_factor"].notna().any()
+    assert titles["cases"]["load_factor"] == "λ / required"
+    assert titles["cases"]["load_factor[right]"] == "λ, right"
+    assert (titles["space"]["load_factor"], titles["space"]["dry_length"]) == ("λ", "dry area")
+
+
 def test_edges_and_faces_together_are_the_outlines() -> None:
     """The pieces of outline that touch nothing, with the faces, are as long as all outlines together."""
     assembly = build_assembly(load_scene(SCENES / "flat_beam_arch.json"))

@@ -21,7 +21,11 @@ class Known:
 
 @dataclass(frozen=True)
 class Governing:
-    """What is known of the governing factor. case: position of the case that governs."""
+    """What is known of the governing factor.
+
+    case: position of the case that governs; of several whose brackets overlap the first, so that two routes to the same
+    λ name the same one.
+    """
 
     status: Status
     low: float
@@ -57,7 +61,8 @@ def governing(cases: Sequence[Known], required: Sequence[float]) -> Governing:
     low, high = lows[first], highs[position]
     if cases[first].status is Status.COLLAPSE:
         # the case with the least lower end is certain to within its width, and the least upper end is no higher
-        return Governing(Status.COLLAPSE, low, high, 0.5 * (low + high), position)
+        alike = (k for k, case in enumerate(cases) if case.status is Status.COLLAPSE and lows[k] <= high)
+        return Governing(Status.COLLAPSE, low, high, 0.5 * (low + high), next(alike))
     known = [value for value in values if not math.isnan(value)]
     both = math.isfinite(low) and math.isfinite(high)
     guess = 0.5 * (low + high) if both else min(known, default=nan)

@@ -61,6 +61,11 @@ _CONVERGENCE: Final = {
 }
 
 
+def ranked_by(results: pd.DataFrame) -> str:
+    """What layouts are ranked by: λ, or with load cases the least λ over what is required of it, by results.csv."""
+    return "λ / required" if "governing" in results.columns else "λ"
+
+
 def columns(assembly: Assembly) -> dict[str, Columns]:
     """columns.json: by file and column, unit and meaning. Load factors multiply the live load and have no unit."""
     length = assembly.units[0]
@@ -73,7 +78,10 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
     counts = {count.name: (count.unit(assembly), count.label(assembly).partition(" [")[0]) for count in registered()}
     cases = {f"load_factor[{case.name}]": ("", f"load factor of the case {case.name}") for case in assembly.cases}
     governing = {"governing": ("", "the load case with the least load factor over what is required of it")}
-    results = _RESULTS | counts | cases | (governing if cases else {})
+    factor = {
+        "load_factor": ("", "governing factor of the objective: the least load factor over what is required of it")
+    }
+    results = _RESULTS | counts | cases | (governing | factor if cases else {})
     files = {
         "faces.csv": _FACES | ends,
         "results.csv": {name: value for name, value in results.items() if name != "evidence"},

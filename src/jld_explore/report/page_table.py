@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jld_core.assembly import Assembly
+from jld_explore.report.columns import ranked_by
 from jld_explore.report.page_data import rounded
 from jld_explore.space import Count, beside_nothing, dry_of, pack, registered
 
@@ -17,9 +18,6 @@ MOST: Final = 20_000
 """Rows that a page holds: the strongest, and the front."""
 
 TITLES: Final = {
-    "load_factor": "λ",
-    "bracket_lo": "λ at least",
-    "bracket_hi": "λ at most",
     "multiplicity": "mirror images",
     "load_factor_associative": "λ associative",
     "load_factor_zero_dilation": "λ without dilation",
@@ -56,10 +54,12 @@ def table_of(
     evidence = pd.Series("visited", index=results.index, dtype=object)
     known = front.index.intersection(results.index)
     evidence.loc[known] = front.loc[known, "evidence"].astype(str)
+    value = ranked_by(results)
+    ranked = {"load_factor": value, "bracket_lo": f"{value} at least", "bracket_hi": f"{value} at most"}
     columns = [
-        _column(name, results[name], assembly)
+        _column(name, ranked.get(name) or _title(name, assembly), results[name], assembly)
         for name in _ordered(list(map(str, results.columns)))
-        if name != "labelling" and results[name].notna().any()
+        if name != "labelling" and (name == "load_factor" or results[name].notna().any())
     ]
     counts = [c["name"] for c in columns if c["kind"] != "text" and not c["name"].startswith(_NO_COUNT)]
     return {
@@ -83,9 +83,9 @@ def _ordered(names: list[str]) -> list[str]:
     return [*first, *(name for name in names if name not in first and name not in last), *last]
 
 
-def _column(name: str, values: pd.Series[Any], assembly: Assembly) -> dict[str, Any]:
+def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> dict[str, Any]:
     kind, shown = _values(values, digits=4 if name == "seconds" else 10)
-    return {"name": name, "title": _title(name), "unit": _unit(name, assembly), "kind": kind, "values": shown}
+    return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": shown}
 
 
 def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
@@ -96,11 +96,11 @@ def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
     return "text", ["" if pd.isna(v) else str(v) for v in values]
 
 
-def _title(name: str) -> str:
+def _title(name: str, assembly: Assembly) -> str:
     if name.startswith("load_factor["):
         return f"λ, {name[len('load_factor[') : -1]}"
     count = _counts().get(name)
-    return TITLES.get(name, name.replace("_", " ")) if count is None else count.title
+    return TITLES.get(name, name.replace("_", " ")) if count is None else count.heading(assembly)
 
 
 def _unit(name: str, assembly: Assembly) -> str:

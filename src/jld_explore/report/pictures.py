@@ -26,6 +26,7 @@ from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
+from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import known_front
 from jld_explore.space import Count, count_named, cut, dry_of, registered
 
@@ -76,7 +77,7 @@ def plot_pareto(
     figure = figure_of(width, total)
     ax = axes_of(figure, (0.75, total - 0.35 - height, width - 1.0, height))
     ax.set_xlabel(counted.label(assembly), fontsize=9)
-    ax.set_ylabel("load factor λ [–]", fontsize=9)
+    ax.set_ylabel(f"load factor {ranked_by(results)} [–]", fontsize=9)
     if len(shown):
         many = len(shown) > MANY
         ax.plot(
@@ -98,7 +99,7 @@ def plot_pareto(
         say_nothing(ax, "no labelling collapses at a finite load factor")
     for number, k in enumerate(chosen):
         ax.text(points[k, 0], points[k, 1], str(number + 1), **circle(), zorder=3.0)
-        value = f"λ = {points[k, 1]:#.4g}   {counted.words(points[k, 0], assembly)}"
+        value = f"{ranked_by(results)} = {points[k, 1]:#.4g}   {counted.words(points[k, 0], assembly)}"
         gallery.draw(figure, number, assembly, best["labelling"].iloc[k], value)
     figure.text(0.5, 0.1 / total, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")
@@ -124,7 +125,7 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
     ax = axes_of(figure, (0.75, 0.85, 7.0, 3.25))
     counted = count_named(count)
     ax.set_xlabel(counted.axis if isinstance(counted.axis, str) else f"{counted.noun}s", fontsize=9)
-    ax.set_ylabel("load factor λ [–]", fontsize=9)
+    ax.set_ylabel(f"load factor {ranked_by(results)} [–]", fontsize=9)
     if shown.empty:
         say_nothing(ax, "no labelling collapses at a finite load factor")
     else:

@@ -18,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.views.look import DOTS, FRONT, INK, SOFT
+from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import known_front
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.pictures import (
@@ -91,7 +92,7 @@ def plot_three(
     (_squares if squares else _dots)(ax, shown[[first, second, "load_factor"]], points, sure, scale)
     beside = axes_of(figure, (width - 1.0, total - 0.4 - height, 0.16, height))
     bar = figure.colorbar(ScalarMappable(scale, STRENGTH), cax=beside)
-    bar.set_label("load factor λ of the front [–]", fontsize=9)
+    bar.set_label(f"load factor {ranked_by(results)} of the front [–]", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     for number, k in enumerate(chosen):
         # beside the number or the dot, not over it
@@ -100,7 +101,9 @@ def plot_three(
         away = (0.0, 0.0) if squares else (11.0, 11.0)
         ax.annotate(str(number + 1), at, away, textcoords="offset points", **circle(), zorder=4.0)
         words = "  ".join(c.words(v, assembly) for c, v in zip(counted, points[k, :2], strict=True))
-        gallery.draw(figure, number, assembly, best["labelling"].iloc[k], f"λ = {points[k, 2]:#.4g}  {words}")
+        gallery.draw(
+            figure, number, assembly, best["labelling"].iloc[k], f"{ranked_by(results)} = {points[k, 2]:#.4g}  {words}"
+        )
     return figure
 
 

@@ -64,6 +64,10 @@ def read_folder(folder: Path) -> Exploration:
     """A finished study read back from its folder. Raises InputError where a file is missing, damaged or of another."""
     for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
         if not (folder / name).exists():
+            if (folder / RECORDS_FILE).exists() and (folder / "scene.json").exists():
+                again = f"jld explore {folder / 'scene.json'} --out {folder} --resume, with its first options, ends it"
+                problem = f"{name} is missing: the search was killed, or is still running"
+                raise InputError(str(folder), problem, f"one that ended; {again}")
             raise InputError(str(folder), f"{name} is missing", "a folder written by jld explore")
     scene = load_scene(folder / "scene.json")
     try:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Status, load_floor, relative_width
+from jld_core.tolerances import GAP
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
@@ -167,7 +168,8 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     pruned = int((results["settled"] == BOUND).sum())
     certain = complete and not (tally[str(Status.UNCERTIFIED)] - pruned or tally[str(Status.FAILED)])
     unbounded = bool(tally[str(Status.LOCKED)])
-    if results["load_factor_zero_dilation"].notna().any():
+    dilates = not results["load_factor_zero_dilation"].notna().any()
+    if not dilates:
         # answers without dilation are not unique, so none is proven; associative λ bounds them all
         bound = float(ranked["load_factor_associative"].max()) if certain and not ranked.empty else bound
         certain = False
@@ -176,11 +178,13 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     gap = None
     if best is not None and bound is not None:
         gap = relative_width(float(ranked["bracket_lo"].max()), bound, load_floor(study.assembly))
+    # a search may come upon the bound known before it: then nothing is stronger, though it goes on for its front
+    met = dilates and not unbounded and driver.bound is None and gap is not None and gap <= GAP
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "unbounded": unbounded,
-        "proven": certain or driver.finished,
+        "proven": certain or driver.finished or met,
         "bound": bound,
         "gap": gap,
         "stop_reason": str(reason),

@@ -13,12 +13,23 @@ from jld_core.scene import Scene
 from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.evaluation import BOUND
 from jld_explore.report import required
+from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import SearchSpace, registered
 
 LETTERS: Final = 24
 """Letters of a labelling that are shown of it in a terminal."""
+
+
+STOPPED: Final = {
+    "exhausted": "nothing left to evaluate",
+    "proven": "the best proven",
+    "budget": "budget used up",
+    "time": "time limit",
+    "interrupted": "interrupted",
+}
+"""Why a search ended, by `stop_reason` of its summary."""
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
@@ -57,6 +68,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
     proof = "proven strongest" if facts["proven"] and facts["best"] is not None else "not proven"
+    if facts["best"] is None and facts["proven"]:
+        proof = "proven: no layout stands"
     if facts["unbounded"]:
         proof = "but some layouts are locked: they carry any load"
     elif not facts["proven"] and facts["bound"] is not None:
@@ -73,12 +86,17 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
     spared = {"certificates of other solves": facts["settled"], "a bound": facts["pruned"]}
     ways = " and ".join(f"{number} by {how}" for how, number in spared.items() if number)
+    ended = STOPPED[facts["stop_reason"]]
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
         **({"settled": f"{ways}, without a solve of their own"} if ways else {}),
-        "stopped": f"{facts['stop_reason']} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
-        **({"required": required.words(facts["require"])} if facts.get("require") else {"best λ": f"{best} ({proof})"}),
+        "stopped": f"{ended} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
+        **(
+            {"required": required.words(facts["require"])}
+            if facts.get("require")
+            else {f"best {ranked_by(done.results)}": f"{best} ({proof})"}
+        ),
         **nominal,
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),

@@ -112,6 +112,10 @@ class Count:
         """Words above a column."""
         return self.column or self.name.replace("_", " ")
 
+    def heading(self, assembly: Assembly) -> str:
+        """The same of one assembly: what is a length in the plane is an area in space."""
+        return self.title if isinstance(self.axis, str) else self.axis(assembly)
+
     def label(self, assembly: Assembly) -> str:
         """Words for an axis, with the unit in brackets."""
         axis, unit = self.axis if isinstance(self.axis, str) else self.axis(assembly), self.unit(assembly)

@@ -6,11 +6,17 @@ import { shown } from "./dom.js";
 export function ticks(low, high, most, whole) {
   const span = Math.max(high - low, 1e-300);
   let step = 10 ** Math.floor(Math.log10(span / most));
-  step *= [1, 2, 5, 10].find((by) => span / (by * step) <= most) ?? 10;
-  if (whole) step = Math.max(1, Math.round(step));
-  const found = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * span; k++) found.push(Number((k * step).toPrecision(12)));
-  return found;
+  const steps = [1, 2, 5, 10].map((by) => by * step);
+  let at = steps.findIndex((one) => span / one <= most);
+  if (at < 0) at = steps.length - 1;
+  const along = (/** @type {number} */ one) => {
+    const by = whole ? Math.max(1, Math.round(one)) : one;
+    const found = [];
+    for (let k = Math.ceil(low / by - 1e-9); k * by <= high + 1e-9 * span; k++) found.push(Number((k * by).toPrecision(12)));
+    return found;
+  };
+  const found = along(steps[at]);
+  return found.length < 2 && at > 0 ? along(steps[at - 1]) : found; // one number alone is no scale
 }
 
 export class Axes {
@@ -110,6 +116,9 @@ function line(pen, a, b, c, d) {
   pen.stroke();
 }
 
+/** Relative: λ closer than brackets are wide is one λ, and what parts them is no picture. */
+const ALIKE = 1e-6;
+
 /** Room beside the extreme values. @param {number[]} values @param {number} share @returns {[number, number]} */
 export function extentOf(values, share) {
   let [low, high] = [Infinity, -Infinity];
@@ -118,13 +127,14 @@ export function extentOf(values, share) {
     if (v > high) high = v;
   }
   if (low > high) return [0, 1];
-  const room = high > low ? share * (high - low) : 0.05 * Math.abs(high) || 0.5;
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  const room = high - low > ALIKE * size ? share * (high - low) : 0.05 * size || 0.5;
   return [low - room, high + room];
 }
 
-/** Colours of the page, which change with its scheme. @returns {{ink: string, faint: string, paper: string, accent: string, dots: string}} */
+/** Colours of the page, which change with its scheme. front: "" where it is that of the drawing rules. @returns {{ink: string, faint: string, paper: string, accent: string, front: string}} */
 export function pageColours() {
   const style = getComputedStyle(document.documentElement);
   const get = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
-  return { ink: get("--ink"), faint: get("--faint"), paper: get("--paper"), accent: get("--accent"), dots: get("--dots") };
+  return { ink: get("--ink"), faint: get("--faint"), paper: get("--paper"), accent: get("--accent"), front: get("--front") };
 }

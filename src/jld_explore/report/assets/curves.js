@@ -7,15 +7,16 @@ import { Axes, extentOf, pageColours } from "./axes.js";
  * @param {HTMLElement} host
  * @param {import("./contract.js").Curve[]} curves
  * @param {string} colour
+ * @param {string} value what layouts are ranked by: λ, or λ / required
  */
-export function convergence(host, curves, colour) {
+export function convergence(host, curves, colour, value) {
   const told = curves.filter((curve) => curve.solves.length);
   if (!told.length) {
     host.replaceChildren(el("p", { class: "hint" }, "Nothing was found that has a finite load factor."));
     return;
   }
   const last = told.map((c) => `${c.name}: ${c.best[c.best.length - 1]} after ${c.solves[c.solves.length - 1]} solves`).join("; ");
-  const canvas = el("canvas", { class: "curve", role: "img", "aria-label": `Best load factor against solves. ${last}` });
+  const canvas = el("canvas", { class: "curve", role: "img", "aria-label": `Best ${value} against solves. ${last}` });
   host.replaceChildren(el("div", { class: "plot" }, canvas));
   const axes = new Axes(canvas, { left: 66, right: 14, top: 8, bottom: 40 });
   const draw = () => {
@@ -23,8 +24,8 @@ export function convergence(host, curves, colour) {
     const page = pageColours();
     axes.x = [0, Math.max(...told.map((c) => c.solves[c.solves.length - 1]), 1)];
     axes.y = extentOf(told.flatMap((c) => c.best), 0.08);
-    axes.frame(pen, "solves", "best λ so far [–]", { whole: true, ink: page.ink, faint: page.faint });
-    pen.strokeStyle = colour;
+    axes.frame(pen, "solves", `best ${value} so far [–]`, { whole: true, ink: page.ink, faint: page.faint });
+    pen.strokeStyle = page.front || colour;
     pen.lineWidth = 2;
     for (const curve of told) {
       pen.beginPath();

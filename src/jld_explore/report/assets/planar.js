@@ -52,6 +52,7 @@ export class PlanarFigure {
     /** @type {[number, number, number, number]} */
     this.box = [0, 0, this.wide, this.high_px];
     this.#zoomable();
+    new ResizeObserver(() => this.#legible()).observe(this.root);
     /** @type {any[]} */
     this.groups = [];
     this.hatch = `hatch${Math.random().toString(36).slice(2)}`;
@@ -258,6 +259,14 @@ export class PlanarFigure {
   #segment(from, to, style) {
     const [[x1, y1], [x2, y2]] = [this.at(from), this.at(to)];
     return svg("line", { x1, y1, x2, y2, ...style });
+  }
+
+  /** Texts keep their size on the screen where the page makes the paper smaller. */
+  #legible() {
+    const { width, height } = this.root.getBoundingClientRect();
+    if (!width || !height) return;
+    const per = Math.max(this.wide / width, this.high_px / height);
+    this.root.style.setProperty("--per-px", String(clamp(per, 1, 3)));
   }
 
   #zoomable() {

@@ -19,7 +19,8 @@ function start(data) {
   facts(byId("facts"), data);
   downloads(byId("downloads"), data);
   byId("history").hidden = data.convergence.length === 0;
-  convergence(byId("convergence"), data.convergence, data.look.front);
+  const ranked = table?.columns.find((c) => c.name === "load_factor")?.title ?? "λ";
+  convergence(byId("convergence"), data.convergence, data.look.front, ranked);
   let remember = () => {};
   const viewer = new Viewer(byId("viewer"), data, { changed: () => remember() });
   const given = read();

@@ -33,16 +33,19 @@ export class Scatter {
     this.choice = el("select", { "aria-label": "count across", onchange: (/** @type {any} */ e) => { this.setCount(e.target.value); tell.across(e.target.value); } },
       table.counts.map((name) => el("option", { value: name, selected: name === table.count }, this.#title(name))));
     const reset = el("button", { type: "button", class: "reset", onclick: () => this.reset() }, "whole picture");
-    const marks = Object.entries(look.evidence).filter(([name]) => table.evidence.includes(name)).map(([name, mark]) => {
+    const drawn = (/** @type {string} */ name) => table.evidence.filter((e, row) => e === name && this.value[row] !== null && this.value[row] !== undefined).length;
+    const without = table.rows - this.value.filter((v) => v !== null).length;
+    const marks = Object.entries(look.evidence).filter(([name]) => drawn(name) > 0).map(([name, mark]) => {
       const key = el("canvas", { width: 14, height: 14, "aria-hidden": "true" });
       const pen = key.getContext("2d");
-      this.#mark(pen, mark, 7, 7, name === "visited" ? 3 : 5);
-      return el("li", {}, key, `${mark.meaning} (${table.evidence.filter((e) => e === name).length})`);
+      this.#mark(pen, mark, 7, 7, name === "visited" ? 3 : 5, true);
+      return el("li", {}, key, `${mark.meaning} (${drawn(name)})`);
     });
     host.replaceChildren(
-      el("div", { class: "row" }, el("label", {}, "λ against ", this.choice), reset),
+      el("div", { class: "row" }, el("label", {}, `${this.#title("load_factor")} against `, this.choice), reset),
       el("div", { class: "plot" }, this.canvas, this.tip),
       el("ul", { class: "legend" }, marks),
+      without ? el("p", { class: "hint" }, `${without} of ${table.rows} layouts have no ${this.#title("load_factor")}: the table says why.`) : "",
       el("p", { class: "hint" }, "Drag to choose a part, click a point to see its layout; Ctrl or Shift with the wheel zooms. Arrow keys go along the points."),
     );
     this.#listen();
@@ -94,11 +97,14 @@ export class Scatter {
     this.draw();
   }
 
-  /** @param {any} pen @param {import("./contract.js").Mark} mark @param {number} x @param {number} y @param {number} size */
-  #mark(pen, mark, x, y, size) {
+  /** @param {any} pen @param {import("./contract.js").Mark} mark @param {number} x @param {number} y @param {number} size @param {boolean} [onPaper] */
+  #mark(pen, mark, x, y, size, onPaper = false) {
     const path = new Path2D(outline(mark.shape, x, y, size));
-    pen.fillStyle = mark.fill;
-    pen.strokeStyle = mark.edge;
+    // the key stands on white paper whatever the scheme
+    const front = onPaper ? "" : pageColours().front;
+    const colour = (/** @type {string} */ one) => (front && one === this.look.front ? front : one);
+    pen.fillStyle = colour(mark.fill);
+    pen.strokeStyle = colour(mark.edge);
     pen.lineWidth = 1.1;
     pen.fill(path);
     if (mark.edge !== mark.fill) pen.stroke(path);
@@ -108,13 +114,18 @@ export class Scatter {
     const pen = this.axes.begin();
     const colours = pageColours();
     const column = this.table.columns.find((c) => c.name === this.count);
-    this.axes.frame(pen, this.#title(this.count), "load factor λ [–]", { whole: column?.kind === "integer", ink: colours.ink, faint: colours.faint });
+    this.axes.frame(pen, this.#title(this.count), `load factor ${this.#title("load_factor")} [–]`, { whole: column?.kind === "integer", ink: colours.ink, faint: colours.faint });
     const { x, y, w, h } = this.axes.inner;
     pen.save();
     pen.beginPath();
     pen.rect(x - 6, y - 6, w + 12, h + 12);
     pen.clip();
     const rows = this.points ?? [];
+    if (!rows.length) {
+      pen.fillStyle = colours.ink;
+      pen.textAlign = "center";
+      pen.fillText("no layout collapses at a finite load factor", x + w / 2, y + h / 2);
+    }
     const many = rows.length > 3000;
     const inside = (/** @type {number} */ row) => (!this.passed || this.passed.has(row)) && (!this.box || this.#boxed(row));
     const dots = this.look.evidence.visited ?? Object.values(this.look.evidence)[0];
@@ -159,7 +170,7 @@ export class Scatter {
     }
     pen.restore();
     const name = this.#title(this.count);
-    this.canvas.setAttribute("aria-label", `Scatter of ${rows.length} layouts: load factor against ${name}. ${this.#spoken(this.selected)}`);
+    this.canvas.setAttribute("aria-label", rows.length ? `Scatter of ${rows.length} layouts: load factor ${this.#title("load_factor")} against ${name}. ${this.#spoken(this.selected)}` : "Scatter of no layouts: none collapses at a finite load factor.");
   }
 
   /** @param {any} pen @param {number[]} rows */
@@ -167,7 +178,7 @@ export class Scatter {
     const best = rows.filter((row) => this.table.evidence[row] !== "visited")
       .sort((i, j) => /** @type {number} */ (this.across?.[i]) - /** @type {number} */ (this.across?.[j]));
     if (!best.length) return;
-    pen.strokeStyle = this.look.front;
+    pen.strokeStyle = pageColours().front || this.look.front;
     pen.lineWidth = 1.5;
     pen.beginPath();
     best.forEach((row, k) => {

@@ -130,6 +130,8 @@ export class Viewer {
       tab.setAttribute("aria-selected", String(tab.dataset.view === this.view));
       tab.tabIndex = tab.dataset.view === this.view ? 0 : -1;
     }
+    const thrust = this.bar.querySelector('[data-show="thrust"]');
+    if (thrust) thrust.parentElement.hidden = this.view !== "forces";
     this.panes.setAttribute("aria-labelledby", `tab-${this.view}`);
     while (this.drawn.length > this.layouts.length) {
       const gone = this.drawn.pop();
