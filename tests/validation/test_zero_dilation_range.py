@@ -25,6 +25,7 @@ from jld_core import Assembly, InputError, Scene, SolveOptions, Status, build_as
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES
+from reference_zero_dilation import loads_without_dilation
 
 LOWEST = {"ferris_tinloi_1": 0.6390, "ferris_tinloi_2": 0.5604, "ferris_tinloi_4": 0.2638}
 
@@ -180,3 +181,35 @@ def test_a_search_ranks_by_the_lowest_found_or_by_the_floor(scene: Callable[[], 
         if labelling in first.index:
             assert floor <= first[labelling] * (1.0 + 1e-9)
     assert first.round(9).is_monotonic_decreasing
+
+
+TINY = (["a", "a", "#"], ["aa", "##"], ["#a#", "###"], ["#aa#"], ["a.", "aa", "##"])
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_all_solutions_of_tiny_scenes(seed: int) -> None:
+    """Inner faces and loads at random: what is found are the ends of all solutions there are, what is proven is below
+    them all, and a scene without any is not given one."""
+    rng = np.random.default_rng(seed)
+    rows = TINY[seed % len(TINY)]
+    cells = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
+    force = rng.normal(size=2) * 20.0
+    live = [{"element": str(rng.choice(cells)), "force": force.tolist(), "at": rng.uniform(0.0, 0.2, 2).tolist()}]
+    strength = float(rng.choice([5e2, 2e3, 1e4]))
+    friction = float(rng.choice([0.3, 0.75]))
+    assembly = grid_assembly(rows, live=live, tension=strength, shear=strength, friction=friction)
+    labels = rng.random(len(assembly.interfaces)) < 0.6
+    every = loads_without_dilation(assembly, labels)
+    result = solve(assembly, labels, friction="zero-dilation", range=True, floor_seconds=2.0)
+    extra, tiny = result.extra, 1e-3 * assembly.total_dead / assembly.total_live
+    lows = [max(low, 0.0) for low, high in every if high >= 0.0]
+    if extra["lowest_found"] is None:
+        assert result.status is not Status.COLLAPSE
+        assert not lows or result.status is Status.LOCKED
+        return
+    assert extra["lowest_found"] == pytest.approx(min(lows), rel=1e-6, abs=1e-6 * tiny)
+    most = max(high for _, high in every)
+    if np.isfinite(most):
+        assert extra["highest_found"] == pytest.approx(most, rel=1e-6, abs=1e-6 * tiny)
+    if extra["lowest_proven"] is not None:
+        assert extra["lowest_proven"] <= min(lows) * (1.0 + 1e-9)

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.models.zero_dilation.modes import Modes, modes_of
@@ -16,6 +17,9 @@ from jld_core.models.zero_dilation.pivots import Pivots
 from jld_core.models.zero_dilation.search import Pair, PairSearch, Scheme
 from jld_core.models.zero_dilation.starts import certified, of_little_pressure, starts
 
+_DRAWS: Final = 8  # mechanisms in the plane at a time,
+_ENOUGH: Final = 4  # and after the first so often as long as some go with forces; until any solution is known
+_TURNS: Final = 25  # so often at the most
 _LITTLE: Final = 24  # states of little pressure that are started from in space,
 _IDLE: Final = 8  # so many in a row without a lower solution
 _LOWER: Final = 1e-6  # relative, that counts
@@ -25,12 +29,14 @@ _LOWER: Final = 1e-6  # relative, that counts
 class Found:
     """Certified solutions of one labelling, kept as they come, scaled.
 
-    lowest, highest: pairs of forces and mechanism; of a load that grows from zero, so that one with λ < 0 is the lowest
+    width: relative, of a solution's bracket. nothing: λ that is rounding of zero. lowest, highest: pairs of forces and
+    mechanism; of a load that grows from zero, so that one with λ < 0 is the lowest
     only where there is none with λ ≥ 0. loads: λ of all that were certified. best: the pair that comes
     nearest, where none is certified.
     """
 
     width: float
+    nothing: float
     lowest: Pair | None = None
     highest: Pair | None = None
     best: Pair | None = None
@@ -49,11 +55,14 @@ class Found:
             return False
         load = pair.state.load
         self.loads.append(load)
-        if self.lowest is None or _order(load) < _order(self.lowest.state.load):
+        if self.lowest is None or self._order(load) < self._order(self.lowest.state.load):
             self.lowest = pair
         if self.highest is None or load > self.highest.state.load:
             self.highest = pair
         return True
+
+    def _order(self, load: float) -> tuple[bool, float]:
+        return load < -self.nothing, load
 
 
 class FromEverySide:
@@ -62,7 +71,7 @@ class FromEverySide:
     def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: Proof) -> None:
         self.pairs = PairSearch(analysis, labels, scheme)
         self.associative = associative
-        self.found = Found(analysis.gap)
+        self.found = Found(analysis.gap, tolerances.GAP * self.pairs.floor)
         self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
         load = associative.bracket[1]
         most = load if math.isfinite(load) else np.inf
@@ -75,9 +84,27 @@ class FromEverySide:
             self.search_from(forces)
             if self.found.low <= enough:
                 return self.found
+        if thorough:
+            self.draw()
         if thorough and self.pivots is None and not self.pairs.scheme.effective_area:
             self.press_little(enough)
         return self.found
+
+    def draw(self) -> None:
+        """Search from solutions of mechanisms drawn at random, planar scenes only: proximal steps miss those whose
+        faces are pressed otherwise than in any state they begin with."""
+        pivots, found = self.pivots, self.found
+        for turn in range(_TURNS if pivots is not None else 0):
+            assert pivots is not None
+            points = sorted(pivots.drawn(turn, _DRAWS), key=lambda point: float(point[-1]))
+            before = found.low, -_low(found.highest)
+            self.check(points)
+            for end, sign, known in zip(points[:1] + points[-1:], (1.0, -1.0), before, strict=False):
+                if not sign * float(end[-1]) >= known:
+                    self.improve(end, 1)
+            # of a wall's many mechanisms hardly any drawn one goes with forces
+            if found.lowest is not None and (not points or turn >= _ENOUGH):
+                break
 
     def press_little(self, enough: float = -math.inf) -> None:
         """Search from states below the lowest that press little on faces drawn at random, while that finds lower ones.
@@ -121,10 +148,6 @@ class FromEverySide:
             if known and _low(lowest) - least <= load <= _low(highest) + least:
                 continue
             self.found.offer(certified(self.pairs, point))
-
-
-def _order(load: float) -> tuple[bool, float]:
-    return load < 0.0, load
 
 
 def _low(pair: Pair | None) -> float:

@@ -20,6 +20,7 @@ from jld_core.solvers import LinearRows
 _CLOSED: Final = (1e-9, 1e-7, 1e-5)  # y below which a mode may move, as small as lets any mechanism through
 _MOVING: Final = 1e-9  # z above which a mode moves
 _BETTER: Final = 1e-9  # gain in λ, relative, that counts
+_IDLES: Final = 1e-3  # scaled price of a mode that works against nothing, so that few of them move
 _SWAY: Final = 1e-3  # weight of a random direction when another vertex of the same λ is sought
 
 
@@ -84,6 +85,31 @@ class Pivots:
                         point = other
             closed = self.modes.of(point[:-1]) < _CLOSED[1]
         return best
+
+    def drawn(self, seed: int, draws: int) -> list[Floats]:
+        """Solutions (F, λ) of mechanisms drawn at random, the lowest and the highest of each that any forces go with.
+
+        draws: of a state and of the mechanism that works least against it, but for weights that are drawn as well;
+        every other mechanism is of drawn weights alone. Where few faces leave few mechanisms these are most of them.
+        """
+        rng, found = np.random.default_rng(seed), list[Floats]()
+        count, columns = len(self.modes.constants), self.modes.rows.shape[1]
+        none, goal = np.zeros(count, dtype=bool), np.append(np.zeros(columns), 1.0)
+        for draw in range(draws):
+            weights = rng.exponential(size=count)
+            if draw % 2:
+                # states of much pressure on some faces and little on others
+                state = self.forces(none, np.append(rng.standard_normal(columns), rng.standard_normal()))
+                if state is not None:
+                    weights *= np.maximum(self.modes.of(state[:-1]), 0.0) + _IDLES
+            z = self.mechanism(~none, weights)
+            if z is None:
+                continue
+            for sign in (1.0, -1.0):
+                point = self.forces(z > _MOVING, sign * goal)
+                if point is not None:
+                    found.append(point)
+        return found
 
     def climb(self, point: Floats, seed: int, legs: int, idle: int) -> list[Floats]:
         """Corners (F, λ) of a path upwards: each leg keeps one mechanism and ends where it carries most.

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
 from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
@@ -76,6 +77,8 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
         return None
     if side.pairs.base.rough or side.pairs.base.cohesive:
         return None  # its certificates were derived for friction of dry faces alone
+    if found.low <= tolerances.GAP * side.pairs.floor:
+        return Floor(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
     if modes is None:
         return _space_floor(analysis, labels, side, seconds)
 

@@ -22,6 +22,7 @@ _BACK = 6  # times that a proximal step goes back half way before it is given up
 _DOWN = 0.02  # share of λ in Γ that is given up for the lowest λ
 _LEAST = 0.1  # least share of a proximal step that is taken
 _LOST = 1e30  # size of scaled forces that no step arrives at: the solver has failed
+_LIGHT = 1e-3  # largest N, scaled, below which shares of it are rounding
 _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
 
 
@@ -262,7 +263,8 @@ class PairSearch:
         jumps = motion.jumps
         slip = sets.slip(jumps, labels)[sets.slides(labels)].max(initial=0.0)
         widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
-        pressed = state.forces[:, 0] > _PRESSED * largest
+        # where the live load takes all weight off, N is rounding everywhere; scaled forces are of order one
+        pressed = state.forces[:, 0] > _PRESSED * max(largest, _LIGHT)
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
         gap = motion.bound - state.load

@@ -21,6 +21,7 @@ from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
+from jld_core.models.zero_dilation.found import FromEverySide
 from jld_core.models.zero_dilation.proof import proof_of
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.search import PairSearch, Scheme
@@ -77,6 +78,11 @@ def prove_zero_dilation(
             scheme = replace(scheme, alpha=0.0)
         search = PairSearch(analysis, labels, scheme)
         pair = search.pair_from(first_forces(search, associative, scheme.start))
-        proof = proof_of(associative, analysis, pair, search.solves)
+        solves = search.solves
+        if not pair.solves(analysis.gap):
+            side = FromEverySide(analysis, labels, scheme, associative)
+            side.draw()
+            pair, solves = side.found.lowest or pair, solves + side.pairs.solves
+        proof = proof_of(associative, analysis, pair, solves)
     proof.seconds = time.perf_counter() - start
     return proof
