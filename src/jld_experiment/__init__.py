@@ -13,6 +13,7 @@ but what limit analysis cannot say, namely what happens when cracks are brittle 
 - `State`: what changes while it is loaded
 - `push`: push until it comes down
 - `ramp`: raise the load until it comes down
+- `require_one_load`: refuses load cases
 - `run_experiment`: load one labelling until it comes down, at two rates
 - `specimen_of`: an assembly under one labelling → Specimen
 """
@@ -20,7 +21,7 @@ but what limit analysis cannot say, namely what happens when cracks are brittle 
 from __future__ import annotations
 
 from jld_experiment.driving import Push, Ramp, push, ramp
-from jld_experiment.experiment import Curve, run_experiment
+from jld_experiment.experiment import Curve, require_one_load, run_experiment
 from jld_experiment.settings import Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, State, specimen_of
 
@@ -35,6 +36,7 @@ __all__ = [
     "State",
     "push",
     "ramp",
+    "require_one_load",
     "run_experiment",
     "specimen_of",
 ]

@@ -8,9 +8,17 @@ import numpy as np
 
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
+from jld_core.errors import InputError
 from jld_experiment.driving import push, scout
 from jld_experiment.settings import RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of
+
+
+def require_one_load(assembly: Assembly) -> None:
+    """Raise InputError for load cases: what is loaded until it comes down is loaded one way."""
+    if assembly.cases:
+        problem = f"an experiment pushes with one live load, and there are {len(assembly.cases)} cases"
+        raise InputError("loads.cases", problem, '"loads.live" with the load of one of them')
 
 
 @dataclass(frozen=True)
@@ -70,8 +78,10 @@ def run_experiment(
     assembly: planar or spatial. labels: (m,) True dry; default the scene's own. The assembly is settled under its dead
     loads, then live·u is made to grow at a constant rate and λ is read off as the multiplier of that constraint. The
     collapse load comes from the slower push, `rate_error` is the relative difference of the two.
-    Raises InputError where a material that the labelling needs is missing, or a setting is of no use.
+    Raises InputError where a material that the labelling needs is missing, a setting is of no use, or there are load
+    cases.
     """
+    require_one_load(assembly)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     joints, settings = joints or Joints(), settings or Settings()
     specimen = specimen_of(assembly, own, joints, settings)

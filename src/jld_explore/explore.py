@@ -12,7 +12,7 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
 from jld_core.errors import InputError
 from jld_core.memory import memory_limit
-from jld_core.models import require_memory
+from jld_core.models import require_memory, require_model
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.drivers import (
@@ -89,6 +89,12 @@ def explore(
         raise InputError(
             "--driver", f"{chosen.name} has no bounds for this model", "convex contact on whole faces, paper bending"
         )
+    dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
+    require_model(space.assembly, settings.model, dry)
+    if settings.experiment or settings.by_experiment:
+        from jld_experiment import require_one_load  # an extra, refused here where it is not installed
+
+        require_one_load(assembly)
     if settings.certificate is not None:
         check_certifiable(chosen, settings.model, scene)
         if isinstance(chosen, Exact):

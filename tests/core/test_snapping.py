@@ -64,6 +64,16 @@ def test_gaps_and_overlaps_close(gap: float) -> None:
     assert still.largest == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("gap", [0.0018, -0.0018])
+def test_joints_that_cross_close_both_ways(gap: float) -> None:
+    """Where four stones meet, corners across are further apart than the tolerance, and meet all the same."""
+    outlines = [square(i * (0.3 + gap), j * (0.1 + gap), 0.3, 0.1) for j in range(3) for i in range(3)]
+    found = snap_polygons(outlines, 0.002)
+    assert gaps_and_overlaps(found.paths) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert len(np.unique(np.concatenate(found.paths).round(12), axis=0)) == 16
+    assert found.largest <= 0.002 * np.sqrt(2.0)
+
+
 def test_shared_nodes_make_a_coverage() -> None:
     """With nodes kept, neighbours share whole edges, as shapely's coverage functions ask for."""
     scene = samples.wall(bond="english")

@@ -27,7 +27,7 @@ def build_geometry(scene: Scene) -> Geometry:
     Raises InputError: geometry and references that cannot be used, each by name.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
-    _check_paths(geometry.elements, geometry.interfaces)
+    _check_paths(geometry)
     return geometry
 
 
@@ -69,15 +69,16 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
     return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
 
 
-def _check_paths(elements: Elements, interfaces: Interfaces) -> None:
+def _check_paths(geometry: Geometry) -> None:
     """Every free element must reach a support through interfaces, or its equilibrium has no solution."""
+    elements, interfaces = geometry.elements, geometry.interfaces
     part = components(len(elements), interfaces.a, interfaces.b)
     reached = np.isin(part, part[elements.support])
     if not reached.all():
         lost = elements.ids[int(np.flatnonzero(~reached)[0])]
         raise InputError(
             f"element {lost!r}",
-            "no path of interfaces leads from it to a support",
+            "no path of interfaces leads from it to a support" + "".join(f" ({near})" for near in geometry.warnings),
             "every free element joined to a support through faces that touch",
         )
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.assembly import Elements
 from jld_core.errors import InputError
@@ -17,17 +18,20 @@ def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key
     """Sum of load entries as (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m) about the centroids.
 
     elements: the assembly's; key: "loads.dead" or "loads.live", for complaints. The moment of a force
-    applied at p is (p − c) × f; "at" may lie outside the element.
+    applied at p is (p − c) × f; "at" may lie outside the element. What cancels leaves nothing, not its rounding.
     Raises InputError: unknown element, a support, or a vector of the wrong length.
     """
     dimension = elements.centroid.shape[1]
     total = np.zeros((len(elements), 3 if dimension == 2 else 6))
+    gross = np.zeros_like(total)
     for position, entry in enumerate(entries):
         where = f"{key}[{position}]"
         if isinstance(entry, BodyLoad):
             body = _vector(entry.body, dimension, f"{where}.body")
             magnitude = np.linalg.norm(elements.weight, axis=1)
-            total[:, :dimension] += np.where(elements.support, 0.0, magnitude)[:, None] * body
+            weight = np.where(elements.support, 0.0, magnitude)[:, None] * body
+            total[:, :dimension] += weight
+            gross[:, :dimension] += np.abs(weight)
             continue
         if entry.element not in elements.index:
             raise InputError(f"{where}.element", f"no element is named {entry.element!r}", "the id of a free element")
@@ -44,11 +48,15 @@ def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key
                 f"{total.shape[1] - dimension} in this scene",
             )
         total[index, dimension:] += moment
+        gross[index, dimension:] += np.abs(moment)
         if entry.force is not None:
             force = _vector(entry.force, dimension, f"{where}.force")
             at = elements.centroid[index] if entry.at is None else _vector(entry.at, dimension, f"{where}.at")
+            couple = moment_about(at - elements.centroid[index], force)
             total[index, :dimension] += force
-            total[index, dimension:] += moment_about(at - elements.centroid[index], force)
+            total[index, dimension:] += couple
+            gross[index] += np.abs(np.append(force, couple))
+    total[np.abs(total) <= tolerances.ROUNDING * gross] = 0.0
     return total
 
 

@@ -38,8 +38,16 @@ def spatial_geometry(scene: Scene) -> Geometry:
     refuse_twins(ids)
     vertices: list[Floats] = [np.array(entry.vertices, dtype=float) for entry in entries]
     faces: list[Faces] = [tuple(tuple(face) for face in entry.faces or []) for entry in entries]
-    vertices, moved = _closed(scene, vertices, faces)
-    vertices, faces, volume, centroid = solids(ids, vertices, faces)
+    drawn = vertices
+    vertices, moved = _closed(scene, drawn, faces)
+    try:
+        vertices, faces, volume, centroid = solids(ids, vertices, faces)
+    except InputError as error:
+        if moved > 0.0 and scene.tolerance is not None:
+            solids(ids, drawn, faces)  # where the drawing itself is wrong, that is what is said
+            problem = f"within {scene.tolerance:g} {error.where} cannot be kept: {error.problem}"
+            raise InputError("tolerance", problem, "less than the elements measure") from None
+        raise
     elements = collect_elements(scene, entries, centroid, volume, vertices, tuple(faces))
     facets = facets_of(vertices, faces)
     pairs = near_pairs(elements.lower, elements.upper, tolerances.FACE * (elements.upper - elements.lower).max(axis=1))

@@ -67,4 +67,5 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
 
 
 def _point(place: Floats) -> str:
-    return ", ".join(f"{value:.5g}" for value in place)
+    """Coordinates, with digits enough to tell elements apart far from the origin."""
+    return ", ".join(f"{value:.{5 if abs(value) < 1e4 else 10}g}" for value in place)

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
@@ -63,7 +64,7 @@ def snap_paths(
     node_of = merge_points(corners, tolerance)
     place = corners[np.unique(node_of, return_index=True)[1]]
     rings = [without_spikes(node_of[first[k] : first[k + 1]].tolist(), closed=closed[k]) for k in range(len(paths))]
-    place = _onto_edges(place, rings, closed, tolerance)
+    place, rings, node_of = _onto_edges(place, rings, node_of, closed, tolerance)
     rings, own = _with_hanging(place, rings, closed, tolerance)
     if not keep_nodes:
         rings = [
@@ -130,30 +131,72 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
     length = np.linalg.norm(along, axis=1)
     share = np.einsum("ij,ij->i", place[node] - start, along) / length**2
     off = np.linalg.norm(place[node] - start - share[:, None] * along, axis=1)
-    # beside an end the corner itself is the place to go, and corners have met already
-    inside = (
-        (share * length > tolerance) & ((1.0 - share) * length > tolerance)
-        if tolerance > 0.0
-        else ((share > 0.0) & (share < 1.0))
-    )
-    inside &= (edges[edge, 0] != node) & (edges[edge, 1] != node)
+    inside = (share > 0.0) & (share < 1.0) & (edges[edge, 0] != node) & (edges[edge, 1] != node)
+    if tolerance > 0.0:
+        # what is no further than that from an end has met it already
+        for end in (0, 1):
+            inside &= np.linalg.norm(place[node] - place[edges[edge, end]], axis=1) > tolerance
     order = np.lexsort((edge[inside], off[inside], node[inside]))
     return node[inside][order], edge[inside][order], off[inside][order], share[inside][order]
 
 
-def _onto_edges(place: Floats, rings: Sequence[Sequence[int]], closed: Sequence[bool], tolerance: float) -> Floats:
-    """Nodes near an edge put onto it, each onto the nearest one, until nothing moves any more."""
-    edges, place = _edges(rings, closed), place.copy()
-    size = float(np.ptp(place, axis=0).max())
+def _onto_edges(
+    place: Floats, rings: list[list[int]], node_of: Ints, closed: Sequence[bool], tolerance: float
+) -> tuple[Floats, list[list[int]], Ints]:
+    """Nodes near an edge put onto it, each onto the nearest one, until nothing moves any more.
+
+    Where joints cross, corners that are apart along both are further apart than the tolerance: on an edge they meet.
+    """
+    place, size = place.copy(), float(np.ptp(place, axis=0).max())
     for _ in range(_ROUNDS if tolerance > 0.0 else 0):
+        edges = _edges(rings, closed)
         node, edge, off, share = _hits(place, edges, tolerance)
         node, nearest = np.unique(node, return_index=True)
         edge, off, share = edge[nearest], off[nearest], share[nearest]
         if not np.any(off > 1e-15 * size):
             break
+        alone = _without_swaps(place, node, edges[edge], tolerance)
+        node, edge, share = node[alone], edge[alone], share[alone]
         ends = place[edges[edge]]
         place[node] = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
-    return place
+        into = _meeting(place, rings, tolerance)
+        place, node_of = place[into], into[node_of]
+        rings = [
+            without_spikes(into[np.array(ring, dtype=np.int64)].tolist(), closed=shut)
+            for ring, shut in zip(rings, closed, strict=True)
+        ]
+    return place, rings, node_of
+
+
+def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> Bools:
+    """(k,) which nodes to move: of two near one another that would go past each other, the second alone.
+
+    ends: (k, 2) of the edge that each goes onto.
+    """
+    goal = dict(zip(node.tolist(), ends.tolist(), strict=True))
+
+    def passes(n: int, m: int) -> bool:
+        return n < m and n in goal.get(m, ()) and bool(np.linalg.norm(place[n] - place[m]) <= 2.0 * tolerance)
+
+    return np.array([not any(passes(n, m) for m in goal[n]) for n in node.tolist()], dtype=bool)
+
+
+def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) -> Ints:
+    """(n,) node that each becomes: what came within the tolerance of one of another ring is one with it."""
+    into = np.arange(len(place))
+    owners: dict[int, set[int]] = {}
+    for number, ring in enumerate(rings):
+        for node in ring:
+            owners.setdefault(node, set()).add(number)
+    used = np.array(sorted(owners), dtype=np.int64)
+    if not len(used):
+        return into
+    pairs = used[cKDTree(place[used]).query_pairs(tolerance, output_type="ndarray")]
+    for first, second in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].tolist():
+        if into[first] == first and into[second] == second and not owners[first] & owners[second]:
+            into[second] = first
+            owners[first] |= owners[second]
+    return into
 
 
 def _with_hanging(

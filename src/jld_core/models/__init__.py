@@ -13,6 +13,7 @@
 - `point_contact_assembly`: the assembly of concave contact
 - `prove_condensed`: proof by rigid blocks, cracked on demand
 - `require_memory`: refuses what there is not the memory for
+- `require_model`: refuses options that do not go with an assembly
 - `rigid_blocks`: elements joined through inner faces
 - `sensitivities`: how λ changes with strengths and weight
 - `solve`: λ of one labelling, with a two-sided bracket
@@ -28,7 +29,7 @@ from jld_core.models.effort import Effort, effort_of, require_memory
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
-from jld_core.models.solve import LADDERS, limit_analysis, solve, solve_labelling
+from jld_core.models.solve import LADDERS, limit_analysis, require_model, solve, solve_labelling
 from jld_core.models.zero_dilation.search import Scheme
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "point_contact_assembly",
     "prove_condensed",
     "require_memory",
+    "require_model",
     "rigid_blocks",
     "sensitivities",
     "solve",

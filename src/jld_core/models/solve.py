@@ -14,6 +14,7 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError, SolverError
 from jld_core.limit import (
     LADDER,
     Climb,
@@ -26,7 +27,7 @@ from jld_core.limit import (
     result_of,
 )
 from jld_core.mechanics import require_materials
-from jld_core.models.effective_area import prove_effective_area
+from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
 from jld_core.models.zero_dilation.search import Scheme
@@ -68,6 +69,22 @@ def limit_analysis(
     """The limit analysis that `solve_labelling` asks for, for any number of labellings of an assembly, or for one."""
     solver, gap, bending = options.solver, options.gap, options.inner_bending
     return LimitAnalysis(assembly, solver=solver, gap=gap, inner_bending=bending, reference=reference, single=single)
+
+
+def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
+    """Raise InputError where options do not go with an assembly of which the faces (m,) `dry` may be dry.
+
+    Asked before anything is begun, so that nothing is half done.
+    """
+    if options.effective_area:
+        require_rectangles(assembly, dry)
+    if options.solver == "auto":
+        return
+    analysis = limit_analysis(assembly.by_case[0], options)
+    try:
+        analysis.route.require(analysis.template.structure)
+    except SolverError as error:
+        raise InputError("--solver", str(error), "a solver that takes this scene") from None
 
 
 def solve_labelling(

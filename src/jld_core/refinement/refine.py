@@ -82,6 +82,8 @@ def _check(scene: Scene, cell: tuple[float, ...], kind: str, by: str | None, cen
     if kind == "radial" and (centre is None or len(cell) != 2):
         what = "it has no centre" if centre is None else "it has one size"
         raise InputError("--kind radial", what, "--centre x,y and --cell THICKNESS,DEGREES")
+    if centre is not None and not np.isfinite(centre).all():
+        raise InputError("--centre", f"{centre[0]:g},{centre[1]:g} is no point", "x,y")
     if scene.interfaces is not None:
         raise InputError("interfaces", "they are given by hand", "a scene whose interfaces are found")
     if scene.materials.inner is None:

@@ -50,6 +50,10 @@ class Solver(ABC):
     def solve(self, program: ConicProgram) -> RawSolution:
         """Solve; SolverError where this route does not take such a program."""
 
+    def require(self, structure: Structure) -> None:
+        """Raise SolverError where this route takes no programs of a structure: asked before anything is begun."""
+        return
+
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
         """Make ready for programs of a structure; called before each.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from typing import Any
 
 import cvxpy as cp
@@ -46,7 +47,9 @@ class CvxpySolver(Solver):
             inside = program.rhs[low : low + size] - matrix[low : low + size] @ y
             constraints.append(cp.SOC(inside[0], inside[1:]))
         problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
-        problem.solve(solver=self._solver, **self._options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is inaccurate is judged by its bounds
+            problem.solve(solver=self._solver, **self._options)
         status = _STATUS.get(problem.status, RawStatus.FAILED)
         nothing = np.zeros(s.shape[1]), np.zeros(s.shape[0])
         point = nothing[0] if y.value is None else np.array(y.value)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Floats
 from jld_core.errors import SolverError
-from jld_core.program import ConicProgram
+from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.base import RawSolution, RawStatus, Solver
 
 _STATUS = {
@@ -40,10 +40,13 @@ class HighsSolver(Solver):
             "presolve": "off",
         }
 
+    def require(self, structure: Structure) -> None:
+        if structure.cones:
+            raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
+
     def solve(self, program: ConicProgram) -> RawSolution:
         s = program.structure
-        if s.cones:
-            raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
+        self.require(s)
         start = time.perf_counter()
         free = np.full(s.shape[1], np.inf)
         lower = np.full(s.shape[0], -np.inf)

@@ -100,9 +100,9 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
             x1, x2 = -forces[:, 2] / normal, np.zeros(len(normal))
         else:
             x1, x2 = -forces[:, 4] / normal, forces[:, 3] / normal
-    shift = x1[:, None] * faces.e1
-    if assembly.dimension == 3:
-        shift = shift + x2[:, None] * faces.e2
+        shift = x1[:, None] * faces.e1
+        if assembly.dimension == 3:
+            shift = shift + x2[:, None] * faces.e2
     used = np.array([_gauge(assembly, k, np.array([x1[k], x2[k]])) for k in range(len(faces))])
     on_face = np.isfinite(x1) & np.isfinite(x2) & (used <= 1.0 + 1e-6)
     return faces.origin + np.where(on_face[:, None], np.nan_to_num(shift, posinf=0.0, neginf=0.0), 0.0), on_face

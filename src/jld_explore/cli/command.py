@@ -18,11 +18,11 @@ from typer.core import TyperGroup
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly, build_robust
-from jld_core.errors import InputError, SolverError
+from jld_core.errors import InputError
 from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import InnerBending, require_materials
-from jld_core.models import effort_of, require_memory, sensitivities
+from jld_core.models import effort_of, require_memory, require_model, sensitivities
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
@@ -100,8 +100,8 @@ Robust = Annotated[
 ]
 
 
-def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene, Assembly]:
-    """A scene and its assembly, with a line on stderr for each warning unless quiet."""
+def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
+    """A scene and its assembly."""
     scene = load_scene(path)
     with speaking_of(path):
         assembly = build_assembly(scene)
@@ -109,9 +109,13 @@ def _load(path: Path, strict: bool = False, quiet: bool = False) -> tuple[Scene,
     if assembly.warnings and strict:
         more = f" (and {len(assembly.warnings) - 1} more)" if len(assembly.warnings) > 1 else ""
         raise InputError(str(path), assembly.warnings[0] + more, "a scene without warnings, or no --strict")
-    for warning in () if quiet else assembly.warnings:
-        sys.stderr.write(f"jld: warning: {path}: {warning}\n")
     return scene, assembly
+
+
+def _warn_of(path: Path, assembly: Assembly) -> None:
+    """A line on stderr for each warning, once nothing more can be refused: a refusal stands alone."""
+    for warning in assembly.warnings:
+        warn(f"jld: warning: {path}: {warning}")
 
 
 def _check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
@@ -128,6 +132,7 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
     space = _check_search(scene, parsed, assembly)
     with speaking_of(scene):
         require_materials(assembly, assembly.labels, ~assembly.labels)
+    _warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))
 
 
@@ -156,34 +161,36 @@ def solve(
     """Collapse load factor of the scene's own labelling, with a two-sided bracket."""
     if out is not None:
         check_writable(out)
-    labels = None
-    if scene.is_dir() or rank is not None:
-        parsed, assembly, labels = layout_of(scene, rank)
+    options = SolveOptions(
+        friction=friction,
+        range=range_,
+        floor_seconds=floor_seconds,
+        effective_area=effective_area,
+        contact=contact,
+        inner_bending=inner_bending,
+        condense=condense,
+        solver=solver,
+        gap=gap,
+    )
+    own = not (scene.is_dir() or rank is not None)
+    if own:
+        parsed, assembly = _load(scene, strict)
+        labels = assembly.labels
     else:
-        parsed, assembly = _load(scene, strict, quiet=as_json)
+        parsed, assembly, labels = layout_of(scene, rank)
     if "search" in parsed.model_fields_set:
         _check_search(scene, parsed, assembly)
     if robust:
         assembly = build_robust(parsed)
+    with speaking_of(scene):
+        require_materials(assembly, labels, ~labels)
+        require_model(assembly, options, labels)
+    if own and not as_json:
+        _warn_of(scene, assembly)
     if (long := effort_of(assembly).long) is not None and not as_json:
         warn(f"jld: {long}")
-    try:
-        with speaking_of(scene):
-            result = solve_assembly(
-                assembly,
-                labels,
-                friction=friction,
-                range=range_,
-                floor_seconds=floor_seconds,
-                effective_area=effective_area,
-                contact=contact,
-                inner_bending=inner_bending,
-                condense=condense,
-                solver=solver,
-                gap=gap,
-            )
-    except SolverError as error:
-        raise InputError("--solver", str(error), "a solver that takes this scene") from None
+    with speaking_of(scene):
+        result = solve_assembly(assembly, labels, **vars(options))
     if robust:
         nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
         result = replace(

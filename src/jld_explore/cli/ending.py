@@ -11,7 +11,7 @@ from typing import Any, Final, NoReturn
 
 import typer
 
-from jld_core.errors import InputError
+from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
 from jld_explore.evaluation import disturb
 from jld_explore.study import Interrupted
@@ -73,6 +73,8 @@ def run(app: typer.Typer) -> None:
         complain(str(error))
     except _UsageError as error:
         complain(usage_of(error.format_message()))
+    except SolverError as error:
+        complain(f"--solver: {error}; expected a solver that takes this scene")
     except OSError as error:
         # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
         path = error.filename or "a file"

@@ -72,9 +72,11 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
 
 
 def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Path:
-    if rank is not None and not rank.isdigit():
-        raise InputError("--rank", f"{rank!r} is wrong", "one rank for an animation")
-    _, assembly, labels = layout_of(source, None if rank is None else int(rank))
+    try:
+        number = None if rank is None else int(rank)
+    except ValueError:
+        raise InputError("--rank", f"{rank!r} is wrong", "one rank for an animation") from None
+    _, assembly, labels = layout_of(source, number)
     name = f"mechanism_{rank or 1}.{kind}"
     target = out or (source / name if source.is_dir() else Path(source.with_suffix(f".{kind}").name))
     result = solve(assembly, labels)

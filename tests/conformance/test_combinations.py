@@ -1,0 +1,102 @@
+"""Things that each are right and do not go together: refused in one line before anything is begun, or made to work."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cases import grid_document
+from cases_spatial import box
+from cases_spatial import scene as spatial
+from command import Command
+
+Document = dict[str, Any]
+
+WALL = grid_document(["aa", "##"])
+CASES: Document = {**WALL, "loads": {"cases": [{"name": "wind", "live": [{"body": [1, 0]}]}]}}
+CRUSHING = grid_document(["aa", "##"], crush_dry=1e6, crush_inner=1e6)
+CUBES = spatial([box("s", [0, 0, 0], [1, 1, 1], support=True), box("a", [0, 0, 1], [1, 1, 2])])
+
+REFUSED: list[tuple[Document, list[str], str]] = [
+    (WALL, ["explore", "--effective-area"], "--effective-area: the scene is planar; expected a spatial scene"),
+    (CRUSHING, ["explore", "--solver", "highs"], "--solver: highs takes linear programs only"),
+    (CRUSHING, ["solve", "--solver", "highs"], "--solver: highs takes linear programs only"),
+    (CASES, ["explore", "--experiment", "2"], "loads.cases: an experiment pushes with one live load"),
+    (CASES, ["explore", "--objective", "experiment"], "loads.cases: an experiment pushes with one live load"),
+    (CASES, ["experiment"], "loads.cases: an experiment pushes with one live load"),
+]
+
+
+def written(folder: Path, document: Document) -> Path:
+    path = folder / "scene.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+@pytest.mark.parametrize(("document", "line", "words"), REFUSED)
+def test_refused_before_anything_is_begun(
+    document: Document, line: list[str], words: str, tmp_path: Path, jld: Command
+) -> None:
+    out = tmp_path / "out"
+    outcome = jld(line[0], written(tmp_path, document), "--out", out, *line[1:])
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert words in outcome.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("line", [["check"], ["solve", "--effective-area"]])
+def test_a_refusal_stands_alone(line: list[str], tmp_path: Path, jld: Command) -> None:
+    """Whatever warnings there would have been."""
+    document = {**WALL, "search": {"candidates": []}} if line == ["check"] else WALL
+    document = {**document, "materials": {**WALL["materials"], "gravity": -9.81}}
+    outcome = jld(line[0], written(tmp_path, document), *line[1:])
+    assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert "warning" not in outcome.err
+
+
+def test_loads_that_cancel_leave_nothing_but_a_complaint(tmp_path: Path, jld: Command) -> None:
+    """0.1 + 0.2 − 0.3 is 6e-17 in floating point, under which λ was 6e20 and certified."""
+    parts = [{"element": "c0r0", "force": [force, 0.0], "at": [0.3, 0.7]} for force in (0.1, 0.2, -0.3)]
+    outcome = jld("solve", written(tmp_path, {**WALL, "loads": {"live": parts}}))
+    assert outcome.code == 2
+    assert "loads.live: the live load is zero" in outcome.err
+
+
+def test_what_is_lost_by_a_gap_is_told_with_the_gap(tmp_path: Path, jld: Command) -> None:
+    """Far from the origin as well, where five digits are no place."""
+    document = spatial(
+        [box("s", [1e6, 0, 0], [1e6 + 2, 1, 1], support=True), box("a", [1e6, 0, 1.005], [1e6 + 2, 1, 2])]
+    )
+    outcome = jld("check", written(tmp_path, document))
+    assert outcome.code == 2
+    assert "element 'a': no path of interfaces leads from it to a support" in outcome.err
+    assert "'s' and 'a' are 0.005 m apart at (1000001, " in outcome.err
+    assert '"tolerance": 0.0055 closes' in outcome.err
+
+
+def test_a_tolerance_above_the_solids_is_what_is_wrong(tmp_path: Path, jld: Command) -> None:
+    outcome = jld("check", written(tmp_path, {**CUBES, "tolerance": 1.5}))
+    assert outcome.code == 2
+    assert "tolerance: within 1.5 element 's' cannot be kept" in outcome.err
+
+
+def test_what_changes_nothing_or_lies_elsewhere_is_a_warning(tmp_path: Path, jld: Command) -> None:
+    outcome = jld("check", written(tmp_path, {**CUBES, "thickness": 2.0}))
+    assert outcome.code == 0
+    assert "warning" in outcome.err
+    assert "thickness is 2 and the elements are spatial, so it changes nothing" in outcome.err
+    face = [[0.0, 9.0, 1.0], [1.0, 9.0, 1.0], [1.0, 10.0, 1.0], [0.0, 10.0, 1.0]]
+    stated = {**CUBES, "interfaces": [{"elements": ["s", "a"], "polygon": face}]}
+    outcome = jld("check", written(tmp_path, stated))
+    assert "the interface s–a lies 8.5 m beside element 's', which measures 1.732" in outcome.err
+
+
+def test_numbers_that_are_none(tmp_path: Path, jld: Command) -> None:
+    scene = written(tmp_path, WALL)
+    outcome = jld("refine", scene, "-o", tmp_path / "o.json", "--kind", "radial", "--cell=0.3,30", "--centre=nan,0")
+    assert (outcome.code, outcome.err) == (2, "jld: --centre: nan,0 is no point; expected x,y\n")
+    outcome = jld("plot", scene, "--format", "gif", "--rank", "²")
+    assert (outcome.code, outcome.err) == (2, "jld: --rank: '²' is wrong; expected one rank for an animation\n")
