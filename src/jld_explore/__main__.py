@@ -14,10 +14,13 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    from jld_explore.cli.streams import open_streams, say
+
+    open_streams()
     if sys.argv[1:] == ["--help"]:
         from jld_explore.cli.overview import text  # all that follows takes a second to load
 
-        sys.stdout.write(text())
+        say(text().removesuffix("\n"))
         sys.exit(0)
     from jld_explore.cli.command import main as command
 

@@ -11,7 +11,8 @@ import typer
 
 from jld_core.laying import Laying, laying_order
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, Source, say
+from jld_explore.cli.options import Rank, Source
+from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, csv_of, write_text
 
 

@@ -6,7 +6,6 @@ import inspect
 import json
 import math
 import os
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -30,12 +29,13 @@ from jld_core.tolerances import GAP
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
-from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run, warn
+from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, SceneFile, say, speaking_of
+from jld_explore.cli.options import AsJson, Rank, SceneFile, speaking_of
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
+from jld_explore.cli.streams import say, warn
 from jld_explore.cli.verifying import verify_command
 from jld_explore.drivers import DRIVERS, owners
 from jld_explore.report import (
@@ -339,12 +339,7 @@ def studio(
     """Move joints by hand and see the proven collapse load follow: a page on this machine, for you alone."""
     from jld_explore.studio import open_studio
 
-    open_studio(source, port, _at_once, browser)
-
-
-def _at_once(text: str) -> None:
-    say(text)
-    sys.stdout.flush()
+    open_studio(source, port, say, browser)
 
 
 def _floor_seconds(objective: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import re
 import signal
@@ -13,6 +12,7 @@ import typer
 
 from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
+from jld_explore.cli.streams import warn
 from jld_explore.evaluation import disturb
 from jld_explore.study import Interrupted
 
@@ -35,13 +35,6 @@ def raise_on_signals() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, stop)
-
-
-def warn(line: str) -> None:
-    """A line on stderr, where that is still open: the terminal may be gone."""
-    with contextlib.suppress(OSError):
-        sys.stderr.write(f"{line}\n")
-        sys.stderr.flush()
 
 
 def usage_of(message: str) -> str:

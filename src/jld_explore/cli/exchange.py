@@ -14,8 +14,9 @@ from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself, say, speaking_of
+from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself, speaking_of
 from jld_explore.cli.samples import Out, write_scene
+from jld_explore.cli.streams import say
 from jld_explore.report import write_text
 
 

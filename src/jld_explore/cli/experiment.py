@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -17,7 +18,8 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, Source, say, speaking_of
+from jld_explore.cli.options import AsJson, Rank, Source, speaking_of
+from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, csv_of, write_text
 
 if TYPE_CHECKING:
@@ -85,7 +87,7 @@ def experiment(
 
 def _tangent(text: str) -> float:
     with contextlib.suppress(ValueError):
-        if (value := float(text)) >= 0.0:
+        if 0.0 <= (value := float(text)) < math.inf:
             return value
     raise InputError("--dilation", f"{text!r} is no dilation", "0, friction or a tangent")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,11 +24,6 @@ def speaking_of(file: Path, *outside: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise (error if error.where.startswith(("--", *outside)) else error.within(str(file))) from None
-
-
-def say(text: object) -> None:
-    """A line on stdout."""
-    sys.stdout.write(f"{text}\n")
 
 
 def refuse_itself(source: Path, out: Path) -> None:

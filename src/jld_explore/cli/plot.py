@@ -12,7 +12,8 @@ from jld_core.errors import InputError
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
-from jld_explore.cli.options import Source, say, speaking_of
+from jld_explore.cli.options import Source, speaking_of
+from jld_explore.cli.streams import say
 from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
@@ -14,6 +13,7 @@ import typer
 from jld_core.errors import InputError
 from jld_core.samples import KINDS, Stone
 from jld_core.scene import Scene, Search
+from jld_explore.cli.streams import say
 from jld_explore.report import write_text
 
 Out = Annotated[Path, typer.Option("-o", "--out", help="Scene file to write.", show_default=False)]
@@ -81,7 +81,7 @@ def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
         if most:
             scene = scene.model_copy(update={"search": Search(block_cells=[1, most])})
         write_scene(scene, out)
-        sys.stdout.write(f"{kind}: {scene.name}, written to {out}\n")
+        say(f"{kind}: {scene.name}, written to {out}")
 
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {**types, "return": None}

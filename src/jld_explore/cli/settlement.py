@@ -14,7 +14,8 @@ from jld_core.errors import InputError
 from jld_core.limit import Settled, settle
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, say, speaking_of
+from jld_explore.cli.options import AsJson, Rank, speaking_of
+from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, write_text
 
 

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from jld_core.scene import load_scene
-from jld_explore.cli.options import AsJson, say
+from jld_explore.cli.options import AsJson
+from jld_explore.cli.streams import say
 from jld_explore.verification import Verified, verify
 
 
