@@ -16,6 +16,7 @@ BENCHMARKS: Final = (
     "zero_dilation",
     "zero_dilation_floor",
     "zero_dilation_space",
+    "space_floor_adversary",
     "certificates",
     "cases",
     "exact",

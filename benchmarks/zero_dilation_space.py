@@ -1,7 +1,8 @@
 """How low collapse without dilation goes in space: found, and bounded from below with certificates, as far as it goes.
 
-`python -m benchmarks.zero_dilation_space [SECONDS [COUNT]]` writes benchmarks/results/zero_dilation_space.md; SECONDS
-of processor time for each floor (60), COUNT random labellings of each family (10). In closed form: cubes slide at μ and
+`python -m benchmarks.zero_dilation_space [SECONDS [COUNT [NAME …]]]` writes benchmarks/results/zero_dilation_space.md;
+SECONDS of processor time for each floor (60), COUNT random labellings of each family (10). With names only the rows
+that begin so are made again, in the table there is. In closed form: cubes slide at μ and
 topple at b/h; walls with a depth, pushed along, have the value of the plane; a brick that stands on one of two halves
 alone holds its turn by friction as well, λ = μ / (1 + e / c_T).
 """
@@ -163,8 +164,34 @@ def _share(lower: float, low: float) -> float:
 
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
-    count, short = (10, 5.0) if len(sys.argv) < 3 else (int(sys.argv[2]), 2.0)
-    lines = [
+    count, short = (10, 5.0) if len(sys.argv) < 3 else (int(sys.argv[2]), 2.0 if int(sys.argv[2]) < 10 else 5.0)
+    again, target = sys.argv[3:], ROOT / "results" / "zero_dilation_space.md"
+    target.parent.mkdir(exist_ok=True)
+    head, little = _heads(seconds, short)
+    lines = target.read_text(encoding="utf-8").splitlines() if again else head
+    if not set(head) <= set(lines):
+        raise SystemExit(f"{target}: a table of other seconds than {seconds:g}; make it whole, without names")
+
+    def put(line: str) -> None:
+        """In the place of the row of that name, else at the end."""
+        name = line[: line.index("|", 1)]
+        place = next((k for k, old in enumerate(lines) if old.startswith(name)), len(lines))
+        lines[place : place + 1] = [line]
+        print(line, flush=True)
+        target.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+    for name, scene, known in scenes():
+        if not again or any(name.startswith(one) for one in again):
+            put(row(name, scene, known, seconds))
+    if not again:
+        lines += little
+        for line in rows_of_labellings(count, short):
+            put(line)
+
+
+def _heads(seconds: float, short: float) -> tuple[list[str], list[str]]:
+    """What stands over the two tables."""
+    return [
         "# How low collapse without dilation goes in space",
         "",
         "Starts: the lowest that proximal steps from four starts find and states of little pressure (below): what an "
@@ -175,14 +202,7 @@ def main() -> None:
         "",
         "| scene | faces | associative | starts | lowest found | bound | | known | search s | floor s |",
         "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    target = ROOT / "results" / "zero_dilation_space.md"
-    target.parent.mkdir(exist_ok=True)
-    for name, scene, known in scenes():
-        lines.append(row(name, scene, known, seconds))
-        print(lines[-1], flush=True)
-        target.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    lines += [
+    ], [
         "",
         "## States of little pressure",
         "",
@@ -194,10 +214,6 @@ def main() -> None:
         "| family | labellings | lower | found first | mean | most | starts s | more s | floor lower |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for line in rows_of_labellings(count, short):
-        lines.append(line)
-        print(line, flush=True)
-    target.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -126,11 +126,13 @@ def test_glued_cubes_topple_as_one(contact: str) -> None:
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_products_of_a_square_lose_what_its_diagonal_lets_slip(count: int) -> None:
-    """t ≥ max(|s1|, |s2|) = |s| cos 45°; with a direction along the slip nothing is lost."""
+    """Of t ≥ max(|s1|, |s2|) alone |s| cos 45° would be left. With R s = −t V the products of C ∓ V with t ∓ s add
+    t ≥ 2 |s_k| + V_k s_k / C for both k, so that t ≥ (2/3)(|s1| + |s2|), |s| √8/3 at the least; other products add
+    to that. With a direction along the slip nothing is lost."""
     assembly = cubes(count, 0.3, 45.0)
     _, _, _, relaxed, check, scale = program(assembly)
-    assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.3 * np.sqrt(0.5), rel=1e-6)
-    sharper = with_direction(AXES, np.array([1.0, 1.0]))
+    assert 0.3 * np.sqrt(8.0) / 3.0 <= check.bound(relaxed.multipliers) * scale <= 0.3 * (1.0 - 1e-3)
+    sharper = with_direction(with_direction(AXES, np.array([1.0, 1.0])), np.array([-1.0, -1.0]))
     assert len(sharper) == 6
     _, _, _, relaxed, check, scale = program(assembly, sharper)
     assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.3, rel=1e-6)
@@ -150,6 +152,7 @@ def test_directions_stay_within_the_circle() -> None:
         assert 1.0 - 1e-12 <= float(np.hypot(*d)) <= 1.0
     assert widest(AXES) == pytest.approx(np.pi / 2)
     assert len(with_direction(AXES, np.array([-2.0, 0.0]))) == 4
+    assert len(with_direction(AXES, np.array([-2.0, 1.0]))) == 5
 
 
 # --- parity -----------------------------------------------------------------------------------------------------------
@@ -185,13 +188,14 @@ def test_the_lowest_of_a_wall_pushed_askew_is_proven() -> None:
 
 
 def product_of(modes: SpaceModes, side: FromEverySide) -> list[tuple[Floats, Floats]]:
-    """(F, λ, 1) and w of the solutions at both ends: z by least squares with z ≥ 0, t the rate of slip."""
+    """(F, T, λ, 1) and w of the solutions at both ends: T = |mT|, z by least squares with z ≥ 0, t the rate of slip."""
     out = []
     for pair in (side.found.lowest, side.found.highest):
         assert pair is not None
         assert pair.motion is not None
         kept = modes.columns.ravel() >= 0
-        phi = np.append(pair.state.forces.ravel()[kept], [pair.state.load, 1.0])
+        turning = pair.state.forces.reshape(modes.columns.shape)[modes.share >= 0, 5]
+        phi = np.concatenate([pair.state.forces.ravel()[kept], abs(turning), [pair.state.load, 1.0]])
         u, q, b = pair.motion.velocity, modes.rows.shape[1], modes.bending
         jumps = modes.matrix.T @ u
         z, left = nnls(-modes.ties[:, q : q + b], modes.ties[:, :q] @ jumps)

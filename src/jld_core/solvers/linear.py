@@ -50,11 +50,18 @@ class LinearRows:
 
 
 def interior_point(
-    objective: Floats, rows: Any, low: Floats, high: Floats, seconds: float = np.inf, threads: int = 1
+    objective: Floats,
+    rows: Any,
+    low: Floats,
+    high: Floats,
+    seconds: float = np.inf,
+    threads: int = 1,
+    presolve: bool = True,
 ) -> LinearAnswer:
     """min objective·x over free x with low ≤ R x ≤ high, by HiGHS' interior point without crossover.
 
-    seconds: after which it is given up; the answer is then not found.
+    seconds: after which it is given up; the answer is then not found. presolve: False where rows repeat one another,
+    of which what it takes out can come back with a dual that fits no column.
     """
     free = np.full(rows.shape[1], np.inf)
     options = {
@@ -62,6 +69,7 @@ def interior_point(
         "solver": "ipx",
         "run_crossover": "off",
         "threads": threads,
+        "presolve": "choose" if presolve else "off",
         "ipm_optimality_tolerance": _POLISHED,
     }
     if np.isfinite(seconds):

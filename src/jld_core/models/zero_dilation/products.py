@@ -184,16 +184,20 @@ def relax(
     return Relaxed(multipliers, states, z, y, violated, answer.found)
 
 
-def solve_products(objective: Floats, matrix: Any, high: Floats, seconds: float) -> LinearAnswer | None:
+def solve_products(
+    objective: Floats, matrix: Any, high: Floats, seconds: float, presolve: bool = True
+) -> LinearAnswer | None:
     """min objective·X with 0 ≤ rows ≤ high but for the last, b_λ·u = 1, which an amount ≥ 0 may make up for at a price
-    of 1, the last unknown, its sign the last row. None where no multipliers come of it."""
+    of 1, the last unknown, its sign the last row. None where no multipliers come of it. presolve: see `interior_point`.
+    """
     elastic = np.zeros((matrix.shape[0], 1))
     elastic[-1] = 1.0
     low = np.append(elastic[:, 0], 0.0)
     unknowns = objective.size
     positive = sp.csr_array(([1.0], ([0], [unknowns])), shape=(1, unknowns + 1))
     rows: Any = sp.vstack([sp.hstack([matrix, sp.csr_array(elastic)], format="csr"), positive], format="csc")
-    answer = interior_point(np.append(objective.ravel(), 1.0), rows, low, np.append(high, np.inf), seconds)
+    cost, above = np.append(objective.ravel(), 1.0), np.append(high, np.inf)
+    answer = interior_point(cost, rows, low, above, seconds, presolve=presolve)
     usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
     return answer if usable and answer.dual.any() else None
 

@@ -4,17 +4,19 @@ A solution is forces F and λ, velocities u, and per face weights of its bending
 
     A F + b + λ b_λ = 0,   b_λ·u = 1,   J = Aᵀu = (δ, s, θ, ω)
     y_e = N + σtA − c_e·m ≥ 0,   (δ, θ) = Σ_e z_e (1, −c_e),   z_e ≥ 0,   y_e z_e = 0          one e per row of bending
-    |V| + |mT| ≤ C = μN (inner: τA),   t ≥ |s|,   t ≥ |ω|,   C t + V·s + mT ω = 0             each face that rubs
+    |V| ≤ R, |mT| ≤ T, R + T = C = μN (inner: τA),   t ≥ |s|, t ≥ |ω|                         each face that rubs
+    R t + V·s = 0,   R s + t V = 0,   V × s = 0,   (T ∓ mT)(t ∓ ω) = 0
 
-(δ, θ) opens over edges where the resultant stands, V opposes s at full friction where the face slides, and sliding
-opens nothing. The equation that couples friction and slip is linear in products and kept as it is, with V × s = 0,
-which follows from it. Only the two circles give way to polygons around them, with unit directions d:
+(δ, θ) opens over edges where the resultant stands, V opposes s with all friction that torsion T = |mT| leaves, ω
+opposes torsion, and sliding opens nothing. The equations that couple friction and slip are linear in products and kept
+as they are: both products of two complementary vectors (R, V) and (t, s) of one cone vanish. Only the two circles give
+way to polygons around them, with unit directions d and e:
 
-    C ∓ mT − d·V ≥ 0,   t − d·s ≥ 0,   t ∓ ω ≥ 0
+    R − d·V ≥ 0,   T ∓ mT ≥ 0,   t − e·s ≥ 0,   t ∓ ω ≥ 0
 
 so that every solution satisfies what is asked, and a bound of all that does bounds the solutions. The price is a rate
-of dissipation C t that may fall short of C |s| by 1 − cos(half the angle between directions), nothing where s is
-along one of them; directions may be added at will.
+of dissipation R t that may fall short of R |s| where states and motions are mixed, nothing where slips are along one of
+the directions; directions may be added at will.
 """
 
 from __future__ import annotations
@@ -70,12 +72,13 @@ class Way:
 class SpaceModes(LinearModes):
     """In space, with polygons in the place of circles.
 
-    matrix: A (6n, q) of the q resultants that are not zero throughout. rows: bending of all faces first, then friction.
-    motions: (j, w) J of w = (u, z, t): the jumps of those resultants, then z, then t. rates: (l, j) of J, ≥ 0, the
-    bending modes z first, then slides. ties: (e, j) of J, = 0. coupled: forms in (F, λ, 1) and J, = 0. cost: one form.
-    bending: how many rows bend, each with the mode of its number. face: (k,) of rows; mode_face: (l,) of rates.
-    columns: (m, 6) of the resultants, −1 where there is none. extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,)
-    σtA. slip: (m,) place of t in J, −1. directions: of each face.
+    matrix: A (6n, q) of the resultants that are not zero throughout, then of every T, zero: it counts as one. rows:
+    bending of all faces first, then friction. motions: (j, w) J of w = (u, z, t): the jumps of those resultants, then
+    z, then t. rates: (l, j) of J, ≥ 0, the bending modes z first, then slides. ties: (e, j) of J, = 0. coupled: forms
+    in (F, λ, 1) and J, = 0. cost: one form. bending: how many rows bend, each with the mode of its number. opposed:
+    (p, 2) rows and rates whose product is zero. face: (k,) of rows; mode_face: (l,) of rates. columns: (m, 6) of the
+    resultants, −1 where there is none. extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,) σtA. share: (m,)
+    column of T, −1. slip: (m,) place of t in J, −1. directions: of forces of each face.
     """
 
     motions: Floats
@@ -83,21 +86,28 @@ class SpaceModes(LinearModes):
     coupled: Forms
     cost: Forms
     bending: int
+    opposed: Ints
     face: Ints
     mode_face: Ints
     columns: Ints
     extent: Floats
     tension: Floats
+    share: Ints
     slip: Ints
     directions: tuple[Floats, ...]
 
 
 def space_modes_of(
-    template: Template, labels: Bits, directions: tuple[Floats, ...] | None = None, ways: tuple[Way, ...] = ()
+    template: Template,
+    labels: Bits,
+    directions: tuple[Floats, ...] | None = None,
+    ways: tuple[Way, ...] = (),
+    slides: tuple[Floats, ...] | None = None,
 ) -> SpaceModes | None:
     """The relaxed problem of a labelling; None where it is not one of linear rows: planar, crushing, frozen areas.
 
-    directions: of each face, (k, 2), |d| ≤ 1, `AXES` among them; default those alone. ways: of solutions that slide so.
+    directions: of forces of each face, (k, 2), |d| ≤ 1, `AXES` among them; default those alone. slides: of slips;
+    default as of forces. ways: of solutions that slide so.
     """
     sets = template.yield_set
     if not isinstance(sets, SpatialYield):
@@ -105,14 +115,23 @@ def space_modes_of(
     dry = sets.is_dry(labels)
     if np.isfinite(np.where(dry, sets.crush_dry, sets.crush_inner)).any():
         return None
-    return _Sheet(template, sets, labels, directions or (AXES,) * len(labels)).modes(ways)
+    directions = directions or (AXES,) * len(labels)
+    return _Sheet(template, sets, labels, directions, slides or directions).modes(ways)
 
 
 class _Sheet:
     """Collects rows, rates, ties and forms face by face."""
 
-    def __init__(self, template: Template, sets: SpatialYield, labels: Bits, directions: tuple[Floats, ...]) -> None:
-        self.template, self.sets, self.labels, self.directions = template, sets, labels, directions
+    def __init__(
+        self,
+        template: Template,
+        sets: SpatialYield,
+        labels: Bits,
+        directions: tuple[Floats, ...],
+        slides: tuple[Floats, ...],
+    ) -> None:
+        self.template, self.sets, self.labels = template, sets, labels
+        self.directions, self.slides = directions, slides
         active = sets.active(labels)
         self.kept = np.flatnonzero(active.ravel())
         columns = np.full(active.size, -1, dtype=np.int64)
@@ -121,15 +140,18 @@ class _Sheet:
         self.dry = sets.is_dry(labels)
         self.of_face = sets.bending.face
         self.rubs = np.flatnonzero(self.columns[:, 1] >= 0)
-        q, bends = len(self.kept), len(self.of_face)
-        self.slip = np.full(len(labels), -1, dtype=np.int64)
+        turns = self.rubs[self.columns[self.rubs, 5] >= 0]
+        self.count, bends = len(self.kept) + len(turns), len(self.of_face)
+        self.share, self.slip = np.full((2, len(labels)), -1, dtype=np.int64)
+        self.share[turns] = len(self.kept) + np.arange(len(turns))
+        q = self.count
         self.slip[self.rubs] = q + bends + np.arange(len(self.rubs))
         self.width = q + bends + len(self.rubs)
         self.coupled: list[_Entries] = []
         self.costs: _Entries = []
 
     def modes(self, ways: tuple[Way, ...]) -> SpaceModes:
-        sets, q, template = self.sets, len(self.kept), self.template
+        sets, q, template = self.sets, self.count, self.template
         corner = np.where(self.dry[self.of_face, None], sets.bending.dry, sets.bending.inner)
         tension = np.where(self.dry, 0.0, sets.tension)
         rows, constants, ties = self._bending(corner, tension)
@@ -138,8 +160,11 @@ class _Sheet:
         capacity[:, -1] = sets.cohesion_of(self.labels)
         rates, owners, faces = list(np.eye(self.width)[q : q + len(rows)]), list(self.of_face), list(self.of_face)
         more: list[Floats] = []
+        opposed = [(row, row) for row in range(len(rows))]
         for face in self.rubs.tolist():
             above, slides = self._friction(face, capacity[face])
+            if self.share[face] >= 0:
+                opposed += [(len(rows) + len(more) + len(above) - k, len(rates) + len(slides) - k) for k in (2, 1)]
             more += above
             rates += slides
             owners += [face] * len(above)
@@ -156,7 +181,8 @@ class _Sheet:
         for row in range(len(rows)):
             self.costs.append((q + 1, q + row, 1.0))
         friction = np.array(more).reshape(len(more), q + 2)
-        matrix = np.asarray(template.matrix.toarray())[:, self.kept]
+        matrix = np.zeros((template.matrix.shape[0], q))
+        matrix[:, : len(self.kept)] = template.matrix.toarray()[:, self.kept]
         extra = self.width - q
         motions = np.block([[matrix.T, np.zeros((q, extra))], [np.zeros((extra, matrix.shape[0])), np.eye(extra)]])
         corners = np.where(self.dry[self.of_face, None], sets.bending.dry_corners, sets.bending.inner_corners)
@@ -174,12 +200,14 @@ class _Sheet:
             coupled=_forms(self.coupled),
             cost=_forms([self.costs]),
             bending=len(rows),
+            opposed=np.array(opposed, dtype=np.int64),
             face=np.array(owners, dtype=np.int64),
             mode_face=np.array(faces, dtype=np.int64),
             columns=self.columns,
             extent=extent,
             tension=tension,
             capacities=capacity,
+            share=self.share,
             slip=self.slip,
             directions=self.directions,
             near=near_faces(template.assembly),
@@ -187,7 +215,7 @@ class _Sheet:
 
     def _bending(self, corner: Floats, tension: Floats) -> tuple[Floats, Floats, Floats]:
         """Rows N + σtA − c·m, and what ties z to the jumps: (δ, θ) − Σ z (1, −c) = 0."""
-        q = len(self.kept)
+        q = self.count
         rows, ties = np.zeros((len(corner), q)), list[Floats]()
         for face in range(len(self.labels)):
             own = np.flatnonzero(self.of_face == face)
@@ -205,33 +233,38 @@ class _Sheet:
         return rows, tension[self.of_face], np.array(ties)
 
     def _friction(self, face: int, capacity: Floats) -> tuple[list[Floats], list[Floats]]:
-        """Rows C ∓ mT − d·V of (F, λ, 1), and rates t − d·s, t ∓ ω of J."""
+        """Rows C − T − d·V, T ∓ mT of (F, λ, 1), and rates t − d·s, t ∓ ω of J."""
         one, two, twist = self.columns[face, [1, 2, 5]]
-        rows, rates = [], []
+        share, rows, rates = self.share[face], [], []
         for d in self.directions[face]:
-            for sign in (1.0, -1.0) if twist >= 0 else (0.0,):
-                row = capacity.copy()
-                row[one], row[two] = -d[0], -d[1]
-                if twist >= 0:
-                    row[twist] = -sign
-                rows.append(row)
+            row = capacity.copy()
+            row[one], row[two] = -d[0], -d[1]
+            if twist >= 0:
+                row[share] = -1.0
+            rows.append(row)
+        for d in self.slides[face]:
             rate = np.zeros(self.width)
             rate[self.slip[face]], rate[one], rate[two] = 1.0, -d[0], -d[1]
             rates.append(rate)
         for sign in (1.0, -1.0) if twist >= 0 else ():
-            rate = np.zeros(self.width)
+            row, rate = np.zeros(len(capacity)), np.zeros(self.width)
+            row[share], row[twist] = 1.0, -sign
             rate[self.slip[face]], rate[twist] = 1.0, -sign
+            rows.append(row)
             rates.append(rate)
         return rows, rates
 
     def _couple(self, face: int, capacity: Floats) -> None:
         """What couples friction and slip, and C t as a cost."""
         one, two, twist = (int(c) for c in self.columns[face, [1, 2, 5]])
-        t = int(self.slip[face])
-        work = [(column, column, 1.0) for column in (one, two, twist) if column >= 0]
-        held = [(state, t, float(capacity[state])) for state in np.flatnonzero(capacity).tolist()]
-        self.costs += held
-        self.coupled += [[*held, *work], [(one, two, 1.0), (two, one, -1.0)]]
+        t, share = int(self.slip[face]), int(self.share[face])
+        whole = [(state, float(capacity[state])) for state in np.flatnonzero(capacity).tolist()]
+        rest = [*whole, (share, -1.0)] if twist >= 0 else whole
+        self.costs += [(state, t, number) for state, number in whole]
+        self.coupled.append([*((state, t, number) for state, number in rest), (one, one, 1.0), (two, two, 1.0)])
+        for column in (one, two):
+            self.coupled.append([*((state, column, number) for state, number in rest), (column, t, 1.0)])
+        self.coupled.append([(one, two, 1.0), (two, one, -1.0)])
 
 
 def _forms(entries: list[_Entries]) -> Forms:
@@ -246,12 +279,9 @@ def unit_direction(way: Floats) -> Floats:
 
 
 def with_direction(directions: Floats, way: Floats) -> Floats:
-    """Directions of a face with ± one more (2,), where they are not there already."""
-    for sign in (1.0, -1.0):
-        d = unit_direction(sign * way)
-        if float((directions @ d).max()) < np.cos(_SAME):
-            directions = np.vstack([directions, d])
-    return directions
+    """Directions of a face with one more (2,), where it is not there already."""
+    d = unit_direction(way)
+    return directions if float((directions @ d).max()) >= np.cos(_SAME) else np.vstack([directions, d])
 
 
 def widest(directions: Floats) -> float:

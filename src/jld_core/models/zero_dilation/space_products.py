@@ -26,6 +26,8 @@ from jld_core.models.zero_dilation.products import (
 )
 from jld_core.models.zero_dilation.space_modes import SpaceModes
 
+_SMALL: Final = 1e-2  # share of the largest below which forces and slips stand out of their circles less
+_SEEN: Final = 1e-6  # and powers
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
 
 
@@ -33,8 +35,9 @@ _NOTHING: Final = 1e-11  # coefficients below this are rounding of an eliminatio
 class SpaceRelaxed:
     """What came out, as `Relaxed`; the multipliers of the forms stand behind those of (y, λ − L, U − λ) in `live`.
 
-    states: (·, q + 1) forces and λ. violation: (k, l) how far products that were left out are below zero. slips:
-    (m, 2) s on the mean, and lacking: (m,) how far t falls short of |s| there. disagreeing: (b,) of edges of bending,
+    states: (·, q + 1) forces and λ. violation: (k, l) how far products that were left out are below zero. beyond:
+    (2, m) how far V and s stand out of their circles, as a share of themselves, at the most under all that is known of
+    the other side, and there toward: (2, m, 2). disagreeing: (b,) of edges of bending,
     that open on the mean and do not carry; torn: (m, 3) of s1, s2 and ω, which dissipate more than their mean does.
     Both are powers.
     """
@@ -42,19 +45,18 @@ class SpaceRelaxed:
     multipliers: Multipliers
     states: Floats
     violation: Floats
-    slips: Floats
-    lacking: Floats
+    beyond: Floats
+    toward: Floats
     disagreeing: Floats
     torn: Floats
     sure: bool
 
 
 def equal_of(modes: SpaceModes, region: Region) -> Bools:
-    """(k + 3, l) products that are zero: of a bending row with its own mode, of held rows with all; none of closed."""
+    """(k + 3, l) products that are zero: of opposed rows and rates, of held rows with all; none of closed."""
     equal = np.zeros((len(modes.rows) + 3, len(modes.rates)), dtype=bool)
     moving = np.flatnonzero(~region.closed)
-    bends = np.arange(modes.bending)
-    equal[bends, bends] = True
+    equal[tuple(modes.opposed.T)] = True
     equal[np.ix_(np.flatnonzero(region.held), moving)] = True
     equal[:, region.closed] = False
     return equal
@@ -110,7 +112,8 @@ def relax_space(
     above[-2:] = 1.0, -region.low
     cost = modes.cost.table(0, (columns, len(motions))) @ motions
     objective = unit.T @ (np.outer(above, live) - slack * cost) / wide
-    answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds)
+    # forms and products say some things twice
+    answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds, presolve=False)
     if answer is None:
         return None
     dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
@@ -154,21 +157,34 @@ def _read(
     rates = modes.rates @ motions
     mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
     left_out = ~asked & ~region.closed[None, :] & ~region.held[:, None]
-    bends, jumps = modes.bending, motions @ x[-1]
-    slips, lacking, torn = np.zeros((modes.faces, 2)), np.zeros(modes.faces), np.zeros((modes.faces, 3))
+    bends, jumps, torn = modes.bending, motions @ x[-1], np.zeros((modes.faces, 3))
     for face in np.flatnonzero(modes.slip >= 0):
-        slips[face] = jumps[modes.columns[face, [1, 2]]]
-        lacking[face] = np.hypot(*slips[face]) - jumps[modes.slip[face]]
         for component, column in enumerate(modes.columns[face, [1, 2, 5]]):
             if column >= 0:
                 torn[face, component] = -(x[column] @ motions[column]) - abs(mean[column] * jumps[column])
+    beyond, toward = _circles(modes, region, x, motions, np.column_stack([live, rates.T]))
     return SpaceRelaxed(
         multipliers=multipliers,
         states=mixed(x, live, rates),
         violation=np.where(left_out, np.maximum(-(modes.slacks @ seen), 0.0), 0.0),
-        slips=slips,
-        lacking=lacking,
+        beyond=beyond,
+        toward=toward,
         disagreeing=np.minimum(z[:bends], 1.0) * (modes.slacks @ mean)[:bends],
         torn=np.maximum(torn, 0.0),
         sure=sure,
     )
+
+
+def _circles(modes: SpaceModes, region: Region, x: Floats, motions: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """How far out of their circles forces stand, weighed by what is not negative of motions, and slips by facts."""
+    beyond, toward = np.zeros((2, modes.faces)), np.zeros((2, modes.faces, 2))
+    forces, slips = x @ weights, extended(modes, region) @ x @ motions.T
+    for face in np.flatnonzero(modes.slip >= 0).tolist():
+        pair, share = modes.columns[face, [1, 2]], modes.share[face]
+        holds = modes.capacities[face] @ forces - (forces[share] if share >= 0 else 0.0)
+        for side, (radius, ways) in enumerate(((holds, forces[pair].T), (slips[:, modes.slip[face]], slips[:, pair]))):
+            length = np.hypot(*ways.T)
+            out = (length - radius) / (length + _SMALL * float(length.max(initial=0.0)) + _SEEN)
+            worst = int(np.argmax(out))
+            beyond[side, face], toward[side, face] = max(float(out[worst]), 0.0), ways[worst]
+    return beyond, toward

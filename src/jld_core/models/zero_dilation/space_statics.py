@@ -36,7 +36,7 @@ class SpaceStatics(Statics):
         for face, columns in enumerate(modes.columns):
             n, one, two, *moments, twist = columns
             grows[n], stands[n] = 1.0, modes.tension[face]
-            for column in (one, two, twist):
+            for column in (one, two, twist, modes.share[face]):
                 grows[column] = 1.0 if column >= 0 else grows[column]
             for column in moments:
                 grows[column] = modes.extent[face] if column >= 0 else grows[column]
@@ -59,7 +59,7 @@ class SpaceStatics(Statics):
             strong = modes.tension[face]
             holds = float(modes.capacities[face, n]) * max(most, 0.0) + float(modes.capacities[face, -1])
             ends = {n: max(most, strong)}
-            ends |= dict.fromkeys((one, two, twist), holds)
+            ends |= dict.fromkeys((one, two, twist, modes.share[face]), holds)
             ends |= dict.fromkeys(moments, modes.extent[face] * (most + strong))
             for column, end in ends.items():
                 if column >= 0:
