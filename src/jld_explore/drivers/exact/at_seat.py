@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import cloudpickle
-import numpy as np
 
 from jld_core.arrays import Bits, Bools
 from jld_core.limit import relaxation_of
 from jld_core.threads import one_thread
+from jld_explore.drivers.exact.conflicts import LeastBounds
 from jld_explore.drivers.exact.cubes import Cube
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Hunt
@@ -90,7 +90,7 @@ class _Helper:
         self._relaxation = relaxation
         self._hunt = Hunt(relaxation, recipe.free, recipe.seed)
         self._formula: Formula | None = None
-        self._bounds: dict[tuple[bytes, bytes], float] = {}
+        self._bounds = LeastBounds()
         self._step = -1
         self.number = 0
 
@@ -103,7 +103,7 @@ class _Helper:
         answer = Answer()
         while not answer.closed:
             caught = self._hunt.step(order.threshold, order.cube)
-            answer.conflicts += [one for one in caught.conflicts if self._is_new(one)]
+            answer.conflicts += [one for one in caught.conflicts if self._bounds.lowered(one)]
             answer.unrefuted += caught.unrefuted
             answer.closed = caught.exhausted
             if time.perf_counter() >= end:
@@ -116,19 +116,11 @@ class _Helper:
         """Take in what is new, and aim at what is asked for."""
         if self._formula is None:
             self._formula = Formula(self._space, self._blocks)
-        self._formula.learn([one for one in order.news if self._is_new(one)], order.passed)
+        self._formula.learn([one for one in order.news if self._bounds.lowered(one)], order.passed)
         if order.step != self._step:
             self._step = order.step
             self._formula.aim(order.threshold, order.count)
             self._hunt.begin(self._formula)
-
-    def _is_new(self, conflict: Conflict) -> bool:
-        """Whether a conflict was not known, or with a larger bound; it is from now on."""
-        name = conflict.faces.tobytes(), conflict.labels.tobytes()
-        if self._bounds.get(name, np.inf) <= conflict.bound:
-            return False
-        self._bounds[name] = conflict.bound
-        return True
 
 
 _kept: OrderedDict[str, _Helper] = OrderedDict()

@@ -8,8 +8,7 @@ written.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Final
@@ -27,6 +26,7 @@ from jld_explore.drivers.base import Driver
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.exact.trimming import refutation
+from jld_explore.drivers.exact.ways import Ways
 from jld_explore.space import SearchSpace, blocks_of, to_string
 from jld_explore.verification import Balances, Checker, Claim, Labellings, Lemma, Mechanism, Reason, Rule, write
 
@@ -57,8 +57,6 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     assembly, limits = driver.space.assembly, driver.space.limits
     if limits.on_shapes:
         raise InputError("--certificate", "limits on the shape of blocks are no rules of it", "a search without them")
-    if driver.space.search.require is not None:
-        raise InputError("--certificate", "search.require asks for another proof", "a search without it")
     Labellings(scene, assembly)  # says what it does not know
     for count, _ in limits.on_counts:
         terms = count.terms(assembly) if count.terms else None
@@ -100,6 +98,7 @@ class Certifier:
         assert relaxation is not None  # or the search would have proven nothing
         self._relaxation, self._scale = relaxation, relaxation.unit
         self._checker = Checker(scene, assembly, self._claim)
+        self._ways = Ways(space)
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
         self._hints: dict[int, tuple[Bits, Bits]] = {}
@@ -260,18 +259,9 @@ class Certifier:
         """Rules that a labelling (m,) breaks."""
         space, graph = self._space, self._space.graph
         blocks, limits = blocks_of(graph, labels), space.limits
-        ends = list(zip(graph.a.tolist(), graph.b.tolist(), strict=True))
-        links: dict[int, list[tuple[int, int]]] = {e: [] for e in range(len(graph.start))}
-        for face in np.flatnonzero(~labels).tolist():
-            a, b = ends[face]
-            links[a].append((face, b))
-            links[b].append((face, a))
-        for a, b in space.assembly.touching:
-            links[a].append((-1, b))
-            links[b].append((-1, a))
         if space.search.segmentation:
             for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
-                path = _path(links, *ends[face])
+                path = self._ways.path(labels, int(graph.a[face]), int(graph.b[face]))
                 if path:
                     yield Rule("slit", (face, *path))
         free = set(space.assembly.elements.free.tolist())
@@ -280,13 +270,7 @@ class Certifier:
             block = np.flatnonzero(blocks == name).tolist()
             members = frozenset(block) & free
             if limits.too_large(sized.one(members)):
-
-                def enough(seen: set[int]) -> bool:
-                    return bool(limits.too_large(sized.one(frozenset(seen) & free)))
-
-                came = _reach(links, min(members), enough)
-                if enough(set(came)):
-                    yield Rule("large", tuple(face for _, face in came.values() if face >= 0))
+                yield Rule("large", tuple(self._ways.tree(labels, min(members))))
             elif limits.too_small(sized.one(members)):
                 yield Rule("small", tuple(block))
 
@@ -325,30 +309,3 @@ class _Units:
 def _clause(decided: Bits, labels: Bits) -> list[int]:
     """Not all of these labels together."""
     return [face + 1 if labels[face] else -(face + 1) for face in np.flatnonzero(decided).tolist()]
-
-
-def _path(links: dict[int, list[tuple[int, int]]], start: int, end: int) -> list[int]:
-    """Faces of a way between two elements, empty where there is none."""
-    came = _reach(links, start, lambda seen: end in seen)
-    path, at = [], end
-    while at in came and at != start:
-        at, face = came[at]
-        path.append(face)
-    return [face for face in path if face >= 0]
-
-
-def _reach(
-    links: dict[int, list[tuple[int, int]]], start: int, enough: Callable[[set[int]], bool]
-) -> dict[int, tuple[int, int]]:
-    """Elements reached until there are enough: where each was reached from, and across what face (-1: touching)."""
-    came = {start: (start, -1)}
-    waiting = deque([start])
-    while waiting:
-        at = waiting.popleft()
-        for face, other in links[at]:
-            if other not in came:
-                came[other] = (at, face)
-                waiting.append(other)
-                if enough(set(came)):
-                    return came
-    return came

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -28,6 +29,20 @@ def key_of(templates: Sequence[Template], space: SearchSpace, blocks: PossibleBl
         parts += [part.tobytes() for part in (*numbers, pattern.h_dry, pattern.h_inner)]
     names = repr(None if blocks is None else blocks.members).encode()
     return hashlib.sha256(b"".join([*parts, names])).hexdigest()
+
+
+class LeastBounds:
+    """The least bound known of each conflict: one that comes again is of use where it comes with a smaller one."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[bytes, bytes], float] = {}
+
+    def lowered(self, conflict: Conflict, threshold: float = -math.inf) -> bool:
+        """Whether a conflict rules out what is not known to be ruled out above a threshold; it is from now on."""
+        if self._known.get(conflict.name, math.inf) <= max(conflict.bound, threshold):
+            return False
+        self._known[conflict.name] = conflict.bound
+        return True
 
 
 class Conflicts:

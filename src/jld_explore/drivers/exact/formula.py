@@ -14,8 +14,7 @@ what holds above some λ alone is guarded by a literal that is assumed where all
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -27,6 +26,7 @@ from jld_explore.drivers.exact.guards import Guards
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.drivers.exact.unary import Unary
+from jld_explore.drivers.exact.ways import Ways
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
 _SOLVER: Final = "minisat22"
@@ -49,7 +49,7 @@ class Formula:
         self._top = candidates.size
         self._images = np.unique(np.argsort(space.group, axis=1), axis=0)
         self._limits, self._sized = space.limits, space.limits.sized
-        self._links = _links(space)
+        self._ways = Ways(space)
         self._guards = Guards(self._new, self._rule_out)
         self._unary: Unary | None = None
         self._counted: list[int] = []
@@ -243,14 +243,14 @@ class Formula:
         graph, found = self.space.graph, []
         if self.space.search.segmentation:
             for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
-                path = self._path(labels, int(graph.a[face]), int(graph.b[face]))
+                path = self._ways.path(labels, int(graph.a[face]), int(graph.b[face]))
                 found.append((np.array([face, *path]), np.array([True] + [False] * len(path))))
         free = self.space.assembly.elements.free
         for name in np.unique(blocks[free]).tolist():
             members = frozenset(free[blocks[free] == name].tolist())
             large = bool(self._limits.too_large(self._sized.one(members)))
             if large and not self._limits.mendable:
-                tree = self._tree(labels, min(members))
+                tree = self._ways.tree(labels, min(members))
                 found.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
             elif self._limits.too_small(self._sized.one(members)):
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
@@ -260,43 +260,3 @@ class Formula:
                 touched = np.flatnonzero((blocks[graph.a] == name) | (blocks[graph.b] == name))
                 found.append((touched, labels[touched]))
         return found
-
-    def _path(self, labels: Bits, start: int, end: int) -> list[int]:
-        """Inner faces of a shortest way between two elements of one block."""
-        came = self._reach(labels, start, lambda seen: end in seen)
-        path, at = [], end
-        while at != start:
-            at, face = came[at]
-            if face >= 0:
-                path.append(face)
-        return path
-
-    def _tree(self, labels: Bits, start: int) -> list[int]:
-        """Inner faces that join elements too many, too heavy or too far apart for one block."""
-        free = set(self.space.assembly.elements.free.tolist())
-        came = self._reach(labels, start, lambda seen: bool(self._limits.too_large(self._sized.one(seen & free))))
-        return [face for _, face in came.values() if face >= 0]
-
-    def _reach(self, labels: Bits, start: int, enough: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Elements reached through inner faces until there are enough: where each was reached from, and across what."""
-        came = {start: (start, -1)}
-        waiting = deque([start])
-        while waiting:
-            at = waiting.popleft()
-            for face, other in self._links[at]:
-                if other not in came and (face < 0 or not labels[face]):
-                    came[other] = (at, face)
-                    waiting.append(other)
-                    if enough(set(came)):
-                        return came
-        return came
-
-
-def _links(space: SearchSpace) -> list[list[tuple[int, int]]]:
-    """Per element the faces across which others lie, with those; −1 for supports that touch without a face."""
-    links: list[list[tuple[int, int]]] = [[] for _ in range(len(space.graph.start))]
-    pairs = [(face, a, b) for face, (a, b) in enumerate(zip(space.graph.a, space.graph.b, strict=True))]
-    for face, a, b in pairs + [(-1, a, b) for a, b in space.graph.touching]:
-        links[int(a)].append((face, int(b)))
-        links[int(b)].append((face, int(a)))
-    return links

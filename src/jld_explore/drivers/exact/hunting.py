@@ -157,7 +157,7 @@ class Hunt:
     def _take(self, conflict: Conflict, caught: Catch) -> None:
         """Rule out what a conflict does, unless that was done before."""
         assert self._formula is not None
-        name = conflict.faces.tobytes(), conflict.labels.tobytes()
+        name = conflict.name
         if name not in self._known:
             self._known.add(name)
             caught.conflicts.append(conflict)

@@ -23,7 +23,7 @@ import numpy as np
 from jld_core.arrays import Bits, Bools
 from jld_core.limit import AnyRelaxation
 from jld_core.threads import one_thread
-from jld_explore.drivers.exact.conflicts import Conflicts
+from jld_explore.drivers.exact.conflicts import Conflicts, LeastBounds
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Catch, Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
@@ -40,16 +40,14 @@ class _Known:
     def __init__(self) -> None:
         self.conflicts: list[Conflict] = []
         self.passed: list[Bits] = []
-        self._bounds: dict[tuple[bytes, bytes], float] = {}
+        self._bounds = LeastBounds()
 
     def add(self, conflict: Conflict, threshold: float) -> bool:
         """Take a conflict, unless that is known which rules out the same above a threshold; whether it was not."""
-        name = conflict.faces.tobytes(), conflict.labels.tobytes()
-        if self._bounds.get(name, np.inf) <= max(conflict.bound, threshold):
-            return False
-        self._bounds[name] = conflict.bound
-        self.conflicts.append(conflict)
-        return True
+        new = self._bounds.lowered(conflict, threshold)
+        if new:
+            self.conflicts.append(conflict)
+        return new
 
 
 @dataclass

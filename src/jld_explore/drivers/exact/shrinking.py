@@ -33,6 +33,11 @@ class Conflict:
     bound: float
     closed: bool = False
 
+    @property
+    def name(self) -> tuple[bytes, bytes]:
+        """What tells it from others, whatever its bound."""
+        return self.faces.tobytes(), self.labels.tobytes()
+
 
 def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
     """A conflict that the labelling is one example of; None where it may reach the threshold.
