@@ -64,45 +64,20 @@ def explore(
         with on_cluster(settings.cluster):
             return explore(scene, folder, replace(settings, cluster=None), report, announce, driver=driver)
     check_folder(folder, settings.resume)
+    if driver is not None:
+        settings = replace(settings, driver=driver)
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
+    _refuse_together(settings, assembly)
     # said when the search begins: where it is refused nothing else is said
     said = [f"warning: {warning}" for warning in assembly.warnings]
-    if assembly.cases and settings.certificates:
-        raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
-    if settings.robust and settings.certificates:
-        raise InputError("--certificates", "they speak of one strength, not of a low and a nominal one", "one of both")
-    if driver is not None:
-        settings = replace(settings, driver=driver)
-    if isinstance(settings.driver, Driver):
-        space = settings.driver.space
-        if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
-            raise InputError("driver", "it was made for the space of another scene", "search_space of this scene")
-        assembly = space.assembly
-    else:
-        space = search_space(scene, assembly)
+    space = _space_of(scene, assembly, settings.driver)
+    assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
     settings = _affordable(assembly, settings, said)
     chosen, total = choose_driver(space, settings)
     said.append(f"driver: {chosen.name}" + (f", {total} {CLASSES}" if total is not None else ""))
-    if chosen.modular and not replace(settings.model, friction="associative").modular:
-        raise InputError(
-            "--driver", f"{chosen.name} has no bounds for this model", "convex contact on whole faces, paper bending"
-        )
-    dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
-    require_model(space.assembly, settings.model, dry)
-    if settings.experiment or settings.by_experiment:
-        from jld_experiment import require_one_load  # an extra, refused here where it is not installed
-
-        require_one_load(assembly)
-    if settings.certificate is not None:
-        check_certifiable(chosen, settings.model, scene)
-        if isinstance(chosen, Exact):
-            chosen.prove_by_faces()
-        if settings.robust:
-            raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
-        if settings.by_experiment:
-            raise InputError("--certificate", "an experiment is no proof", "--objective associative")
+    _refuse_unfit(scene, assembly, settings, chosen)
     make: MakeEvaluator = evaluator_of
     if space.void is not None:
         _refuse_beside_void(settings, chosen)
@@ -114,44 +89,105 @@ def explore(
         for line in said:
             announce(line)
     write_text(folder / "scene.json", scene.model_dump_json(indent=1, exclude_defaults=True))
+    done = write_tables(study, _run(study))
+    if settings.certificate is not None and isinstance(chosen, Exact):
+        best, load = done.summary["best_labelling"], done.summary["best"]
+        certify(chosen, scene, settings.certificate, None if best is None else (from_string(best), float(load)))
+    if settings.experiment or settings.by_experiment:
+        done = _experimented(study, done)
+    if settings.pictures:
+        _draw(study, done, announce)
+    return done
+
+
+def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> SearchSpace:
+    """What is searched: the space of a driver that was handed in, else the scene's.
+
+    Raises InputError for a driver of another scene, and as `search_space` does.
+    """
+    if not isinstance(driver, Driver):
+        return search_space(scene, assembly)
+    space = driver.space
+    if space.search != scene.search or space.assembly.elements.ids != assembly.elements.ids:
+        raise InputError("driver", "it was made for the space of another scene", "search_space of this scene")
+    return space
+
+
+def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
+    """Raise InputError for settings that do not go with one another, or with the loads of an assembly."""
+    if assembly.cases and settings.certificates:
+        raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
+    if settings.robust and settings.certificates:
+        raise InputError("--certificates", "they speak of one strength, not of a low and a nominal one", "one of both")
+    if settings.certificate is not None and settings.robust:
+        raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
+    if settings.certificate is not None and settings.by_experiment:
+        raise InputError("--certificate", "an experiment is no proof", "--objective associative")
+
+
+def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
+    """Raise InputError for a driver whose bounds do not hold for a model or have not the certificate that is asked for,
+    and for a structure that the model or the experiment does not know; else tell the driver to prove by what a
+    certificate can say."""
+    if driver.modular and not replace(settings.model, friction="associative").modular:
+        raise InputError(
+            "--driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, paper bending"
+        )
+    space = driver.space
+    dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
+    require_model(space.assembly, settings.model, dry)
+    if settings.experiment or settings.by_experiment:
+        from jld_experiment import require_one_load  # an extra, refused here where it is not installed
+
+        require_one_load(assembly)
+    if settings.certificate is not None:
+        check_certifiable(driver, settings.model, scene)
+        if isinstance(driver, Exact):
+            driver.prove_by_faces()
+
+
+def _run(study: Study) -> StopReason:
+    """Search, and bound all labellings where nothing else has; of a search that is interrupted the tables are written.
+
+    Raises InputError where the space holds no labelling, and leaves nothing behind then.
+    """
     try:
         reason = study.run()
     except BaseException:
         # a signal may come between the disk and the memory: what is on disk is what was finished
         study.records.close()
-        study.records = study.open_records()
         _bound_all(study)
-        study.records.close()
         write_tables(study, StopReason.INTERRUPTED)
         raise
     if reason is StopReason.EXHAUSTED and not len(study.records):
-        # a space too large to see through beforehand has turned out empty: leave nothing behind
-        for path in (study.records.path, folder / "scene.json"):
+        # a space too large to see through beforehand has turned out empty
+        for path in (study.records.path, study.folder / "scene.json"):
             path.unlink(missing_ok=True)
-        if not any(folder.iterdir()):
-            folder.rmdir()
+        if not any(study.folder.iterdir()):
+            study.folder.rmdir()
         raise _nothing_to_search()
     if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        study.records = study.open_records()
         _bound_all(study)
-        study.records.close()
-    done = write_tables(study, reason)
-    if settings.certificate is not None and isinstance(chosen, Exact):
-        best, load = done.summary["best_labelling"], done.summary["best"]
-        certify(chosen, scene, settings.certificate, None if best is None else (from_string(best), float(load)))
-    if settings.experiment or settings.by_experiment:
-        deadline = None if settings.seconds is None else study.started + settings.seconds
-        experiments = Experiments(assembly, folder, settings.jobs, deadline)
-        objective = (settings.model, settings.seed) if settings.by_experiment else None
-        done = add_experiments(done, space, experiments, settings.experiment or DEFAULT, objective)
-    if settings.pictures:
-        # what is drawn late is drawn in vain where an end was promised
-        late = None if settings.seconds is None else started + settings.seconds + DRAWING
-        missing = [] if write_report(done, until=late) else ["report.html"]
-        missing += write_pictures(done, until=late)[1]
-        if missing and announce is not None:
-            announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {folder} draws them")
-    return done
+    return reason
+
+
+def _experimented(study: Study, done: Exploration) -> Exploration:
+    """What was found, with what a virtual experiment says of the best, or of what a search by it finds."""
+    settings = study.settings
+    deadline = None if settings.seconds is None else study.started + settings.seconds
+    experiments = Experiments(study.assembly, study.folder, settings.jobs, deadline)
+    objective = (settings.model, settings.seed) if settings.by_experiment else None
+    return add_experiments(done, study.space, experiments, settings.experiment or DEFAULT, objective)
+
+
+def _draw(study: Study, done: Exploration, announce: Callable[[str], None] | None) -> None:
+    """Write the page and the pictures; what is drawn late is drawn in vain where an end was promised."""
+    seconds = study.settings.seconds
+    late = None if seconds is None else study.started + seconds + DRAWING
+    missing = [] if write_report(done, until=late) else ["report.html"]
+    missing += write_pictures(done, until=late)[1]
+    if missing and announce is not None:
+        announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {study.folder} draws them")
 
 
 def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
@@ -170,9 +206,11 @@ def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) 
 
 
 def _bound_all(study: Study) -> None:
-    """Put a bound on all labellings on record, where none is known yet."""
+    """Open the records of a study once more, and put a bound on all labellings there, where none is known yet."""
+    study.records = study.open_records()
     if study.bound is None:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
+    study.records.close()
 
 
 def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
