@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import inspect
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,13 @@ class Own(Solver):
     def solve(self, program: ConicProgram) -> RawSolution:
         self.asked += 1
         return HighsSolver().solve(program)
+
+
+def test_help_shows_every_option_of_solve() -> None:
+    shown = inspect.signature(solve).parameters
+    stated = {one.name: one.default for one in fields(SolveOptions)}
+    assert list(shown) == ["assembly", "labels", *stated]
+    assert {name: shown[name].default for name in stated} == stated
 
 
 @pytest.mark.parametrize("condense", ["off", "on"])

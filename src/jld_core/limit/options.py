@@ -25,9 +25,9 @@ _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": Inn
 class SolveOptions:
     """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
 
-    friction: "associative", or "zero-dilation" (sliding without uplift, not unique, see zero_dilation.py). range: of
-    zero dilation the lowest and the highest λ that are found, and a bound below; floor_seconds: of processor time for
-    that bound, 0 for none.
+    friction: "associative", or "zero-dilation" (sliding without uplift, λ not unique: chapter 4 of docs/method.md).
+    range: of zero dilation the lowest and the highest λ that are found, and a bound below; floor_seconds: of processor
+    time for that bound, 0 for none.
     contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
     faces). effective_area: torsion about the area that is really pressed, by iteration. inner_bending: "paper"
     (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand ("auto": where inner

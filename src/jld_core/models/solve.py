@@ -6,9 +6,12 @@ their own module and cost nothing where they are not wanted.
 
 from __future__ import annotations
 
+import inspect
 import math
 import time
-from typing import Any, Final
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -35,12 +38,27 @@ from jld_core.models.zero_dilation.solve import prove_zero_dilation
 from jld_core.solvers import is_large
 from jld_core.threads import one_thread
 
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
+
+def _with_options(function: _Function) -> _Function:
+    """A function whose `**options` are the fields of `SolveOptions`: what `help` and notebooks then show of it."""
+    stated = inspect.signature(function)
+    own = [one for one in stated.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    more = [
+        inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=one.type)
+        for one in fields(SolveOptions)
+    ]
+    function.__signature__ = stated.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+    return function
+
+
+@_with_options
 @one_thread()
 def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
     """Collapse load factor of one labelling, with a two-sided bracket.
 
-    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. options: fields of `SolveOptions`.
+    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. All else: see `SolveOptions`.
     Of a structure with load cases: the governing factor, and every case's own result in `cases`.
     Raises InputError where a material that the labelling needs is missing, or an option has no such value.
     Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (2.1), (3.3).

@@ -16,7 +16,7 @@ labelling begins at the same basis, so that what comes back depends on it alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import highspy
 import numpy as np
@@ -26,6 +26,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Motion, Prover, Repair, State, load_floor
+from jld_core.mechanics import RowPattern
 from jld_core.program import Template
 from jld_core.solvers import highs_of
 from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, mechanism_of
@@ -273,7 +274,7 @@ class ForceMethod:
         return self.prover.measure(motion.velocity, jumps, motion.work, labels)
 
 
-def _both(pattern: Any) -> tuple[Floats, Floats]:
+def _both(pattern: RowPattern) -> tuple[Floats, Floats]:
     return pattern.dry, pattern.inner
 
 
