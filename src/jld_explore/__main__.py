@@ -14,7 +14,7 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from jld_explore.cli.streams import open_streams, say
+    from jld_explore.cli.streams import STOPPED, open_streams, say
 
     open_streams()
     if sys.argv[1:] == ["--help"]:
@@ -22,8 +22,10 @@ def main() -> None:
 
         say(text().removesuffix("\n"))
         sys.exit(0)
-    from jld_explore.cli.command import main as command
-
+    try:
+        from jld_explore.cli.command import main as command
+    except KeyboardInterrupt:  # loading takes a second, in which nothing was begun
+        sys.exit(STOPPED)
     command()
 
 

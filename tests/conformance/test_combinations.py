@@ -94,6 +94,32 @@ def test_what_changes_nothing_or_lies_elsewhere_is_a_warning(tmp_path: Path, jld
     assert "the interface s–a lies 8.5 m beside element 's', which measures 1.732" in outcome.err
 
 
+def test_wrong_settlements_are_seen_by_whoever_reads_the_scene(tmp_path: Path, jld: Command) -> None:
+    for end, words in (
+        ([{"name": "x", "supports": [{"elements": "c0r0", "move": [1, 0]}]}], "'c0r0' is no support"),
+        ([{"name": "x", "supports": [{"elements": "c0r1", "turn": 1}]}] * 2, "settlements[1].name: 'x' is used twice"),
+    ):
+        scene = written(tmp_path, {**WALL, "settlements": end})
+        for command in ("check", "solve"):
+            outcome = jld(command, scene)
+            assert (outcome.code, outcome.out) == (2, "")
+            assert words in outcome.err
+
+
+def test_no_command_writes_over_the_scene(tmp_path: Path, jld: Command) -> None:
+    scene = written(tmp_path, WALL)
+    lines = [["explore", scene, "--out", tmp_path / "out", "--driver", "exact", "--certificate", scene]]
+    for name in ("wall.png", "wall.gif", "wall.blocks.csv"):
+        (tmp_path / name).write_text(scene.read_text())
+    lines.append(["plot", tmp_path / "wall.png", "--out", tmp_path / "wall.png"])
+    lines.append(["plot", tmp_path / "wall.gif", "--out", tmp_path / "wall.gif"])
+    lines.append(["export", tmp_path / "wall.blocks.csv", "--format", "obj", "-o", tmp_path / "wall.obj"])
+    for line in lines:
+        outcome = jld(*line)
+        assert (outcome.code, outcome.out) == (2, "")
+        assert "it is the file that is read; expected another file" in outcome.err
+
+
 def test_numbers_that_are_none(tmp_path: Path, jld: Command) -> None:
     scene = written(tmp_path, WALL)
     outcome = jld("refine", scene, "-o", tmp_path / "o.json", "--kind", "radial", "--cell=0.3,30", "--centre=nan,0")

@@ -173,6 +173,17 @@ def test_files_are_whole_or_not_there(tmp_path: Path) -> None:
         pass
 
 
+def test_two_may_write_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever is last wins; neither finds what it wrote under gone."""
+    with whole_file(tmp_path / "a.csv") as mine:
+        mine.write_text("mine")
+        monkeypatch.setattr("os.getpid", lambda: 7)
+        with whole_file(tmp_path / "a.csv") as other:
+            other.write_text("other")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+    assert (tmp_path / "a.csv").read_text() == "mine"
+
+
 def test_a_link_to_nothing_is_no_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

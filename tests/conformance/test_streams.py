@@ -22,9 +22,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(*arguments: str | Path, **streams: Any) -> subprocess.CompletedProcess[bytes]:
-    env = {**environment(), **streams.pop("env", {})}
+    env = {**environment(), "JLD_KERNEL": "off", **streams.pop("env", {})}
     streams = {"stderr": subprocess.PIPE, **streams}
-    return subprocess.run(command(*arguments), env=env, timeout=60, check=False, **streams)
+    return subprocess.run(command(*arguments), env=env, timeout=240, check=False, **streams)
 
 
 def test_letters_that_an_encoding_lacks_are_spelt(scene: Path) -> None:
@@ -55,7 +55,9 @@ def test_closed_streams(scene: Path, tmp_path: Path) -> None:
     """Files of ours do not get their numbers, so that nothing is written into a record."""
     out = tmp_path / "out"
     shell = f'exec "$@" --out {out} --driver random --budget 1 --jobs 1 <&- >&- 2>&-'
-    done = subprocess.run(["sh", "-c", shell, "sh", *command("explore", scene)], env=environment(), check=False)
+    done = subprocess.run(
+        ["sh", "-c", shell, "sh", *command("explore", scene)], env={**environment(), "JLD_KERNEL": "off"}, check=False
+    )
     assert done.returncode == 0
     assert json.loads((out / "summary.json").read_text())["evaluated"] == 1
 

@@ -109,6 +109,18 @@ def test_units_make_no_difference() -> None:
     assert one.least is not None
     assert other.least is not None
     assert other.least.value == pytest.approx(one.least.value, rel=1e-9)
+    # nor does the size of the movement, per unit of which the work is
+    document = wedge(25.0, 0.3).model_dump(mode="json", exclude_defaults=True)
+    for size in (1e-12, 1e12):
+        for part, way in zip(document["settlements"][0]["supports"], (-0.5, 0.5), strict=True):
+            part["move"] = [way * size, 0.0]
+        sized = settled(parse_scene(document)).least
+        assert sized is not None
+        assert sized.status == "certified"
+        assert sized.value == pytest.approx(size * one.least.value, rel=1e-9)
+        assert sized.state is not None
+        assert one.least.state is not None
+        assert np.allclose(sized.state.mechanism / size, one.least.state.mechanism, atol=1e-6)
 
 
 def arch(count: int, thickness: float, settlement: dict[str, Any] = SPREAD) -> Scene:

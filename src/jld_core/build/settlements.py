@@ -68,5 +68,5 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
 
 def _sized(values: list[float], size: int, where: str) -> Floats:
     if len(values) != size:
-        raise InputError(where, f"it has {len(values)} numbers", f"{size} in this scene")
+        raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
     return np.array(values, dtype=float)

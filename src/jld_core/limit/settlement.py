@@ -126,14 +126,14 @@ def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
 
 
 def _end(assembly: Assembly, settlement: Settlement, labels: Bits, gap: float, sign: float) -> Thrust:
-    """The least (sign −1) or the greatest (+1) reaction."""
+    """The least (sign −1) or the greatest (+1) reaction, sought at a speed of one, whatever that of the movement."""
     speed = float(np.linalg.norm(settlement.velocity[:, : assembly.dimension], axis=1).max()) or (
         assembly.size * float(abs(settlement.velocity).max())
     )
-    proof = Proof()
+    proof, unit = Proof(), settlement.velocity / speed
     for reach in _REACHES:
-        origin = -sign * reach * max(assembly.total_dead, 1e-3 * assembly.total_live) * speed
-        analysis = _analysis(assembly, settlement.velocity, gap, sign, origin)
+        origin = -sign * reach * max(assembly.total_dead, 1e-3 * assembly.total_live)
+        analysis = _analysis(assembly, unit, gap, sign, origin)
         proof = analysis.prove(labels)
         if proof.status is not Status.UNSTABLE:
             break
@@ -168,7 +168,7 @@ def _thrust(
     assembly, scaling = analysis.assembly, analysis.template.scaling
     if proof.status is Status.LOCKED:
         return Thrust(math.nan, (math.nan, math.nan), math.nan, "unbounded", None)
-    ends = [origin + sign * scaling.load * end for end in proof.bracket]
+    ends = [speed * (origin + sign * scaling.load * end) for end in proof.bracket]
     low, high = min(ends), max(ends)
     value = 0.5 * (low + high)
     width = relative_width(low, high, tolerances.GAP_FLOOR * assembly.total_dead * speed)
@@ -176,7 +176,7 @@ def _thrust(
     if motion is None or state is None or not math.isfinite(value):
         return Thrust(math.nan, (math.nan, math.nan), math.nan, "uncertified", None)
     mechanism = np.zeros_like(settlement.velocity)
-    moves = scaling.load * motion.velocity[:-1] / scaling.row.ravel()
+    moves = speed * scaling.load * motion.velocity[:-1] / scaling.row.ravel()
     mechanism[assembly.elements.free] = moves.reshape(-1, assembly.freedoms)
     # the movement at the greatest reaction is against the supports
     mechanism += -sign * settlement.velocity

@@ -211,6 +211,12 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
 _Entries = list[PointLoad | BodyLoad]
 
 
+def _names_of_their_own(key: str, names: list[str]) -> None:
+    for position, name in enumerate(names):
+        if name in names[:position]:
+            raise InputError(f"{key}[{position}].name", f"{name!r} is used twice", "a name of its own for each")
+
+
 class Case(Part):
     """One load case: what it adds to the common dead load, what is multiplied by λ, and the factor it must reach."""
 
@@ -235,12 +241,7 @@ class Loads(Part):
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
         if self.live is not None and self.cases is not None:
             raise InputError(".live", 'it stands beside "cases"', "the live loads of each case inside it")
-        names = [case.name for case in self.cases or []]
-        for position, name in enumerate(names):
-            if name in names[:position]:
-                raise InputError(
-                    f".cases[{position}].name", f"{name!r} is used twice", "a name of its own for each case"
-                )
+        _names_of_their_own(".cases", [case.name for case in self.cases or []])
         return self
 
 
@@ -290,6 +291,7 @@ class Scene(Part):
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
         if self.grid is not None and self.thickness is not None:
             raise InputError(".thickness", "it stands beside a grid", 'the thickness inside "grid"')
+        _names_of_their_own(".settlements", [one.name for one in self.settlements])
         if self.elements is not None:
             planar = [element.polygon is not None for element in self.elements]
             if any(planar) and not all(planar):

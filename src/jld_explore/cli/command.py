@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
-from jld_core.build import build_assembly, build_robust
+from jld_core.build import build_assembly, build_robust, settlements_of
 from jld_core.errors import InputError
 from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
@@ -32,7 +32,7 @@ from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, SceneFile, speaking_of
+from jld_explore.cli.options import AsJson, Rank, SceneFile, refuse_itself, speaking_of
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
 from jld_explore.cli.streams import say, warn
@@ -132,6 +132,7 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
     space = _check_search(scene, parsed, assembly)
     with speaking_of(scene):
         require_materials(assembly, assembly.labels, ~assembly.labels)
+        settlements_of(parsed, assembly)
     _warn_of(scene, assembly)
     say(words.assembly(parsed, assembly, space))
 
@@ -184,6 +185,7 @@ def solve(
         assembly = build_robust(parsed)
     with speaking_of(scene):
         require_materials(assembly, labels, ~labels)
+        settlements_of(parsed, assembly)
         require_model(assembly, options, labels)
     if own and not as_json:
         _warn_of(scene, assembly)
@@ -292,6 +294,7 @@ def explore_command(
         check_writable(certificate.parent)
         if certificate.is_dir():
             raise InputError("--certificate", f"{certificate} is a folder", "a file")
+        refuse_itself(scene, certificate)
     if jobs is not None and jobs > most:
         raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")
     raise_on_signals()

@@ -12,11 +12,11 @@ import typer
 
 from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
-from jld_explore.cli.streams import warn
+from jld_explore.cli.streams import STOPPED, warn
 from jld_explore.evaluation import disturb
 from jld_explore.study import Interrupted
 
-INPUT, STOPPED, UNCERTIFIED = 2, 3, 4
+INPUT, UNCERTIFIED = 2, 4
 
 # typer brings a click of its own in some versions; its own exceptions say which one is in force
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

@@ -81,12 +81,13 @@ def export_command(
     """Write the blocks of a layout for another program, and a table of them."""
     if out.is_dir() or not out.absolute().parent.is_dir():
         raise InputError(str(out), "it cannot be written", "a file in a folder that is there")
-    refuse_itself(source, out)
+    table = out.with_suffix(".blocks.csv")
+    for file in (out, table):
+        refuse_itself(source, file)
     scene, assembly, labels = layout_of(source, rank)
     layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind == "vtk" else None)
     with speaking_of(source, str(out)):
         export(layout, kind, out, cells=cells)
-    table = out.with_suffix(".blocks.csv")
     write_text(table, blocks_csv(layout))
     free = sum(1 for block in layout.blocks if block.cells)
     kinds = len({block.shape for block in layout.blocks if block.cells})

@@ -12,7 +12,7 @@ from jld_core.errors import InputError
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
-from jld_explore.cli.options import Source, speaking_of
+from jld_explore.cli.options import Source, refuse_itself, speaking_of
 from jld_explore.cli.streams import say
 from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
 
@@ -61,6 +61,7 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
     with speaking_of(source):
         assembly = build_assembly(scene)
     target = out or Path(source.with_suffix(f".{kind}").name)
+    refuse_itself(source, target)
     if target.suffix == ".html":
         write_text(target, scene_page(scene, assembly))
         return target
@@ -80,6 +81,7 @@ def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Pat
     _, assembly, labels = layout_of(source, number)
     name = f"mechanism_{rank or 1}.{kind}"
     target = out or (source / name if source.is_dir() else Path(source.with_suffix(f".{kind}").name))
+    refuse_itself(source, target)
     result = solve(assembly, labels)
     if result.governing is not None:
         result = result.cases[result.governing]

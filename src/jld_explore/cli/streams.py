@@ -13,6 +13,9 @@ import sys
 from io import TextIOWrapper
 from typing import Final
 
+STOPPED: Final = 3
+"""Exit code of what a signal ends."""
+
 _SPELLED: Final = {
     "λ": "lambda",
     "∂": "d",
