@@ -14,8 +14,8 @@ import pytest
 from studies.families import halved_bond, random_wall
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
-from cases import CASES, grid_assembly
-from jld_core import Assembly, LimitAnalysis, build_assembly, solve
+from cases import CASES, grid_assembly, grid_document
+from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
 from jld_core.models.zero_dilation.blocks import BlockCertifier, relax_in_blocks
 from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation.certificate import Certifier
@@ -213,3 +213,25 @@ def test_bounds_of_statics_hold_for_random_states() -> None:
         low, high = statics.least(way), -statics.least(-way)
         assert low <= high
         assert high <= float(abs(way) @ statics.size) * (1.0 + 1e-9)
+
+
+def test_a_face_that_nothing_can_press() -> None:
+    """A cell without weight on top of another: all rows of the joint between them are zero."""
+
+    def cell(x: float, y: float) -> list[list[float]]:
+        return [[x, y], [x + 0.1, y], [x + 0.1, y + 0.1], [x, y + 0.1]]
+
+    document = grid_document(["##"], tension=0.0, shear=0.0)
+    del document["grid"]
+    document["thickness"] = 0.1
+    document["elements"] = [
+        {"id": "left", "polygon": cell(0.0, 0.1)},
+        {"id": "right", "polygon": cell(0.1, 0.1)},
+        {"id": "hat", "polygon": cell(0.0, 0.2), "weight": 0},
+        {"id": "ground", "polygon": [[0, 0], [0.2, 0], [0.2, 0.1], [0, 0.1]], "support": True},
+    ]
+    document["loads"]["live"] = [{"element": "right", "force": [13.5636, -11.7106], "at": [0.167843, 0.117409]}]
+    document["labels"] = {"default": "dry", "inner": [["left", "ground"]]}
+    result = solve(build_assembly(parse_scene(document)), friction="zero-dilation", range=True, floor_seconds=1.0)
+    assert result.extra["lowest_proven"] <= result.extra["lowest_found"] * (1.0 + 1e-9)
+    assert result.extra["closed"]

@@ -28,6 +28,7 @@ from jld_core.models.zero_dilation.products import (
     Region,
     extended,
     products,
+    row_sizes,
     without,
 )
 
@@ -65,7 +66,7 @@ class Certifier:
         self.sign_free = np.append(region.held, [False, False])
         self._equilibrium: Callable[[Floats], Floats] | None = None
         # what rows are divided by, and multipliers of rows times b_λ·u
-        self.largest = abs(self.facts * self.size).max(axis=1)
+        self.largest = row_sizes(self.facts * self.size)
         self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:

@@ -142,10 +142,10 @@ def relax(
     moving = np.flatnonzero(~region.closed)
     unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
-    largest = abs(facts).max(axis=1)
+    largest = row_sizes(facts)
     facts /= largest[:, None]
     statics = modes.statics @ unit
-    statics /= abs(statics).max(axis=1)[:, None]
+    statics /= row_sizes(statics)[:, None]
     held = np.flatnonzero(region.held)
     asked = pairs & ~region.closed[None, :]
     np.fill_diagonal(asked, False)
@@ -200,6 +200,12 @@ def solve_products(
     answer = interior_point(cost, rows, low, above, seconds, presolve=presolve)
     usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
     return answer if usable and answer.dual.any() else None
+
+
+def row_sizes(rows: Floats) -> Floats:
+    """(k,) largest number of each row; 1 where all are zero, as those of a crack without strength are."""
+    sizes = abs(rows).max(axis=1)
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def units_of(region: Region, size: Floats) -> Floats:

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation.certificate import Certifier, clean, least_change, taken_off
-from jld_core.models.zero_dilation.products import Region, extended, products, without
+from jld_core.models.zero_dilation.products import Region, extended, products, row_sizes, without
 from jld_core.models.zero_dilation.space_modes import Forms, SpaceModes
 from jld_core.models.zero_dilation.space_products import equal_of, still
 
@@ -40,7 +40,7 @@ class SpaceCertifier(Certifier):
         self.alone = np.zeros(modes.motions.shape[1], dtype=bool)
         count = modes.coupled.count
         self.sign_free = np.concatenate([region.held, [False, False], np.ones(count, dtype=bool)])
-        self.largest = abs(self.facts * self.size).max(axis=1)
+        self.largest = row_sizes(self.facts * self.size)
         self.prices = np.concatenate([self.largest[:-1], np.ones(count)])
         self._motions = BinaryFractions.of(modes.motions)
         self._still = BinaryFractions.of(np.vstack([modes.ties, modes.rates[region.closed]])) @ self._motions

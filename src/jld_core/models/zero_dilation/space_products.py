@@ -20,6 +20,7 @@ from jld_core.models.zero_dilation.products import (
     extended,
     mixed,
     products,
+    row_sizes,
     solve_products,
     units_of,
     without,
@@ -83,10 +84,10 @@ def relax_space(
     live, width = modes.live_rate @ basis, basis.shape[1]
     unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
-    largest = abs(facts).max(axis=1)
+    largest = row_sizes(facts)
     facts /= largest[:, None]
     statics = modes.statics @ unit
-    statics /= abs(statics).max(axis=1)[:, None]
+    statics /= row_sizes(statics)[:, None]
     equal = equal_of(modes, region)
     asked = pairs & ~region.closed[None, :] & ~equal[:count] & ~region.held[:, None]
     moving = np.flatnonzero(~region.closed)
