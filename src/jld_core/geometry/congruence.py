@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from jld_core.arrays import Floats
 from jld_core.geometry.outlines import Outline
@@ -86,6 +85,8 @@ def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
         mine, there = points[part], other.points[part]
         if not len(mine):
             continue
+        from scipy.spatial import cKDTree  # slow to import, and seldom needed
+
         distance, to = cKDTree(there).query(mine)
         if float(np.max(distance)) > 2.0 * reach or len(np.unique(to)) != len(there):
             return False

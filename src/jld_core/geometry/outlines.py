@@ -6,15 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
-from scipy.spatial import ConvexHull, cKDTree
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry.vectors import across, area_vector
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 _REACH: Final = 1e-6
 """Distance, relative to the structure, within which corners of congruent blocks fall on one another."""
@@ -145,6 +147,8 @@ def solid_outline(
     """Of the union of solids, each its corners (k, 3) and faces; volumes: (n,), centroids: (n, 3)."""
     corners = np.concatenate([points for points, _ in solids])
     volume = float(volumes.sum())
+    from scipy.spatial import ConvexHull  # here and below: slow to import, and seldom needed
+
     hull = ConvexHull(corners)
     convex = hull.volume <= (1.0 + _FLAT) * volume
     outline = _skin(solids, reach)
@@ -186,6 +190,8 @@ def _straightened(points: Floats, reach: float) -> Floats:
 
 def _merged(points: Floats, reach: float) -> Floats:
     """Points without those that repeat one before within the reach."""
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
     kept = np.ones(len(points), dtype=bool)
     kept[pairs[:, 1]] = False

@@ -10,10 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
-from scipy.spatial import cKDTree
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
@@ -126,6 +124,8 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
     Raises InputError where that closes nothing.
     """
+    from scipy.spatial import cKDTree  # here and below: slow to import, and for spatial scenes alone
+
     tree = cKDTree(vertices)
     near = tree.query_pairs(1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
     group = components(len(vertices), near[:, 0], near[:, 1])
@@ -335,6 +335,8 @@ def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
     normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
     behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
     rows = np.column_stack([normal, np.ones(len(planes))])
+    from scipy.optimize import linprog
+
     answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=behind, bounds=[(None, None)] * 4)
     place = middle if answer.x is None else middle + answer.x[:3]
     return -float(answer.fun or 0.0), np.asarray(place)

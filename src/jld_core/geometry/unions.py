@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
@@ -16,6 +15,9 @@ from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
 from jld_core.geometry.vectors import across
 from jld_core.linalg import components
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _NEAR: Final = 1e-6
 """Distance, relative to a planar block, within which its corners are one: above what contacts may gape."""
@@ -98,6 +100,8 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     corners = every[np.unique(_weld(every, _NEAR_SOLID * size), return_index=True)[1]]
     facets = facets_of(list(vertices), list(faces))
     pieces = [piece for plane in _planes(facets, _NEAR_SOLID * size) for piece in _outside(facets, plane, size)]
+    from scipy.spatial import cKDTree  # here and below: slow to import, and seldom needed
+
     tree = cKDTree(corners)
     rings: list[list[Floats]] = []
     for _, loops in pieces:
@@ -112,6 +116,8 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
     numbers = iter(np.split(node, np.cumsum([len(loop) for loops in rings for loop in loops])[:-1]))
     found: list[tuple[int, ...]] = []
     triangles: list[tuple[int, int, int]] = []
+    from scipy.spatial import cKDTree
+
     points_tree = cKDTree(points)
     for (normal, _), loops in zip(pieces, rings, strict=True):
         closed = [next(numbers).tolist() for _ in loops]
@@ -146,6 +152,8 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
 
 def _weld(points: Floats, reach: float) -> Ints:
     """(n,) node of each point, numbered by first appearance; points within reach of one another are one."""
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
     label = components(len(points), pairs[:, 0], pairs[:, 1])
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)

@@ -7,8 +7,6 @@ from typing import Final
 
 import numpy as np
 import shapely
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly, Elements
@@ -28,6 +26,8 @@ class Solids:
         elements = assembly.elements
         self.elements = elements
         self.size = (elements.upper - elements.lower).max(axis=1)
+        from scipy.spatial import ConvexHull  # here and below: slow to import, and for spatial scenes alone
+
         hulls = [ConvexHull(corners) for corners in elements.shape]
         self.planes = [np.unique(np.round(hull.equations, 12), axis=0) for hull in hulls]
         self._met: dict[tuple[int, int, bytes], bool] = {}
@@ -110,6 +110,8 @@ class Solids:
         """Greatest depth, the last of the unknowns x, t ≥ 0, depth; −inf where there is none."""
         bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
         matrix, values = equal or (None, None)
+        from scipy.optimize import linprog
+
         answer = linprog([0.0] * 4 + [-1.0], A_ub=rows, b_ub=right, A_eq=matrix, b_eq=values, bounds=bounds)
         return -np.inf if answer.x is None else float(answer.x[4])
 

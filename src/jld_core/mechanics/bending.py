@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import HalfspaceIntersection
 
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
@@ -128,5 +127,7 @@ def _solid(rows: Floats) -> Floats:
     one = np.ones(len(rows))
     lower = np.column_stack([-one, rows, 0.0 * one])
     upper = np.column_stack([one, -rows, -one])
+    from scipy.spatial import HalfspaceIntersection  # slow to import, and for spatial scenes alone
+
     found = HalfspaceIntersection(np.concatenate([lower, upper]), np.array([0.5, 0.0, 0.0])).intersections
     return np.asarray(found[np.all(np.isfinite(found), axis=1)])

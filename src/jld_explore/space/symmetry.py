@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
@@ -166,6 +165,8 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
         return np.zeros(0, dtype=np.int64)
     # a coordinate of its own keeps kinds further apart than any two places
     apart = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
+    from scipy.spatial import cKDTree  # slow to import, and seldom needed
+
     tree = cKDTree(np.column_stack([points, apart * kind]))
     distance, to = tree.query(np.column_stack([moved, apart * kind_to]), distance_upper_bound=2.0 * reach)
     fits = np.all(distance <= reach) and len(np.unique(to)) == len(points)
