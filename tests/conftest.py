@@ -23,6 +23,15 @@ for name in ("SIGINT", "SIGHUP"):
 sys.path.insert(0, str(Path(__file__).parent))
 
 
+# files whose single tests take long; begun last, one would keep one core waiting for the other
+LONG = ("test_interruption.py", "test_hard_cases.py", "test_studies.py", "test_door.py", "test_documentation.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes long goes first."""
+    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
+
+
 @pytest.fixture
 def jld(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
     """The command line in this process: arguments → `command.Outcome`."""

@@ -11,11 +11,10 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import joblib
 import numpy as np
-import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
@@ -25,6 +24,9 @@ from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluation, Evaluator, EvaluatorSettings
 from jld_explore.report import Exploration, csv_of, write_text
 from jld_explore.space import SearchSpace, from_string, to_string
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FILE: Final = "experiments.csv"
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
@@ -51,6 +53,8 @@ class Experiments:
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        import pandas as pd  # here and below: slow to import, and for tables alone
+
         path = self.folder / FILE
         if path.exists():
             try:
@@ -80,6 +84,8 @@ class Experiments:
 
     def table(self) -> pd.DataFrame:
         """What was run, the strongest first."""
+        import pandas as pd
+
         table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
         return table.sort_values(["experiment", "labelling"], ascending=[False, True]).reset_index(drop=True)
 

@@ -42,6 +42,14 @@ def test_help_loads_nothing() -> None:
     assert max(map(len, done.stdout.splitlines())) <= 100
 
 
+def test_commands_load_what_is_slow_when_they_need_it() -> None:
+    """To check a scene needs no tables, no pictures and no solver of others; together they take as long as the rest."""
+    slow = ("pandas", "pyarrow", "scipy.optimize", "scipy.spatial", "matplotlib", "cvxpy", "optuna", "pymoo", "numba")
+    asked = f"import sys, jld_explore.cli.command; print([name for name in {slow} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
+
+
 def test_help_names_every_command_and_driver(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-import pandas as pd
 import typer
 
 from jld_core.laying import Laying, laying_order
@@ -14,6 +13,9 @@ from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, csv_of, write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def assembly(
@@ -49,6 +51,8 @@ def assembly(
 
 def table_of(laying: Laying) -> pd.DataFrame:
     """A row a step: step, block (first element), elements, direction it comes from, stands, props in all."""
+    import pandas as pd  # slow to import, and for tables alone
+
     blocks = laying.blocks
     ids, force = blocks.assembly.elements.ids, blocks.assembly.units[1]
     rows = []

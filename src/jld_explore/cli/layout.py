@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
-
-import pandas as pd
+from typing import TYPE_CHECKING, Final
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
@@ -15,6 +13,9 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
 from jld_explore.cli.options import speaking_of
 from jld_explore.report import Exploration, read_folder
+
+if TYPE_CHECKING:
+    pass
 
 _MOST: Final = 6
 
@@ -67,6 +68,8 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
 
 def _named(done: Exploration, number: int) -> str:
     """A row of the results by its rank, and by its number where others share that, or it has none."""
+    import pandas as pd  # slow to import, and for tables alone
+
     rank = done.row(number)["rank"]
     if pd.isna(rank):
         return f"row {number}"

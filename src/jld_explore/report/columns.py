@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-import pandas as pd
+from typing import TYPE_CHECKING, Final
 
 from jld_core.assembly import Assembly
 from jld_core.exchange import RUN_BY_SPREADSHEETS, harmless
 from jld_explore.space import registered
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Columns = dict[str, dict[str, str]]
 """By column: its unit ("" for none) and what it means."""
@@ -112,6 +113,8 @@ def _sizes(assembly: Assembly) -> dict[str, tuple[str, str]]:
 
 def csv_of(table: pd.DataFrame) -> str:
     """A table as CSV. A text that a spreadsheet would run, as it begins with = + - @, gets an apostrophe before it."""
+    import pandas as pd  # slow to import, and for tables alone
+
     texts = table.select_dtypes(include=["object", "string"]).columns
     safe = table.copy(deep=False)
     for name in texts:

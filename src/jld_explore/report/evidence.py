@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 
 from jld_core.arrays import Bools
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PROVEN: Final = "proven"
 FOUND: Final = "found"

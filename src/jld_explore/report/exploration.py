@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
@@ -18,6 +17,9 @@ from jld_core.scene import Scene
 from jld_core.shown import Shown
 from jld_explore.space import cut
 from jld_explore.study import StopReason
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ class Exploration(Shown):
 
     def blocks(self, rank: int | None = None) -> pd.DataFrame:
         """The blocks of one layout, columns as in blocks.csv; rank as in `layout`."""
+        import pandas as pd  # slow to import, and for tables alone
+
         return pd.DataFrame(self.layout(rank).table())
 
     def row(self, rank: int | None = None) -> pd.Series[Any]:

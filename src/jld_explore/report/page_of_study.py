@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
@@ -24,6 +23,9 @@ from jld_explore.report.page_data import cases_of, page_data, solution_of, withi
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
 from jld_explore.space import cut, search_space
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NAME: Final = "report.html"
 """The page in a study's folder."""

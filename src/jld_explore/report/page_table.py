@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_explore.report.columns import ranked_by
 from jld_explore.report.page_data import rounded
 from jld_explore.space import Count, beside_nothing, dry_of, pack, registered
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST: Final = 20_000
 """Rows that a page holds: the strongest, and the front."""
@@ -45,6 +47,8 @@ def table_of(
     results: columns of results.csv, the rows to show. front: those of them on the front, with a column `evidence`.
     axes: counts of the front, each with its sense. left_out: rows that are not shown.
     """
+    import pandas as pd  # here and below: slow to import, and for tables alone
+
     count, sense = axes[0]
     texts = results["labelling"].astype(str)
     rows = [dry_of(text) for text in texts]
@@ -89,6 +93,8 @@ def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -
 
 
 def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
+    import pandas as pd
+
     if pd.api.types.is_integer_dtype(values):
         return "integer", [None if pd.isna(v) else int(v) for v in values]
     if pd.api.types.is_float_dtype(values):

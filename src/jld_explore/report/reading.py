@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.assembly import Assembly
@@ -22,6 +21,9 @@ from jld_explore.report.evidence import with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import is_labelling
 from jld_explore.study import StopReason
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LEFT: Final = "a file as jld explore left it, or jld explore --resume to write it again"
 _NUMBERS: Final = ("multiplicity", "load_factor", "bracket_lo", "bracket_hi", "seconds")
@@ -94,6 +96,8 @@ def read_folder(folder: Path) -> Exploration:
 
 def history_of(folder: Path) -> pd.DataFrame | None:
     """The table of convergence.csv; None where there is none. Raises InputError where it is damaged."""
+    import pandas as pd  # here and below: slow to import, and for tables alone
+
     path = folder / tables.CONVERGENCE
     if not path.exists():
         return None
@@ -124,6 +128,8 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
+    import pandas as pd
+
     try:
         table = pd.read_parquet(path)
     except (OSError, ValueError) as error:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from jld_core.arrays import Floats
@@ -13,6 +12,9 @@ from jld_core.limit import Status
 from jld_core.scene import Search
 from jld_explore.evaluation import BOUND
 from jld_explore.space import count_named
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMN: Final = "meets"
 

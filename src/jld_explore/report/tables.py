@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
@@ -20,11 +19,16 @@ from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
 from jld_explore.study import StopReason, Study, versions
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 CONVERGENCE: Final = "convergence.csv"
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
     """faces.csv: index, elements, end points (spatial: opposite corners of the bounding box) and candidacy."""
+    import pandas as pd  # here and below: slow to import, and for tables alone
+
     faces, ids = assembly.interfaces, assembly.elements.ids
     table = pd.DataFrame(
         {
@@ -50,6 +54,8 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
 
     Where a load factor is required what meets it comes first, by the count of the front.
     """
+    import pandas as pd
+
     rows = records.rows
     labellings = unpack(rows["labelling"], records.faces)
     associative, zero = rows["associative"], rows["zero_dilation"]
@@ -144,6 +150,8 @@ def convergence_table(records: Records) -> pd.DataFrame:
     Columns solves and seconds, of solver time summed over all workers, up to there, and best, in the order in
     which evaluations were finished.
     """
+    import pandas as pd
+
     rows = records.rows
     value = np.where(statuses(rows) == str(Status.COLLAPSE), load_factors(rows), np.nan)
     best = np.fmax.accumulate(value) if len(value) else value

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import pandas as pd
 
 from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult, Status
@@ -17,6 +16,9 @@ from jld_explore.report.columns import ranked_by
 from jld_explore.report.evidence import COLUMN
 from jld_explore.report.exploration import Exploration
 from jld_explore.space import SearchSpace, registered
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LETTERS: Final = 24
 """Letters of a labelling that are shown of it in a terminal."""

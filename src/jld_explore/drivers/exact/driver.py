@@ -24,10 +24,9 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import pandas as pd
 
 from jld_core import tolerances
 from jld_core.arrays import Bits
@@ -45,6 +44,9 @@ from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import SearchSpace, count_named, registered
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
