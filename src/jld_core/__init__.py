@@ -19,19 +19,14 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+from jld_core import samples, solvers, views
 from jld_core._version import __version__ as __version__
-
-if TYPE_CHECKING:
-    from jld_core import samples, solvers, views
-    from jld_core.assembly import Assembly
-    from jld_core.build import build_assembly
-    from jld_core.errors import InputError, SolverError
-    from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
-    from jld_core.models import SolveOptions, solve
-    from jld_core.scene import Scene, load_scene, parse_scene
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly
+from jld_core.errors import InputError, SolverError
+from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Status
+from jld_core.models import SolveOptions, solve
+from jld_core.scene import Scene, load_scene, parse_scene
 
 __all__ = [
     "Assembly",
@@ -50,27 +45,3 @@ __all__ = [
     "solvers",
     "views",
 ]
-
-_HOMES = {
-    "assembly": ("Assembly",),
-    "build": ("build_assembly",),
-    "errors": ("InputError", "SolverError"),
-    "limit": ("LimitAnalysis", "LimitAnalysisResult", "Status"),
-    "models": ("SolveOptions", "solve"),
-    "scene": ("Scene", "load_scene", "parse_scene"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Names are loaded when they are asked for: whoever reads a scene need not wait for the solvers."""
-    if name in ("samples", "solvers", "views"):
-        return import_module(f"{__name__}.{name}")
-    home = next((home for home, names in _HOMES.items() if name in names), None)
-    if home is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *__all__]
