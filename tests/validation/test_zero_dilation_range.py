@@ -1,8 +1,8 @@
 """The lowest and the highest collapse load without dilation: found from every side.
 
-Sources: local minima of a public MPEC solver for the walls of Ferris & Tin-Loi 2001 (0.638981, 0.562005, 0.263736, to
-the digits published); two cubes and one block in closed form; the small walls against the proven floor of
-tests/core/test_zero_dilation_floor.py.
+Sources: local minima of a public MPEC solver for walls 1, 2 and 4 of Ferris & Tin-Loi 2001 (0.638981, 0.562005,
+0.263736, to the digits published); walls 3 and 5 are held to what this search has found; two cubes and one block in
+closed form; the small walls against the proven floor of tests/core/test_zero_dilation_floor.py.
 """
 
 from __future__ import annotations
@@ -21,13 +21,34 @@ import cases_spatial
 from balances import flow_rule
 from cases import CASES, grid_assembly, grid_document
 from command import call
-from jld_core import Assembly, InputError, Scene, SolveOptions, Status, build_assembly, load_scene, parse_scene, solve
+from jld_core import (
+    Assembly,
+    InputError,
+    LimitAnalysis,
+    Scene,
+    SolveOptions,
+    Status,
+    build_assembly,
+    load_scene,
+    parse_scene,
+    solve,
+)
+from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.starts import certified, first_forces
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
 from paths import SCENES
 from reference_zero_dilation import loads_without_dilation
+from transforms import as_elements
 
-LOWEST = {"ferris_tinloi_1": 0.6390, "ferris_tinloi_2": 0.5604, "ferris_tinloi_4": 0.2638}
+LOWEST = {
+    "ferris_tinloi_1": 0.6390,
+    "ferris_tinloi_2": 0.5604,
+    "ferris_tinloi_3": 0.3559,
+    "ferris_tinloi_4": 0.2638,
+    "ferris_tinloi_5": 0.2080,
+}
 
 
 def ends(assembly: Assembly) -> tuple[float, float]:
@@ -51,6 +72,27 @@ def ends(assembly: Assembly) -> tuple[float, float]:
 @pytest.mark.parametrize("name", LOWEST)
 def test_given_walls_go_as_low_as_published_minima(name: str) -> None:
     assert ends(build_assembly(load_scene(SCENES / f"{name}.json")))[0] <= LOWEST[name]
+
+
+def test_forces_that_no_mechanism_completes_are_brought_to_a_solution() -> None:
+    """From gravity, wall 4: in another unit of force and length the same λ."""
+    loads = []
+    for unit in (1.0, 1e-3):
+        document = as_elements(load_scene(SCENES / "ferris_tinloi_4.json"))
+        for element in document["elements"]:
+            element["polygon"] = (unit * np.array(element["polygon"])).tolist()
+            element["weight"] *= unit
+        assembly = build_assembly(parse_scene(document))
+        analysis = LimitAnalysis(assembly)
+        side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+        gravity = first_forces(side.pairs, side.associative, "gravity")
+        assert side.pivots is not None
+        assert side.pivots.descend(np.append(gravity, 0.0), 0) is None
+        closed = side.pivots.close(np.append(gravity, 0.0), 0)
+        assert closed is not None
+        assert certified(side.pairs, closed).solves(analysis.gap)
+        loads.append(closed[-1] * analysis.template.scaling.load)
+    assert loads[1] == pytest.approx(loads[0], rel=1e-9)
 
 
 @pytest.mark.parametrize(

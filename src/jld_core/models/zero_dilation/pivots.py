@@ -3,8 +3,9 @@
 For given forces, any mechanism whose modes z are free only where y = 0 completes them to a solution; for a given
 mechanism, so do any forces with y = 0 where z > 0, and the least λ among those is one linear program. Going from one
 to the other and back never loses, and ends in a solution that neither step betters: a local minimum of the problem
-with complementarity, found without its nonlinear program. Source: the alternation is our own; the problem is that of
-Ferris & Tin-Loi 2001 (docs/method.md (4.6)).
+with complementarity, found without its nonlinear program. Forces that nothing completes are first brought to a solution
+in the same way: by the mechanism of least Σ yz for the forces and the forces of least Σ yz for the mechanism, in turn.
+Source: the alternation is our own; the problem is that of Ferris & Tin-Loi 2001 (docs/method.md (4.6)).
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ _MOVING: Final = 1e-9  # z above which a mode moves
 _BETTER: Final = 1e-9  # gain in λ, relative, that counts
 _IDLES: Final = 1e-3  # scaled price of a mode that works against nothing, so that few of them move
 _SWAY: Final = 1e-3  # weight of a random direction when another vertex of the same λ is sought
+_UNEVEN: Final = (0.2, 1e-6)  # by how much y is weighed at random, relative and absolute, where the gap is closed,
+_ROUNDS: Final = 6  # times at the most
+_CLOSING: Final = 0.9  # share of Σ yz that a round must come down to
 
 
 class Pivots:
@@ -55,6 +59,38 @@ class Pivots:
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
         answer = self._statics.minimise(objective)
         return answer.point if answer.found else None
+
+    def close(self, point: Floats, seed: int) -> Floats | None:
+        """A solution (F, λ) that forces lead to, Σ yz made less for mechanism and forces in turn; None if none is met.
+
+        point: (3m + 1,) scaled forces and λ, of which nothing is asked. seed: of the mechanisms drawn.
+        """
+        rng, count, last = np.random.default_rng(seed), len(self.modes.constants), np.inf
+        every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+        for _ in range(_ROUNDS):
+            slack = np.maximum(self.modes.of(point[:-1]), 0.0)
+            weights = slack * (1.0 + _UNEVEN[0] * rng.random(count)) + _UNEVEN[1] * rng.random(count)
+            z = self.mechanism(every, weights)
+            if z is None:
+                return None
+            moving = z > _MOVING
+            found = self.forces(moving, np.append(np.zeros(len(point) - 1), 1.0))
+            gap = float(slack @ z)
+            if found is not None or gap > _CLOSING * last:
+                return found
+            # of forces with the same Σ yz the lowest
+            nearest = self.forces(none, np.append(np.where(moving, z, 0.0) @ self.modes.rows, _UNEVEN[1]))
+            if nearest is None:
+                return None
+            point, last = nearest, gap
+        return None
+
+    def mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
+        """Forces and λ (3m + 1,) with a share of a state that presses little on faces drawn at random."""
+        objective = np.zeros(len(point))
+        objective[:-1:3] = rng.exponential(size=self.modes.faces)
+        state = self.forces(np.zeros(len(self.modes.constants), dtype=bool), objective)
+        return None if state is None else (1.0 - share) * point + share * state
 
     def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
         """A solution (F, λ) of λ no higher (sign 1) or no lower (sign −1) than a given one; None if it is none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,8 +34,8 @@ class Scheme:
     alpha: share of the present N in friction at first; later steps have none. damping: weight ε of the proximal term
     about the last forces, for scaled forces of order one. anchor: the same where Γ is minimised. block: proximal
     steps between two minimisations of Γ. start: forces of the associative solution, the "gravity" state of
-    least forces at λ = 0, or an associative "vertex" (planar). most: programs after which no further
-    attempt begins. effective_area: update effective areas in the same loop (spatial, dry rectangles).
+    least forces at λ = 0, or an associative "vertex" (planar). most: programs from each start after which no
+    further attempt begins. effective_area: update effective areas in the same loop (spatial, dry rectangles).
 
     Raises InputError for a value that is none of these.
     """
@@ -113,7 +114,7 @@ class Pair:
 
 
 class PairSearch:
-    """The search for such a pair: the programs it solves share solvers and count against one limit."""
+    """The search for such a pair: the programs it solves share solvers and are counted together."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme) -> None:
         self.analysis, self.labels, self.scheme = analysis, labels, scheme
@@ -130,7 +131,7 @@ class PairSearch:
         self.shared: Template = template
         self.floor = load_floor(template.assembly) / template.scaling.load
         self.reached = np.zeros(self.count)
-        self.solves = 0
+        self.solves = self.end = 0
 
     # --- frozen problems ----------------------------------------------------------------------------------
 
@@ -276,13 +277,23 @@ class PairSearch:
     # --- the search ----------------------------------------------------------------------------------------
 
     def pair_from(self, forces: Floats) -> Pair:
+        """The best of the attempts from scaled forces (q·m,)."""
+        best: Pair | None = None
+        for pair in self.attempts(forces):
+            if best is None or pair.locked or _better(pair, best):
+                best = pair
+        assert best is not None
+        return best
+
+    def attempts(self, forces: Floats) -> Iterator[Pair]:
         """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict.
 
-        With effective areas later rounds hold the forces and take no proximal steps: the areas follow the forces,
-        which such steps let drift along the many solutions.
+        The last is locked, or a solution, or as many programs were solved as the scheme has. With effective areas
+        later rounds hold the forces and take no proximal steps: the areas follow the forces, which such steps let
+        drift along the many solutions.
         """
-        scheme, best, held = self.scheme, None, None
-        self.reached = forces[: self.count]
+        scheme, held = self.scheme, None
+        self.reached, self.end = forces[: self.count], self.solves + self.scheme.most
         alpha, dual, share, last = scheme.alpha, np.zeros(0), 1.0, np.zeros(self.count)
         while True:
             if held is None:
@@ -302,13 +313,10 @@ class PairSearch:
             if areas is not None:
                 state, areas = self.settle_areas(state, dual, areas)
             pair = self.judge(state, areas)
-            if best is None or _better(pair, best):
-                best = pair
+            yield pair
             width = (0.1 if areas is None else 1.0) * tolerances.GAP
-            if pair.locked or (pair.converged and pair.closes(width)):
-                return pair
-            if self.solves + scheme.block + 3 > scheme.most:
-                return best
+            if pair.locked or (pair.converged and pair.closes(width)) or self.solves + scheme.block + 3 > self.end:
+                return
             forces = self.reached = state.forces.ravel()
             if areas is not None and pair.motion is not None:
                 held, dual = self.margin, pair.motion.velocity
@@ -316,7 +324,7 @@ class PairSearch:
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
         """Match the same velocities until the state is admissible under the effective areas of its own forces."""
         tries = 0
-        while self.solves < self.scheme.most - 2:
+        while self.solves < self.end - 2:
             tries += 1
             own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:
@@ -327,4 +335,8 @@ class PairSearch:
 
 
 def _better(one: Pair, other: Pair) -> bool:
-    return (one.state.admissible, -one.gap) > (other.state.admissible, -other.gap)
+    return _rank(one) > _rank(other)
+
+
+def _rank(pair: Pair) -> tuple[bool, bool, float]:
+    return pair.solves(tolerances.GAP), pair.state.admissible, -pair.gap

@@ -17,6 +17,8 @@ import math
 import time
 from dataclasses import replace
 
+import numpy as np
+
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Proof, Status
@@ -81,7 +83,9 @@ def prove_zero_dilation(
         solves = search.solves
         if not pair.solves(analysis.gap):
             side = FromEverySide(analysis, labels, scheme, associative)
-            side.draw()
+            side.close(np.append(pair.state.forces.ravel(), pair.state.load))
+            if side.found.lowest is None:
+                side.draw()
             pair, solves = side.found.lowest or pair, solves + side.pairs.solves
         proof = proof_of(associative, analysis, pair, solves)
     proof.seconds = time.perf_counter() - start
