@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from jld_core.models.zero_dilation.proof import proof_of
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.search import PairSearch, Scheme
 from jld_core.models.zero_dilation.starts import first_forces
+
+_SEVERAL: Final = 1000  # faces up to which linear programs in turn are tried where proximal steps do not arrive
 
 
 def prove_zero_dilation(
@@ -81,7 +84,7 @@ def prove_zero_dilation(
         search = PairSearch(analysis, labels, scheme)
         pair = search.pair_from(first_forces(search, associative, scheme.start))
         solves = search.solves
-        if not pair.solves(analysis.gap):
+        if not pair.solves(analysis.gap) and len(labels) <= _SEVERAL:
             side = FromEverySide(analysis, labels, scheme, associative)
             side.close(np.append(pair.state.forces.ravel(), pair.state.load))
             if side.found.lowest is None:
