@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -171,20 +172,42 @@ def halved_bond(bricks: int, courses: int, friction: float = 0.65) -> Scene:
 
     bricks: in a whole course. Bricks of 4 × 1.75 and unit density, as in the walls of Ferris & Tin-Loi 2001.
     """
+    rows = ([1.0] * bricks, [0.5, *[1.0] * (bricks - 1), 0.5])
+    lengths = [rows[(course + 1) % 2] for course in range(courses)]
+    return wall_of_courses(lengths, friction, f"wall of {bricks} × {courses} bricks")
+
+
+HALVES, WHOLE = (0.5, 1.0, 1.0, 0.5), (1.0, 1.0, 1.0)
+PIERS, HALVED_PIERS = (1.0, -1.0, 1.0), (0.5, 0.5, -1.0, 0.5, 0.5)
+"""Courses of three bricks, and such beside an opening one brick wide, as in wall 5 of Ferris & Tin-Loi 2001."""
+
+
+def opened_wall(below: int, above: int, height: int = 3, friction: float = 0.65) -> Scene:
+    """A wall of three bricks with one opening of so many courses, with courses below and above it; pushed along x."""
+    base = [(HALVES, WHOLE)[course % 2] for course in range(below)]
+    piers = [(PIERS, HALVED_PIERS)[course % 2] for course in range(height)]
+    top = [(HALVES, WHOLE)[course % 2] for course in range(above)]
+    return wall_of_courses(
+        [*base, *piers, *top], friction, f"wall with one opening, {below} + {height} + {above} courses"
+    )
+
+
+def wall_of_courses(courses: Sequence[Sequence[float]], friction: float = 0.65, name: str = "wall") -> Scene:
+    """A planar wall pushed along x by its own weight, its courses as lengths in bricks, negative: left out.
+
+    Bricks of 4 × 1.75 and unit density, as in the walls of Ferris & Tin-Loi 2001.
+    """
     wide, height = 4.0, 1.75
-    elements = [_rectangle("ground", -0.5 * wide, (bricks + 0.5) * wide, -1.0, 0.0, support=True)]
-    for course in range(courses):
-        first, last = _ends(2, wide, bricks)[(course + 1) % 2]
-        for k, (a, b) in enumerate(zip(first, last, strict=True)):
+    whole = sum(abs(length) for length in courses[0])
+    elements = [_rectangle("ground", -0.5 * wide, (whole + 0.5) * wide, -1.0, 0.0, support=True)]
+    for course, lengths in enumerate(courses):
+        ends = np.cumsum([0.0, *map(abs, lengths)]) * wide
+        bricks = [(a, b) for a, b, length in zip(ends, ends[1:], lengths, strict=False) if length > 0.0]
+        for k, (a, b) in enumerate(bricks):
             elements.append(_rectangle(f"c{course}b{k}", float(a), float(b), course * height, (course + 1) * height))
     materials = {"density": 1.0, "gravity": 1.0, "dry": {"friction_coefficient": friction}}
     return parse_scene(
-        {
-            "name": f"wall of {bricks} × {courses} bricks",
-            "materials": materials,
-            "elements": elements,
-            "loads": {"live": [{"body": [1.0, 0.0]}]},
-        }
+        {"name": name, "materials": materials, "elements": elements, "loads": {"live": [{"body": [1.0, 0.0]}]}}
     )
 
 

@@ -29,11 +29,11 @@ Point = tuple[Floats, Floats]
 class ProductSpace:
     """Forms y_k z_l over (Z, T).
 
-    facts: (r, p) slacks and the like over Φ, the last of them 1. rates: (modes, w) over free velocities. bases: of the
-    states that velocities know, (p, k) each, and `of` (w,) which of them; Z has as many rows as the widest. lone: (f,)
-    faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s with t of their own: T holds the products of t with
-    the face's own forces and 1, places `at` (f, 4) of Φ, of which `own` (f, 5, 4) makes its slacks and 1. live: (w,)
-    b_λ·u.
+    facts: (r, p) slacks and the like over Φ, the last of them 1. rates: (forms, w) of z and of loops over free
+    velocities. bases: of the states that velocities know, (p, k) each, and `of` (w,) which of them; Z has as many rows
+    as the widest. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s with t of their own: T
+    holds the products of t with the face's own forces and 1, places `at` (f, 4) of Φ, of which `own` (f, 5, 4) makes
+    its slacks and 1. live: (w,) b_λ·u.
     """
 
     facts: Floats
@@ -60,7 +60,7 @@ class ProductSpace:
         return out
 
     def values(self, point: Point) -> Floats:
-        """(r, modes) y_k z_l; of slides of lone faces those with their own slacks and 1 alone mean something."""
+        """(r, forms) y_k z_l; of slides of lone faces those with their own slacks and 1 alone mean something."""
         z, t = point
         out = np.asarray(self.facts @ self.spread(z) @ self.rates.T)
         more = np.einsum("frc,fc->rf", self.own, t)
@@ -69,7 +69,7 @@ class ProductSpace:
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """What a weighted sum of values (r, modes) is over (Z, T)."""
+        """What a weighted sum of values (r, forms) is over (Z, T)."""
         slides = self.ones * (4 * self.lone)
         both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
         return self.gather(self.facts.T @ (table @ self.rates)), np.einsum("frc,rf->fc", self.own, both)
@@ -98,14 +98,15 @@ class Surroundings:
     """Elements and faces that velocities of a region know, those within a distance in faces; None: all there are.
 
     What closed modes tie together knows the same. basis: (3n + m, w) of the velocities that closed modes leave free;
-    rates: (modes, w) over them. groups: (w,) velocities of one element, as numbers.
+    forms: (4m + 2e, w) over them, of which rates are the first. groups: (w,) velocities of one element, as numbers.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
         self.modes, self.closed = modes, closed
         self.basis = without(modes.rates[closed])
-        self.rates = modes.rates @ self.basis
-        self.rates[abs(self.rates) < _NOTHING] = 0.0
+        self.forms = modes.forms @ self.basis
+        self.forms[abs(self.forms) < _NOTHING] = 0.0
+        self.rates = self.forms[: len(modes.rows)]
         width = len(modes.dead)
         first = np.array([int(np.flatnonzero(column)[0]) for column in self.basis.T], dtype=np.int64)
         self.groups = np.where(first < width, first // 3, first)
@@ -140,12 +141,12 @@ class Surroundings:
 
     @cached_property
     def products(self) -> Bools:
-        """(4m + 3, 4m) rows that may be formed: all that a mode's velocities know, and λ and 1 always."""
+        """(4m + 3, 4m + 2e) rows that may be formed: all that a form's velocities know, and λ and 1 always."""
         faces = [self.touches[inside].any(axis=0) for inside in self.elements]
-        known = np.ones((self.modes.faces, len(self.rates)), dtype=bool)
+        known = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
         for number, own in enumerate(faces):
-            known[:, (self.rates[:, self.of == number] != 0.0).any(axis=1)] &= own[:, None]
-        return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.rates)), dtype=bool)])
+            known[:, (self.forms[:, self.of == number] != 0.0).any(axis=1)] &= own[:, None]
+        return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
         """Equations of one set of elements, and the places of their forces, λ and 1 in Φ."""
@@ -222,7 +223,7 @@ def velocities_of(around: Surroundings, facts: Floats, statics: Floats, lone: Bo
     rows = np.column_stack([*(4 * faces + k for k in range(4)), np.full(len(faces), count + 2)])
     space = ProductSpace(
         facts=facts,
-        rates=around.rates[:, whole],
+        rates=around.forms[:, whole],
         bases=around.bases(statics),
         of=around.of[whole],
         lone=faces,
@@ -233,13 +234,15 @@ def velocities_of(around: Surroundings, facts: Floats, statics: Floats, lone: Bo
     return Velocities(space, basis, whole, at, np.unique(around.groups[whole], return_inverse=True)[1])
 
 
-def lone_faces(used: Bools, closed: Bools) -> Bools:
+def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
     """(m,) faces whose slides, both of which may move, are multiplied with their own slacks and 1 alone.
 
-    used: (4m + 3, 4m) rows y, λ − L, U − λ, 1 times z that are there.
+    used: (4m + 3, 4m + 2e) rows y, λ − L, U − λ, 1 times z and forms of loops, (2e, 4m), that are there.
     """
     faces = len(closed) // 4
+    around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))
+    used = used[:, : 4 * faces]
     other: Bools = np.any(used[: 4 * faces].reshape(faces, 4, faces, 4)[:, :, :, 2:], axis=(1, 3))
     np.fill_diagonal(other, False)
     bounded = used[4 * faces : -1].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))
-    return np.asarray(~other.any(axis=0) & ~bounded & ~closed.reshape(faces, 4)[:, 2:].any(axis=1))
+    return np.asarray(~other.any(axis=0) & ~bounded & ~around & ~closed.reshape(faces, 4)[:, 2:].any(axis=1))

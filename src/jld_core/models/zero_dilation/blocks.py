@@ -19,7 +19,16 @@ from jld_core.models.zero_dilation.certificate import Certifier, clean
 from jld_core.models.zero_dilation.interior import ProductProgram, minimise
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.normal import NormalEquations
-from jld_core.models.zero_dilation.products import Multipliers, Region, cost_of, equal_pairs, extended, mixed, units_of
+from jld_core.models.zero_dilation.products import (
+    Multipliers,
+    Region,
+    cost_of,
+    equal_pairs,
+    extended,
+    mixed,
+    moving_forms,
+    units_of,
+)
 
 _FREE: Final = (1e-6, 1e-4)  # sizes, one after the other, from which a multiplier may change as it must
 _GONE: Final = 1e-14  # multipliers below this are none
@@ -59,12 +68,14 @@ def relax_in_blocks(
     largest = abs(facts).max(axis=1)
     around = Surroundings(modes, region.closed, distance)
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
-    equal, positive = np.zeros((2, len(facts), count), dtype=bool)
+    equal, positive = np.zeros((2, len(facts), len(around.forms)), dtype=bool)
     equal[equal_pairs(held, moving)] = True
-    positive[:count] = pairs & ~region.closed & ~equal[:count]
-    positive[count + 2] = ~region.closed
-    lone = lone_faces((equal | positive) & around.products, region.closed)
-    positive[count : count + 2] = ~region.closed & (modes.hinges | ~np.repeat(lone, 4))
+    positive[:count] = pairs & moving_forms(around.forms, region) & ~equal[:count]
+    positive[count + 2] = positive[:count].any(axis=0)
+    positive[count + 2, :count] = ~region.closed
+    lone = lone_faces((equal | positive) & around.products, region.closed, modes.loops)
+    positive[count : count + 2] = positive[count + 2]
+    positive[count : count + 2, :count] &= modes.hinges | ~np.repeat(lone, 4)
     velocities = velocities_of(around, facts / largest[:, None], modes.statics @ unit, lone)
     above = np.zeros(len(unit))
     above[-2:] = 1.0, -region.low
@@ -104,7 +115,7 @@ class BlockCertifier(Certifier):
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
         """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
         found = -math.inf
-        lone = lone_faces(multipliers.over != 0.0, self.region.closed)
+        lone = lone_faces(multipliers.over != 0.0, self.region.closed, self.modes.loops)
         self.alone[-len(lone) :] = lone
         for self.least_free in _FREE:
             found = super().bound(multipliers, enough)
@@ -116,8 +127,8 @@ class BlockCertifier(Certifier):
         largest = abs(self.facts * self.size).max(axis=1)
         share = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / self.least_free, 1.0))
         share = np.where((share < _GONE / self.least_free) | ~self.around.products, 0.0, share)
-        share[:, self.region.closed] = 0.0
-        lone = lone_faces(share > 0.0, self.region.closed)
+        share[:, self.still] = 0.0
+        lone = lone_faces(share > 0.0, self.region.closed, self.modes.loops)
         facts = clean(self.facts * self.size / largest[:, None])
         velocities = velocities_of(self.around, facts, self.modes.statics * self.size, lone)
         space = velocities.space

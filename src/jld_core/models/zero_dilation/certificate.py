@@ -2,11 +2,12 @@
 
 For multipliers M ≥ 0, g ≥ 0 and any Q, Ψ there is an identity of forms in Φ = (F, λ, 1) and w = (u, t),
 
-    (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k z_l + Σ g_k ŷ_k (b_λ·u) + (K Φ)ᵀ Q w + Φᵀ Ψ z_closed + Φᵀ R w
+    (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k h_l + Σ g_k ŷ_k (b_λ·u) + (K Φ)ᵀ Q w + Φᵀ Ψ z_closed + Φᵀ R w
 
-whose left side is λ − p − σ cost in a solution, and whose right side is at least ΦᵀR w. Every double precision number
-in it is a binary fraction, so R follows without rounding; with |Φ| ≤ size and |w| ≤ reach · cost, λ ≥ p is proven if
-Σ |R_ij| size_i reach_j ≤ σ (docs/method.md (4.8)).
+of forms h = (z, those of loops), whose left side is λ − p − σ cost in a solution, and whose right side is at least
+ΦᵀR w. Every double precision number in it is a binary fraction, so R follows without rounding; with |Φ| ≤ size and
+|w| ≤ reach · cost, λ ≥ p is proven if Σ |R_ij| size_i reach_j ≤ σ (docs/method.md (4.8)); what rounding leaves of the
+identities of loops is charged with R.
 """
 
 from __future__ import annotations
@@ -58,9 +59,16 @@ class Certifier:
         self.states = size[:, None] * without(modes.statics * size)
         self.motions = without(modes.rates[region.closed])
         count = len(modes.rows)
-        self.free = np.zeros((count + 3, count), dtype=bool)
+        self.still = np.zeros(len(modes.forms), dtype=bool)
+        self.still[:count] = region.closed
+        self.free = np.zeros((count + 3, len(modes.forms)), dtype=bool)
         self.free[np.arange(count), np.arange(count)] = True
         self.free[:count][region.held] = True
+        # the forms, and how far below zero those of loops may be for a unit of cost: rounding of their identities
+        rates = _exact_rates(modes)
+        self._forms = BinaryFractions.of(np.vstack([np.eye(count), modes.loops])) @ rates
+        identities = (BinaryFractions.of(modes.loops[::2] - modes.loops[1::2]) @ rates).floats()
+        self.misses = np.repeat(abs(identities) @ reach, 2)
         # velocities whose products equilibrium is not taken off, (3n + m,)
         self.alone = np.zeros(modes.rates.shape[1], dtype=bool)
         self.sign_free = np.append(region.held, [False, False])
@@ -73,13 +81,13 @@ class Certifier:
         """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
         over, live = BinaryFractions.of(cut(multipliers.over)), BinaryFractions.of(cut(multipliers.live[:, None]))
         bound = BinaryFractions.of(cut(np.array([[multipliers.bound]])))
-        over.values[:, self.region.closed] = 0
+        over.values[:, self.still] = 0
         correct: Any = None
         proven, slack = -math.inf, self.slack
         last, least, idle = math.inf, math.inf, 0
         for _ in range(_ROUNDS):
             rest = self._settled(over, live, bound, slack)
-            charge = float(self.size @ (abs(rest) @ self.reach)) * (1.0 + 1e-9) + _NIL
+            charge = (float(self.size @ (abs(rest) @ self.reach)) + self._missed(over)) * (1.0 + 1e-9) + _NIL
             if charge <= slack:
                 # the same rows prove more with less slack, which costs λ
                 # beyond the region nothing was said of λ
@@ -115,11 +123,11 @@ class Certifier:
         that is compared is of order one; small multipliers change in proportion.
         """
         largest = self.largest
-        facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(self.modes.rates @ self.motions)
+        facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(self.modes.forms @ self.motions)
         live = self.modes.live_rate @ self.motions
         weight = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / _FREE, 1.0))
         weight = np.where(weight < _GONE / _FREE, 0.0, weight)
-        weight[:, self.region.closed] = 0.0
+        weight[:, self.still] = 0.0
         i, j = np.nonzero(weight)
         dear = np.where(self.sign_free, 1.0, np.minimum(price * largest[:-1] / _FREE, 1.0))
         g = np.flatnonzero(dear >= _GONE / _FREE)
@@ -143,15 +151,19 @@ class Certifier:
 
     def _settled(self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float) -> Floats:
         """R (3m + 2, 3n + m): what is left of the identity once Q and Ψ have taken off it what they can, twice."""
-        rates = _exact_rates(self.modes)
-        lacking = self._lacking(over, live, bound, slack, rates)
-        return taken_off(lacking, self.modes.statics, rates.rows(self.region.closed), self.alone, self._equilibrium)
+        lacking = self._lacking(over, live, bound, slack)
+        return taken_off(lacking, self.modes.statics, self._forms.rows(self.still), self.alone, self._equilibrium)
+
+    def _missed(self, over: BinaryFractions) -> float:
+        """What products with the forms of loops may be below zero."""
+        of_loops = BinaryFractions(over.values[:, len(over.values[0]) - len(self.misses) :], over.scale).floats()
+        return float((abs(self.facts) @ self.size) @ abs(of_loops) @ self.misses)
 
     def _lacking(
-        self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float, rates: BinaryFractions
+        self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> BinaryFractions:
-        """`_left` without rounding."""
-        modes, columns = self.modes, self.facts.shape[1]
+        """The left side of the identity less the right one without R, Q and Ψ, without rounding."""
+        modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
         by_live = BinaryFractions.of(modes.live_rate[None])
@@ -162,7 +174,7 @@ class Certifier:
             np.repeat(0.5 * four[:, 3], 2, axis=0)
         )
         cost = ones @ rates.rows(modes.hinges) + capacity.transposed() @ rates.rows(~modes.hinges)
-        return total - cost.times(slack) - facts.transposed() @ (over @ rates)
+        return total - cost.times(slack) - facts.transposed() @ (over @ self._forms)
 
 
 def taken_off(

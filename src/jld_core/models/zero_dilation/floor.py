@@ -122,8 +122,8 @@ class FloorSearch:
             halves = region.halves(relaxed.rates, relaxed.slacks) if depth < _DEPTH else None
             if halves is None:
                 break
-            still = self._sweep(bounds, halves[0].closed, held, pairs, depth + 1)
-            return still.least(self._sweep(bounds, region.closed, halves[1].held, pairs, depth + 1))
+            first, second = (self._sweep(bounds, half.closed, half.held, pairs, depth + 1) for half in halves)
+            return first.least(second)
         return bounds
 
     def _proven(self, region: Region, relaxed: Relaxed, slack: float) -> float:

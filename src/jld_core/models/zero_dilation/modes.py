@@ -12,11 +12,13 @@ t = max(0, −s).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
+from jld_core.models.zero_dilation.loops import loops_of
 from jld_core.program import Template
 
 
@@ -63,6 +65,18 @@ class LinearModes:
 class Modes(LinearModes):
     """In the plane: A (3n, 3m), C (4m, 3m), rates: H (4m, 3n + m). Mode 4f + j belongs to face f."""
 
+    assembly: Assembly
+
+    @cached_property
+    def loops(self) -> Floats:
+        """(2e, 4m) coefficients of z, sums ≥ 0 in every solution, in pairs, see `loops_of`."""
+        return loops_of(self.assembly, self.rates)
+
+    @cached_property
+    def forms(self) -> Floats:
+        """(4m + 2e, 3n + m): forms of w that are ≥ 0 in every solution, z and then those of loops."""
+        return np.vstack([self.rates, self.loops @ self.rates])
+
     @property
     def hinges(self) -> Bools:
         """(4m,) True for hinge modes, False for slides."""
@@ -70,9 +84,10 @@ class Modes(LinearModes):
 
     @property
     def close(self) -> Bools:
-        """(4m, 4m) rows and modes of faces that meet at an element, or at two next to one another."""
+        """(4m, 4m + 2e) rows and forms of faces that meet at an element, or at two next to one another."""
         near = self.near.astype(int)
-        return np.kron((near @ near) > 0, np.ones((4, 4), dtype=bool)).astype(bool)
+        used = np.vstack([np.eye(len(self.rows)), self.loops]).reshape(-1, self.faces, 4).any(axis=2)
+        return np.repeat((near @ near @ used.T) > 0, 4, axis=0)
 
     def of(self, forces: Floats) -> Floats:
         """y (4m,) of scaled forces (3m,)."""
@@ -99,15 +114,17 @@ def modes_of(template: Template, labels: Bits) -> Modes | None:
     rates[np.arange(count), 3, matrix.shape[0] + np.arange(count)] = 1.0
     slides = np.zeros((count, 2, 3 * count + 2))
     slides[:, :, :-2], slides[:, :, -1] = rows[:, 2:].reshape(count, 2, -1), constants[:, 2:]
+    rates = rates.reshape(4 * count, -1)
     return Modes(
         matrix=matrix,
         dead=template.dead,
         live_rate=np.concatenate([template.live, np.zeros(count)]),
         rows=rows.reshape(4 * count, 3 * count),
         constants=constants.ravel(),
-        rates=rates.reshape(4 * count, -1),
+        rates=rates,
         capacities=0.5 * (slides[:, 0] + slides[:, 1]),
         near=near_faces(template.assembly),
+        assembly=template.assembly,
     )
 
 

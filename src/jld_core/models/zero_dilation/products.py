@@ -28,8 +28,8 @@ _VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row
 class Multipliers:
     """Of the rows of the program: what proves its bound.
 
-    over: (4m + 3, 4m) of (y, λ − L, U − λ, 1) times z_l, ≥ 0 but for y_l z_l and held rows. live: (4m + 2,) of
-    (y, λ − L, U − λ) times b_λ·u, ≥ 0 but for held rows. bound: scaled.
+    over: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w, ≥ 0 but for y_l z_l and held rows. live: (4m + 2,)
+    of (y, λ − L, U − λ) times b_λ·u, ≥ 0 but for held rows. bound: scaled.
     """
 
     over: Floats
@@ -40,7 +40,8 @@ class Multipliers:
 @dataclass(frozen=True)
 class Relaxed:
     """What came out: multipliers, and from X the forces it mixes (k, 3m + 1) with λ, z and y on the mean (4m,), and the
-    rows left out that it violates (4m, 4m). sure: the solver calls it optimal; else the multipliers are worth a try."""
+    rows left out that it violates (4m, 4m + 2e). sure: the solver calls it optimal; else its multipliers are worth a
+    try."""
 
     multipliers: Multipliers
     states: Floats
@@ -61,12 +62,18 @@ class Region:
 
     def halves(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
         """Both sides of the mode that disagrees most with itself, which on the mean moves and has slack: it is still,
-        or has none. None where all agree. rates, slacks: z and y on the mean (4m,)."""
+        or has none. None where all agree. rates, slacks: z and y on the mean (4m,).
+
+        A slide that moves keeps the other one of its face still.
+        """
         apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
         if not apart.max() > 0.0:
             return None
-        one = np.arange(len(apart)) == np.argmax(apart)
-        return replace(self, closed=self.closed | one), replace(self, held=self.held | one)
+        mode = int(np.argmax(apart))
+        number = np.arange(len(apart))
+        one = number == mode
+        other = (number == mode ^ 1) & (mode % 4 > 1)
+        return replace(self, closed=self.closed | one), replace(self, closed=self.closed | other, held=self.held | one)
 
 
 def without(rows: Floats) -> Floats:
@@ -126,7 +133,8 @@ def extended(modes: LinearModes, region: Region) -> Floats:
 def relax(
     modes: Modes, region: Region, size: Floats, pairs: Bools, slack: float, seconds: float = np.inf
 ) -> Relaxed | None:
-    """Solve the program of a region with the rows y_k z_l of given pairs (4m, 4m); None where the solver fails.
+    """Solve the program of a region with the rows of given pairs, slacks times forms of w (4m, 4m + 2e); None where the
+    solver fails.
 
     size: (3m + 2,) of Φ, see `Statics.size`: in the program forces are shares of it and λ of the way from low to high,
     and every row is of order one, as is what is minimised, (λ − low) b_λ·u: of a narrow region, too, digits are left.
@@ -136,10 +144,12 @@ def relax(
     """
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
     basis = without(modes.rates[region.closed])
-    rates = modes.rates @ basis
-    rates[abs(rates) < _NOTHING] = 0.0
+    forms = modes.forms @ basis
+    forms[abs(forms) < _NOTHING] = 0.0
+    rates = forms[:count]
     live, width = modes.live_rate @ basis, basis.shape[1]
     moving = np.flatnonzero(~region.closed)
+    alive = np.flatnonzero(moving_forms(forms, region))
     unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
     largest = row_sizes(facts)
@@ -147,18 +157,18 @@ def relax(
     statics = modes.statics @ unit
     statics /= row_sizes(statics)[:, None]
     held = np.flatnonzero(region.held)
-    asked = pairs & ~region.closed[None, :]
-    np.fill_diagonal(asked, False)
+    asked = pairs & moving_forms(forms, region)
+    asked[np.arange(count), np.arange(count)] = False
     asked[held] = False
-    row, mode = np.nonzero(asked)
+    row, form = np.nonzero(asked)
     zero_k, zero_l = equal_pairs(held, moving)
     by_live = live[None]
     none = np.zeros(len(facts) - 1, dtype=np.int64)
     blocks = [
         products(statics, np.eye(width), *_all(len(statics), width)),
         products(facts, rates, zero_k, zero_l),
-        products(facts, rates, row, mode),
-        products(facts, rates, *_all(3, len(moving), count, moving)),
+        products(facts, forms, row, form),
+        products(facts, forms, *_all(3, len(alive), count, alive)),
         products(facts, by_live, np.arange(len(facts) - 1), none),
         products(facts, by_live, np.array([len(facts) - 1]), np.array([0])),
     ]
@@ -172,15 +182,15 @@ def relax(
     if answer is None:
         return None
     dual = np.split(wide * answer.dual[:-1], np.cumsum(sizes)[:-1])
-    over = np.zeros((len(facts), count))
+    over = np.zeros((len(facts), len(forms)))
     over[zero_k, zero_l] = dual[1]
-    over[row, mode] = np.maximum(dual[2], 0.0)
-    over[count:, moving] = np.maximum(dual[3].reshape(3, len(moving)), 0.0)
+    over[row, form] = np.maximum(dual[2], 0.0)
+    over[count:, alive] = np.maximum(dual[3].reshape(3, len(alive)), 0.0)
     sign_free = np.append(region.held, [False, False])
     by_live_ = np.where(sign_free, dual[4], np.maximum(dual[4], 0.0))
     multipliers = Multipliers(over / largest[:, None], by_live_ / largest[:-1], region.low + float(dual[5][0]))
     x = unit @ answer.point[:-1].reshape(columns, width)
-    states, z, y, violated = _read(modes, region, x, rates, live, asked)
+    states, z, y, violated = _read(modes, region, x, forms, live, asked)
     return Relaxed(multipliers, states, z, y, violated, answer.found)
 
 
@@ -216,13 +226,20 @@ def units_of(region: Region, size: Floats) -> Floats:
 
 
 def _read(
-    modes: Modes, region: Region, x: Floats, rates: Floats, live: Floats, asked: Bools
+    modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, asked: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
     """Forces that X mixes, z and y on the mean, and the rows it violates."""
-    seen = x @ rates.T
-    violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & ~region.closed[None, :] & ~region.held[:, None]
-    np.fill_diagonal(violated, False)
-    return mixed(x, live, rates), seen[-1], modes.slacks @ x @ live, violated
+    seen, count = x @ forms.T, len(modes.rows)
+    violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & moving_forms(forms, region) & ~region.held[:, None]
+    violated[np.arange(count), np.arange(count)] = False
+    return mixed(x, live, forms[:count]), seen[-1, :count], modes.slacks @ x @ live, violated
+
+
+def moving_forms(forms: Floats, region: Region) -> Bools:
+    """(4m + 2e,) forms, given over free velocities, that are not zero throughout."""
+    moving = (forms != 0.0).any(axis=1)
+    moving[: len(region.closed)] = ~region.closed
+    return np.asarray(moving)
 
 
 def mixed(x: Floats, live: Floats, rates: Floats) -> Floats:

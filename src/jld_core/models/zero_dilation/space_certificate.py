@@ -36,7 +36,7 @@ class SpaceCertifier(Certifier):
         self.facts = extended(modes, region)
         self.states = size[:, None] * without(modes.statics * size)
         self.motions = without(still(modes, region))
-        self.free = equal_of(modes, region)
+        self.free, self.still, self.misses = equal_of(modes, region), region.closed, np.zeros(0)
         self.alone = np.zeros(modes.motions.shape[1], dtype=bool)
         count = modes.coupled.count
         self.sign_free = np.concatenate([region.held, [False, False], np.ones(count, dtype=bool)])

@@ -28,10 +28,12 @@ _FIRST: Final = 1e-4  # the same of the first step of large scenes, and
 _PART: Final = 0.75  # the share of the way to the lowest solution found on which it excludes all
 _FAR: Final = 0.05  # distance from it, relative, from which other programs follow whatever this one proves, and
 _ROUGHLY: Final = 1e-3  # how near to their end such programs are followed
+_LESS: Final = 1e-4  # the same where they cannot be followed to their end
 _ROUGHEST: Final = 1e-2  # the same of the first step
 _NEAR: Final = 1e-4  # distance, relative, from which all that a certificate can prove is asked of it
+_CLOSE: Final = 1e-5  # distance, relative, from which digits are lacking and not parts
 _GAINS: Final = 0.5  # share of the distance that a step must win while there are products to add
-_DEPTH: Final = 6  # branches above one another
+_DEPTH: Final = 12  # branches above one another
 
 
 class BlockSweep:
@@ -40,9 +42,9 @@ class BlockSweep:
     def __init__(self, modes: Modes, size: Floats, reach: Floats, ceiling: Ceiling) -> None:
         self.modes, self.size, self.reach, self.ceiling = modes, size, reach, ceiling
         own = np.kron(np.eye(modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
-        everything = np.ones_like(own)
-        self.near = modes.close & (modes.hinges | own)
-        self.stages = (("all hinges", everything & (modes.hinges | own)), ("all products", everything))
+        few = np.hstack([modes.hinges | own, np.zeros((len(own), len(modes.loops)), dtype=bool)])
+        self.near = modes.close & few
+        self.stages = (("all hinges", few), ("all products", np.ones_like(few)))
 
     def at_once(self, low: float) -> float:
         """What the fewest rows that close walls prove, followed to the end: most walls end here."""
@@ -54,7 +56,7 @@ class BlockSweep:
         the lowest solution found takes, and pays for slack enough that its multipliers prove it as they come."""
         none = np.zeros(len(self.modes.rows), dtype=bool)
         region = self._region(low, none, none, low + _PART * (self.ceiling.load - low))
-        pairs = self.stages[0][1]
+        pairs = self.stages[-1][1]
         answer, found = self._step("part of the way", region, pairs, _FIRST, _ROUGHEST)
         if answer is None and self.ceiling.left > 0.0:
             # slack was more than mechanisms can pay
@@ -63,26 +65,29 @@ class BlockSweep:
 
     def sweep(self, low: float, closed: Bools, held: Bools, stage: int = 0, depth: int = 0) -> float:
         """The bound in which steps from `low` end, with some modes (4m,) closed and others held."""
-        slack, ceiling = 0.0, self.ceiling
+        slack, ceiling, rough = 0.0, self.ceiling, False
         while not ceiling.met(low) and ceiling.left > 0.0:
             name, pairs = self.stages[stage]
             slack = max(slack, self._slack(low))
             region = self._region(low, closed, held)
-            exact = _ROUGHLY if low < ceiling.below(_FAR) else None
+            exact = _ROUGHLY if low < ceiling.below(_FAR) else _LESS if rough else None
             answer, found = self._step(f"branch {depth}" if depth else name, region, pairs, slack, exact)
             if answer is not None and depth == 0:
                 ceiling.take(answer.states)
             last = stage + 1 == len(self.stages)
-            won = ceiling.won(low, found) if last else ceiling.won(low, found, _GAINS)
+            won = ceiling.won(low, found, _GAINS)
             low = max(low, found)
             if won or ceiling.met(low):
-                slack = 0.0
-            elif answer is not None and found == -math.inf and slack < _MOST:
+                slack, rough = 0.0, False
+            elif found == -math.inf and slack < _MOST and self._gains(region, answer):
                 slack = min(_DEARER * slack, _MOST)
                 ceiling.note("more slack")
             elif not last:
                 stage, slack = stage + 1, 0.0
-            elif depth < _DEPTH and answer is not None:
+            elif answer is None and not rough:
+                rough = True
+                ceiling.note("less exact")
+            elif depth < _DEPTH and answer is not None and low < ceiling.below(_CLOSE):
                 return self._branch(low, region, answer, stage, depth)
             else:
                 break
@@ -107,15 +112,22 @@ class BlockSweep:
         answer = relax_in_blocks(self.modes, region, self.size, pairs, earned, left, exact=exact)
         if answer is None:
             return None, -math.inf
+        if not self._gains(region, answer):
+            return answer, -math.inf
         check = BlockCertifier(self.modes, region, earned, self.size, self.reach)
         near = answer.multipliers.bound >= ceiling.below(_NEAR)
         return answer, check.bound(answer.multipliers, ceiling.below(_ENOUGH) if near else -math.inf)
+
+    def _gains(self, region: Region, answer: BlockAnswer | None) -> bool:
+        """The solver itself says that there is something to prove."""
+        return answer is not None and self.ceiling.won(region.low, answer.multipliers.bound)
 
     def _branch(self, low: float, region: Region, answer: BlockAnswer, stage: int, depth: int) -> float:
         halves = region.halves(answer.rates, answer.slacks)
         if halves is None:
             return low
-        still = self.sweep(low, halves[0].closed, region.held, stage, depth + 1)
-        if still <= low:
-            return low
-        return min(still, self.sweep(low, region.closed, halves[1].held, stage, depth + 1))
+        found = math.inf
+        for half in halves:
+            if found > low:
+                found = min(found, self.sweep(low, half.closed, half.held, stage, depth + 1))
+        return found

@@ -1,0 +1,91 @@
+"""What loops of blocks say of slides: none is faster than the other faces of the loop let it be.
+
+Around a loop of two, three or four blocks that touch one after the other, the jumps over the faces add up to nothing,
+so that one slide is a sum of what the other faces do, s = Σ c_k z_k. All z are ≥ 0, and of the two slides of a face one
+is zero in some mechanism of every solution, hence
+
+    s⁺ ≤ Σ c_k⁺ z_k,    s⁻ ≤ Σ c_k⁻ z_k                                               docs/method.md (4.7)
+
+Without these a program over products lets both slides of a face be large at once and see different forces, whose
+difference is none that a block is under: walls with openings had no bound above zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations, product
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+
+_LONGEST: Final = 4  # faces of a loop
+_NOTHING: Final = 1e-9  # of what a sum misses of its slide, relative, and coefficients that are rounding
+_LARGE: Final = 1e3  # coefficients above this, relative to the slide's own: nearly parallel faces that say little
+
+Loop = tuple[int, ...]
+
+
+def loops_of(assembly: Assembly, rates: Floats) -> Floats:
+    """(2e, 4m) coefficients of modes: forms of z that are ≥ 0 where one slide of each face is zero, in pairs.
+
+    rates: (4m, w) of modes. A pair is that of s⁺ and of s⁻ of one face in one loop: its difference is the identity of
+    the loop, which is zero but for rounding.
+    """
+    jumps = _jumps(rates)
+    rows = []
+    for loop in face_loops(assembly):
+        for face in loop:
+            others = np.array([other for other in loop if other != face])
+            table = jumps[others].reshape(3 * len(others), -1)
+            used = np.flatnonzero((table != 0.0).any(axis=0) | (jumps[face, 2] != 0.0))
+            slide = jumps[face, 2, used]
+            found = np.linalg.lstsq(table[:, used].T, slide, rcond=None)[0]
+            size = np.linalg.norm(slide)
+            if np.linalg.norm(found @ table[:, used] - slide) > _NOTHING * size or abs(found).max() > _LARGE:
+                continue
+            shares = np.zeros(len(rates))
+            found = np.where(abs(found) < _NOTHING, 0.0, found).reshape(-1, 3)
+            for other, (first, second, slip) in zip(others, found, strict=True):
+                shares[4 * other : 4 * other + 4] = first, second, -slip, slip
+            pair = np.maximum([shares, -shares], 0.0)
+            pair[0, 4 * face + 3] = pair[1, 4 * face + 2] = -1.0
+            rows.append(pair)
+    return np.vstack([np.zeros((0, len(rates))), *rows])
+
+
+def face_loops(assembly: Assembly) -> Iterator[Loop]:
+    """Loops of faces around which blocks touch one after the other, each once, without a shorter way across."""
+    faces, body = assembly.interfaces, np.where(assembly.elements.support, -1, np.arange(len(assembly.elements)))
+    between: dict[tuple[int, int], list[int]] = {}
+    near: dict[int, set[int]] = {}
+    for face, (a, b) in enumerate(zip(body[faces.a].tolist(), body[faces.b].tolist(), strict=True)):
+        between.setdefault((min(a, b), max(a, b)), []).append(face)
+        near.setdefault(a, set()).add(b)
+        near.setdefault(b, set()).add(a)
+    for both in between.values():
+        yield from combinations(both, 2)
+    for ring in _rings(near):
+        choices = [between[min(a, b), max(a, b)] for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)]
+        yield from product(*choices)
+
+
+def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
+    """Blocks around loops of three and of four, the latter without a chord."""
+    for a in sorted(near):
+        later = sorted(b for b in near[a] if b > a)
+        for b, c in combinations(later, 2):
+            if c in near[b]:
+                yield a, b, c
+            elif _LONGEST > 3:
+                for d in sorted(near[b] & near[c]):
+                    if d > a and d not in near[a]:
+                        yield a, b, d, c
+
+
+def _jumps(rates: Floats) -> Floats:
+    """(m, 3, w): both hinges of each face, and its slide s."""
+    of_face = rates.reshape(len(rates) // 4, 4, -1)
+    return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)
