@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -165,6 +165,11 @@ def _range(seconds: float) -> dict[str, Any]:
     return {"friction": "zero-dilation", "range": True, "floor_seconds": seconds}
 
 
+def _table(count: int, seconds: float) -> Iterator[str]:
+    yield from (of_family(name, count, seconds) for name in FAMILIES)
+    yield of_the_plane(max(count // 3, 2), seconds)
+
+
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 30
     seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 3.0
@@ -180,11 +185,11 @@ def main() -> None:
         "| family | scenes | bounded | closed | solutions | lower | bound above, most | wrong | s each |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for line in (*(of_family(name, count, seconds) for name in FAMILIES), of_the_plane(max(count // 3, 2), seconds)):
+    TARGET.parent.mkdir(exist_ok=True)
+    for line in _table(count, seconds):
         lines.append(line)
         print(line, flush=True)
-    TARGET.parent.mkdir(exist_ok=True)
-    TARGET.write_text("\n".join([*lines, ""]), encoding="utf-8")
+        TARGET.write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 if __name__ == "__main__":
