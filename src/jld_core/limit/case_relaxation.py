@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -20,13 +21,14 @@ _ROUNDING = 4.0 * float(np.finfo(float).eps)
 """Part by which bounds are raised, and thresholds lowered, so that nothing is lost by putting them into other units."""
 
 
-class CaseRelaxation:
-    """Upper bounds on the governing factor, min over cases of λ / required, for partial labellings; not scaled.
+_Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)
 
-    cases: the relaxation of each case. required: factor of each. The case that refuted most is asked first.
-    """
 
-    def __init__(self, cases: Sequence[Relaxation], required: Sequence[float]) -> None:
+class _Cases(Generic[_Kind]):
+    """The relaxation of every case, what its scaled λ are of the governing factor, and which case is asked first: the
+    one that refuted most."""
+
+    def __init__(self, cases: Sequence[_Kind], required: Sequence[float]) -> None:
         self._cases = list(cases)
         self._units = [one.template.scaling.load / factor for one, factor in zip(cases, required, strict=True)]
         self._order = list(range(len(self._cases)))
@@ -38,8 +40,24 @@ class CaseRelaxation:
 
     @property
     def many(self) -> bool:
-        """Whether relaxations of every case are solved many at a time."""
+        """Whether programs of every case are solved many at a time."""
         return all(one.many for one in self._cases)
+
+    def _reorder(self, refuted: Sequence[int]) -> None:
+        """Ask those first that refuted most, (c,); as a new list: other threads may be at the last one."""
+        self._order = sorted(self._order, key=lambda case: -refuted[case])
+
+
+def _raised(bound: float) -> float:
+    """A bound that was put into other units, no lower than it was."""
+    return bound + abs(bound) * _ROUNDING
+
+
+class CaseRelaxation(_Cases[Relaxation]):
+    """Upper bounds on the governing factor, min over cases of λ / required, for partial labellings; not scaled.
+
+    cases: the relaxation of each case. required: factor of each. The case that refuted most is asked first.
+    """
 
     @property
     def unit(self) -> float:
@@ -65,7 +83,7 @@ class CaseRelaxation:
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
-        for case in self._order:
+        for case in tuple(self._order):
             if not left.size:
                 break
             unit = self._units[case]
@@ -73,12 +91,10 @@ class CaseRelaxation:
             answers = self._cases[case].refute_all(labellings[left], undecided[left], thresholds[left] / unit, careful)
             for k, one in zip(left.tolist(), answers, strict=True):
                 if one is not None:
-                    bound = one.bound * unit
-                    found[k] = DualBound(one.excess, one.cost, bound + abs(bound) * _ROUNDING)
+                    found[k] = DualBound(one.excess, one.cost, _raised(one.bound * unit))
                     counts[case] += 1
             left = np.array([k for k in left.tolist() if found[k] is None], dtype=np.int64)
-        # the case that refuted most is asked first
-        self._order.sort(key=lambda case: -counts[case])
+        self._reorder(counts)
         return found
 
     def shrink(self, asked: ToShrink) -> list[Fallen]:
@@ -96,13 +112,12 @@ class CaseRelaxation:
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn
                     continue
-                bound = one.bound * unit
-                found.append(replace(one, labelling=labelling, bound=bound + abs(bound) * _ROUNDING))
+                found.append(replace(one, labelling=labelling, bound=_raised(one.bound * unit)))
                 if one.drawn:
                     fallen.add(labelling)
             counts[case] = len(fallen)
             left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
-        self._order = sorted(self._order, key=lambda case: -counts[case])  # other threads may be at the last one
+        self._reorder(counts)
         return found + [Fallen(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
@@ -111,27 +126,12 @@ class CaseRelaxation:
         return min(each, default=np.inf)
 
 
-class CaseBlockRelaxation:
+class CaseBlockRelaxation(_Cases[BlockRelaxation]):
     """The relaxation by blocks under several load cases: no segmentation has more than any one case leaves it.
 
     cases: the relaxation of each case. required: factor of each. Bounds are of the governing factor, not scaled. The
     case that refuted most is asked first, and where one refutes the others are not asked.
     """
-
-    def __init__(self, cases: Sequence[BlockRelaxation], required: Sequence[float]) -> None:
-        self._cases = list(cases)
-        self._units = [one.template.scaling.load / factor for one, factor in zip(cases, required, strict=True)]
-        self._order = list(range(len(self._cases)))
-
-    @property
-    def solves(self) -> int:
-        """Programs solved so far."""
-        return sum(one.solves for one in self._cases)
-
-    @property
-    def many(self) -> bool:
-        """Whether programs of every case are solved many at a time."""
-        return all(one.many for one in self._cases)
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """What is known of the segmentations into allowed blocks (p,); threshold, most: governing factors."""
@@ -153,19 +153,19 @@ class CaseBlockRelaxation:
                     counts[case] += 1
                     found[k] = replace(one, bound=min(most, threshold), useless=useless)
                     continue
-                bound = min(most, one.bound * unit + abs(one.bound * unit) * _ROUNDING)
+                bound = min(most, _raised(one.bound * unit))
                 if before is None or bound < before.bound:
                     found[k] = replace(one, bound=bound, useless=useless)
                 else:
                     found[k] = replace(before, useless=useless)
             left = [k for k in left if (known := found[k]) is not None and not known.refuted]
-        self._order.sort(key=lambda case: -counts[case])
+        self._reorder(counts)
         return [one for one in found if one is not None]
 
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
         """Governing factors as scaled λ of a case, so that nothing is lost by it."""
-        return (threshold - abs(threshold) * _ROUNDING) / unit, (most + abs(most) * _ROUNDING) / unit
+        return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
 
 AnyRelaxation = Relaxation | CaseRelaxation
