@@ -29,7 +29,7 @@ class _Cases(Generic[_Kind]):
     one that refuted most."""
 
     def __init__(self, cases: Sequence[_Kind], required: Sequence[float]) -> None:
-        self._cases = list(cases)
+        self._cases: list[_Kind] = list(cases)
         self._units = [one.template.scaling.load / factor for one, factor in zip(cases, required, strict=True)]
         self._order = list(range(len(self._cases)))
 
