@@ -235,6 +235,11 @@ class Assembly(Shown):
         faces = self.interfaces
         return ~(support[faces.a] | support[faces.b])
 
+    @property
+    def face_sizes(self) -> Floats:
+        """(m,) how large faces are where joints are measured: lengths in the plane, areas in space, scene units."""
+        return self.interfaces.l1 if self.dimension == 2 else self.interfaces.area
+
     def pair(self, face: int) -> str:
         """Ids of the two elements of a face, for complaints."""
         return f"{self.elements.ids[self.interfaces.a[face]]}–{self.elements.ids[self.interfaces.b[face]]}"

@@ -100,11 +100,8 @@ class Layout:
     def blocks(self) -> tuple[Block, ...]:
         """All blocks, those that are only supports last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
-        gravity = self.scene.materials.gravity
-        size = float(np.linalg.norm(gravity)) if isinstance(gravity, list) else abs(float(gravity))
         weight = np.linalg.norm(elements.weight, axis=1)
-        # lengths in the plane, areas in space, as the counts of a search have it
-        extent = faces.l1 if self.assembly.dimension == 2 else faces.area
+        extent = self.assembly.face_sizes
         block_a, block_b = self.block_of[faces.a], self.block_of[faces.b]
         shapes = self._shapes()
         found = []
@@ -121,7 +118,7 @@ class Layout:
                     support=bool(elements.support[one].any()),
                     cells=len(free),
                     volume=float(elements.volume[own].sum()),
-                    mass=float(weight[own].sum()) / size if size > 0.0 else 0.0,
+                    mass=float(elements.mass[own].sum()),
                     centroid=tuple((share @ elements.centroid[own] / share.sum()).tolist()),
                     lower=tuple(elements.lower[own].min(axis=0).tolist()),
                     upper=tuple(elements.upper[own].max(axis=0).tolist()),

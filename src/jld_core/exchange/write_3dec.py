@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from jld_core.build import gravity_vector
 from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 from jld_core.geometry import Surface, area_vector, extrude, solids, union_outlines, union_solids
@@ -21,8 +22,7 @@ def command_text(layout: Layout) -> str:
     assembly = layout.assembly
     elements, strengths = assembly.elements, assembly.strengths
     length, force = assembly.units
-    gravity = layout.scene.materials.gravity
-    vector = list(gravity) if isinstance(gravity, list) else [0.0] * (assembly.dimension - 1) + [-float(gravity)]
+    vector = gravity_vector(layout.scene.materials, assembly.dimension).tolist()
     vector = [vector[0], 0.0, vector[1]] if assembly.dimension == 2 else vector
     lines = [
         f"; {assembly.name}",

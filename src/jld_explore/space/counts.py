@@ -133,10 +133,9 @@ def _planar(assembly: Assembly) -> bool:
 
 
 def _dry_length(layouts: Layouts) -> Floats:
-    faces, free = layouts.assembly.interfaces, layouts.assembly.free_faces
-    measure = faces.l1 if _planar(layouts.assembly) else faces.area
+    free = layouts.assembly.free_faces
     # summed row by row in one order, so that a labelling has one length whatever batch it came in
-    return np.asarray(np.where(layouts.dry, measure[free], 0.0).sum(axis=1))
+    return np.asarray(np.where(layouts.dry, layouts.assembly.face_sizes[free], 0.0).sum(axis=1))
 
 
 def _largest_mass(layouts: Layouts) -> Floats:
