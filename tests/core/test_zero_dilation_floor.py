@@ -11,11 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from studies.families import halved_bond, random_wall
+from studies.families import halved_bond, opened_wall, random_wall
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
+from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.blocks import BlockCertifier, relax_in_blocks
 from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation.certificate import Certifier
@@ -127,7 +128,7 @@ def test_certificate_refuses_what_is_not_true() -> None:
     assembly = build_assembly(halved_bond(2, 2))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, statics, check = certifier(assembly, 0.66 / scale)
-    pairs = np.ones((len(modes.rows), len(modes.rows)), dtype=bool)
+    pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
     relaxed = relax(modes, region, statics.size, pairs, 1e-8)
     assert relaxed is not None
     true = check.bound(relaxed.multipliers)
@@ -147,7 +148,7 @@ def test_blocks_agree_with_the_library() -> None:
     assembly = build_assembly(halved_bond(2, 2, friction=0.4))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, region, statics, check = certifier(assembly, 0.41 / scale, 1e-6)
-    everything = np.ones((len(modes.rows), len(modes.rows)), dtype=bool)
+    everything = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
     other = relax(modes, region, statics.size, everything, 1e-6)
     assert other is not None
     bounds = []
@@ -175,6 +176,80 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
     assert ceiling.route == ["part of the way"]
     least = 0.98 * min(0.75 * times, 1.0) * friction
     assert least <= proven <= min(0.75 * times, 1.0) * friction
+
+
+OPENED = opened_wall(0, 1)
+
+
+def test_walls_with_openings_have_a_floor() -> None:
+    """Three bricks and one opening, 19 faces: without what loops say of slides the root of the relaxation is zero, and
+    what is found here was met by branches alone."""
+    lowest, floor, scale = below(build_assembly(OPENED))
+    assert lowest * scale == pytest.approx(0.5570290662, rel=1e-8)
+    assert floor.closed
+    assert floor.tolerance == 0.0
+    assert "branch 1" not in floor.route
+
+
+def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
+    """Every certified mechanism that a search from every side keeps, as (u, t) with t = max(0, −s)."""
+    analysis = LimitAnalysis(assembly)
+    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    found = side.search()
+    assert side.modes is not None
+    out = []
+    for pair in (found.lowest, found.highest):
+        assert pair is not None
+        assert pair.motion is not None
+        slips = pair.motion.jumps[:, 1]
+        out.append(np.concatenate([pair.motion.velocity, np.maximum(0.0, -slips)]))
+    return side.modes, out
+
+
+@pytest.mark.parametrize(
+    "assembly", [build_assembly(OPENED), grid_assembly(["ab", "cc", "##"])], ids=["opened", "grid"]
+)
+def test_what_loops_say_of_slides_holds_in_solutions(assembly: Assembly) -> None:
+    modes, mechanisms = solutions(assembly)
+    assert len(modes.loops) > 0
+    # around a loop the jumps add up to nothing: the two forms of a pair differ by an identity
+    assert abs((modes.loops[::2] - modes.loops[1::2]) @ modes.rates).max() < 1e-12
+    for w in mechanisms:
+        size = abs(modes.rates @ w).max()
+        assert (modes.forms @ w).min() > -1e-6 * size
+    # and it says something: both slides of one face alone at once are no mechanism
+    both = np.zeros(len(modes.rates))
+    face = int(np.argmin(modes.loops[0])) // 4
+    both[4 * face + 2 : 4 * face + 4] = 1.0
+    assert (modes.loops @ both).min() == -1.0
+
+
+def test_loops_of_a_bond_tie_slides_to_the_joint_between() -> None:
+    """Two bricks on one: s_f − s_g is the opening of the joint between them at the edge they share with it, so that
+    s_g⁺ ≤ s_f⁺ ≤ s_g⁺ + z and the same of s⁻ the other way round: coefficients are ±1."""
+    assembly = build_assembly(halved_bond(1, 2))
+    modes = modes_of(LimitAnalysis(assembly).template, assembly.labels)
+    assert modes is not None
+    values = modes.loops[modes.loops != 0.0]
+    assert abs(values) == pytest.approx(np.ones(len(values)), abs=1e-9)
+
+
+def test_a_loop_that_is_not_one_proves_nothing() -> None:
+    """What the identity of a loop leaves is charged: coefficients off by a hundredth bring no bound above the truth."""
+    assembly = build_assembly(halved_bond(2, 2))
+    scale = LimitAnalysis(assembly).template.scaling.load
+    modes, region, statics, check = certifier(assembly, 0.66 / scale)
+    assert check.misses.max() < 1e-10
+    pairs = np.ones((len(modes.rows), len(modes.forms)), dtype=bool)
+    relaxed = relax(modes, region, statics.size, pairs, 1e-8)
+    assert relaxed is not None
+    assert check.bound(relaxed.multipliers) * scale == pytest.approx(0.65, rel=1e-6)
+    wrong = replace(modes)
+    vars(wrong)["loops"] = np.where(modes.loops > 0.0, 0.99 * modes.loops, modes.loops)
+    false = Certifier(wrong, region, 1e-8, statics.size, check.reach)
+    assert false.misses.max() > 1e-3
+    used = relaxed.multipliers.over[:, len(modes.rows) :].max() > 1e-6
+    assert not used or false.bound(relaxed.multipliers) <= 0.65 / scale
 
 
 def test_velocities_stay_within_their_reach() -> None:

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.products import without
+from jld_core.models.zero_dilation.products import row_sizes, without
 
 _NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
 
@@ -160,7 +160,7 @@ class Surroundings:
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
             part = statics[np.ix_(rows, places)]
-            free = without(part / abs(part).max(axis=1)[:, None])
+            free = without(part / row_sizes(part)[:, None])
             basis = np.zeros((statics.shape[1], free.shape[1]))
             basis[places] = free
             out.append(basis)

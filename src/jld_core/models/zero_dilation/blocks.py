@@ -27,6 +27,7 @@ from jld_core.models.zero_dilation.products import (
     extended,
     mixed,
     moving_forms,
+    row_sizes,
     units_of,
 )
 
@@ -65,7 +66,7 @@ def relax_in_blocks(
     count = len(modes.rows)
     unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
-    largest = abs(facts).max(axis=1)
+    largest = row_sizes(facts)
     around = Surroundings(modes, region.closed, distance)
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
     equal, positive = np.zeros((2, len(facts), len(around.forms)), dtype=bool)
@@ -124,7 +125,7 @@ class BlockCertifier(Certifier):
         return found
 
     def _correction(self, over: Floats, price: Floats) -> Any:
-        largest = abs(self.facts * self.size).max(axis=1)
+        largest = self.largest
         share = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / self.least_free, 1.0))
         share = np.where((share < _GONE / self.least_free) | ~self.around.products, 0.0, share)
         share[:, self.still] = 0.0
