@@ -74,9 +74,11 @@ class FloorSearch:
                 steps = BlockSweep(modes, self._size, self._reach, ceiling)
                 if modes.faces <= _AT_ONCE:
                     low = max(low, steps.at_once(low))
+                stage = 0
                 if modes.faces > FACES:
-                    low = steps.first(low)
-                low = steps.sweep(low, none, none)
+                    # between openings nothing but all products proves anything
+                    low, stage = steps.first(low), len(steps.stages) - 1
+                low = steps.sweep(low, none, none, stage)
             bounds = self._sweep(_Bounds(low, low), none, none, modes.close, 0)
         return ceiling.floor(bounds.proven, bounds.believed)
 
