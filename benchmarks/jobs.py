@@ -1,6 +1,6 @@
 """What a second job is worth: `python -m benchmarks.jobs`.
 
-One search with one job and with two, timed from its WARM-th labelling on, so that what it begins with does not
+One search with one job and with two, timed after its first labellings, so that what it begins with does not
 count. Two jobs are threads of one process where the kernel solves, and processes where it does not. Besides
 wall-clock rates, which other processes on the machine disturb, it counts processor time: what the first thread, which
 asks and records, spends on a labelling is serial, the rest is shared out. The rate that two free cores allow is the

@@ -12,7 +12,7 @@ from PIL import Image
 
 WIDTH: Final = 1360
 HEIGHT: Final = 1230
-COLOURS: Final = 128
+COLOURS: Final = 256
 
 
 def main() -> None:
@@ -33,7 +33,8 @@ def main() -> None:
         page.wait_for_timeout(500)
         shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()
-    shot.quantize(COLOURS, dither=Image.Dither.NONE).save(given.out, optimize=True)
+    # the palette of the octree keeps small marks in their colour, which that of the median cut does not
+    shot.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(given.out, optimize=True)
 
 
 if __name__ == "__main__":

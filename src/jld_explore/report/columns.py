@@ -67,6 +67,11 @@ def ranked_by(results: pd.DataFrame) -> str:
     return "λ / required" if "governing" in results.columns else "λ"
 
 
+def value_in_words(results: pd.DataFrame, value: float) -> str:
+    """A value of what layouts are ranked by, short enough to stand above a small drawing."""
+    return f"{value:#.4g} × required" if "governing" in results.columns else f"λ = {value:#.4g}"
+
+
 def columns(assembly: Assembly) -> dict[str, Columns]:
     """columns.json: by file and column, unit and meaning. Load factors multiply the live load and have no unit."""
     length = assembly.units[0]

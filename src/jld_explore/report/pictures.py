@@ -26,7 +26,7 @@ from jld_core.views import figures as core
 from jld_core.views.annotations import frame
 from jld_core.views.look import DOTS, FRONT, INK, PLAIN, SOFT
 from jld_core.views.structure import LineStyle, element_points, extent, paint, projection_of
-from jld_explore.report.columns import ranked_by
+from jld_explore.report.columns import ranked_by, value_in_words
 from jld_explore.report.evidence import known_front
 from jld_explore.space import Count, count_named, cut, dry_of, registered
 
@@ -99,7 +99,7 @@ def plot_pareto(
         say_nothing(ax, "no labelling collapses at a finite load factor")
     for number, k in enumerate(chosen):
         ax.text(points[k, 0], points[k, 1], str(number + 1), **circle(), zorder=3.0)
-        value = f"{ranked_by(results)} = {points[k, 1]:#.4g}   {counted.words(points[k, 0], assembly)}"
+        value = f"{value_in_words(results, points[k, 1])}   {counted.words(points[k, 0], assembly)}"
         gallery.draw(figure, number, assembly, best["labelling"].iloc[k], value)
     figure.text(0.5, 0.1 / total, caption(results), fontsize=8, ha="center", va="bottom", color=SOFT)
     ax.set_title(textwrap.shorten(assembly.name, 60, placeholder=" …"), fontsize=10, loc="left")

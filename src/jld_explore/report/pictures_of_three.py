@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from jld_core.arrays import Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.views.look import DOTS, FRONT, INK, SOFT
-from jld_explore.report.columns import ranked_by
+from jld_explore.report.columns import ranked_by, value_in_words
 from jld_explore.report.evidence import known_front
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.pictures import (
@@ -102,7 +102,7 @@ def plot_three(
         ax.annotate(str(number + 1), at, away, textcoords="offset points", **circle(), zorder=4.0)
         words = "  ".join(c.words(v, assembly) for c, v in zip(counted, points[k, :2], strict=True))
         gallery.draw(
-            figure, number, assembly, best["labelling"].iloc[k], f"{ranked_by(results)} = {points[k, 2]:#.4g}  {words}"
+            figure, number, assembly, best["labelling"].iloc[k], f"{value_in_words(results, points[k, 2])}  {words}"
         )
     return figure
 
