@@ -62,7 +62,8 @@ def test_enumeration_proves_it_and_genetic_finds_it(tmp_path: Path) -> None:
     budget = len(every.results) // 2
     some = explore(scene_of(), tmp_path / "some", ExploreSettings(driver="genetic", budget=budget, pictures=False))
     assert set(some.front["evidence"]) <= {"found", "proven"}
-    assert not some.summary["proven"]
+    # its best may meet the bound known beforehand, which proves it and no other point
+    assert some.summary["proven"] is (some.summary["gap"] is not None and some.summary["gap"] <= 1e-6)
     # half of the classes leave little of it to be found
     assert _volume(some.front) >= 0.97 * _volume(every.front)
 
