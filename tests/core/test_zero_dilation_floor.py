@@ -15,13 +15,14 @@ from studies.families import halved_bond, opened_wall, random_wall
 from studies.scenes import leonardo_flat_arch, stacked_cubes
 
 from cases import CASES, grid_assembly, grid_document
-from jld_core import Assembly, LimitAnalysis, build_assembly, parse_scene, solve
+from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.blocks import BlockCertifier, relax_in_blocks
 from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation.certificate import Certifier
 from jld_core.models.zero_dilation.floor import FloorSearch
 from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.loops import face_loops, opened
 from jld_core.models.zero_dilation.modes import Modes, modes_of
 from jld_core.models.zero_dilation.products import Region, relax
 from jld_core.models.zero_dilation.search import Scheme
@@ -222,6 +223,18 @@ def test_what_loops_say_of_slides_holds_in_solutions(assembly: Assembly) -> None
     face = int(np.argmin(modes.loops[0])) // 4
     both[4 * face + 2 : 4 * face + 4] = 1.0
     assert (modes.loops @ both).min() == -1.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "is_opened"),
+    [(halved_bond(2, 3), False), (opened_wall(0, 1), True), (opened_wall(1, 1, 2), True), (leonardo_flat_arch(), True)],
+    ids=["bond", "opening", "opening of two courses", "flat arch"],
+)
+def test_openings_are_loops_that_short_ones_do_not_fill(scene: Scene, is_opened: bool) -> None:
+    assembly = build_assembly(scene)
+    assert opened(assembly) == is_opened
+    lengths = {len(loop) for loop in face_loops(assembly)}
+    assert lengths <= {2, 3, 4}
 
 
 def test_loops_of_a_bond_tie_slides_to_the_joint_between() -> None:

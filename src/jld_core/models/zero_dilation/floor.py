@@ -19,6 +19,7 @@ from jld_core.limit import LimitAnalysis
 from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation.certificate import Certifier
 from jld_core.models.zero_dilation.frozen import frozen_friction
+from jld_core.models.zero_dilation.loops import opened
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.products import Region, Relaxed, relax
 from jld_core.models.zero_dilation.statics import Statics, reach
@@ -72,12 +73,12 @@ class FloorSearch:
             if self._reach is not None and modes.faces >= _BLOCKS and not ceiling.met(low):
                 # of programs by blocks only what is proven counts: walls end here
                 steps = BlockSweep(modes, self._size, self._reach, ceiling)
-                if modes.faces <= _AT_ONCE:
+                # beside openings hinges alone prove nothing
+                stage = len(steps.stages) - 1 if opened(modes.assembly) else 0
+                if modes.faces <= _AT_ONCE and stage == 0:
                     low = max(low, steps.at_once(low))
-                stage = 0
                 if modes.faces > FACES:
-                    # between openings nothing but all products proves anything
-                    low, stage = steps.first(low), len(steps.stages) - 1
+                    low = steps.first(low, stage)
                 low = steps.sweep(low, none, none, stage)
             bounds = self._sweep(_Bounds(low, low), none, none, modes.close, 0)
         return ceiling.floor(bounds.proven, bounds.believed)

@@ -12,13 +12,13 @@ difference is none that a block is under: walls with openings had no bound above
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations, product
 from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats
+from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 
 _LONGEST: Final = 4  # faces of a loop
@@ -56,9 +56,35 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
     return np.vstack([np.zeros((0, len(rates))), *rows])
 
 
+def opened(assembly: Assembly) -> bool:
+    """There is an opening: a loop of blocks that is not a sum, face by face, of short ones."""
+    body = _bodies(assembly)
+    between = (
+        (1 << a) ^ (1 << b) for a, b in zip(body[assembly.interfaces.a], body[assembly.interfaces.b], strict=True)
+    )
+    cycles = len(assembly.interfaces) - _rank(map(int, between))
+    return _rank(sum(1 << face for face in loop) for loop in face_loops(assembly)) < cycles
+
+
+def _rank(rows: Iterable[int]) -> int:
+    """Of rows of bits, modulo 2."""
+    kept: dict[int, int] = {}
+    for row in rows:
+        while row and row.bit_length() in kept:
+            row ^= kept[row.bit_length()]
+        if row:
+            kept[row.bit_length()] = row
+    return len(kept)
+
+
+def _bodies(assembly: Assembly) -> Ints:
+    """(n,) numbers of elements, all supports one: 0."""
+    return np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
+
+
 def face_loops(assembly: Assembly) -> Iterator[Loop]:
     """Loops of faces around which blocks touch one after the other, each once, without a shorter way across."""
-    faces, body = assembly.interfaces, np.where(assembly.elements.support, -1, np.arange(len(assembly.elements)))
+    faces, body = assembly.interfaces, _bodies(assembly)
     between: dict[tuple[int, int], list[int]] = {}
     near: dict[int, set[int]] = {}
     for face, (a, b) in enumerate(zip(body[faces.a].tolist(), body[faces.b].tolist(), strict=True)):

@@ -51,12 +51,13 @@ class BlockSweep:
         none = np.zeros(len(self.modes.rows), dtype=bool)
         return self._step("near hinges", self._region(low, none, none), self.near, _FINE, None)[1]
 
-    def first(self, low: float) -> float:
-        """What a program proves that excludes all on a part of the way alone: it ends in half the steps that one up to
-        the lowest solution found takes, and pays for slack enough that its multipliers prove it as they come."""
+    def first(self, low: float, stage: int = 0) -> float:
+        """What a program of one of the stages proves that excludes all on a part of the way alone: it ends in half the
+        steps that one up to the lowest solution found takes, and pays for slack enough that its multipliers prove it as
+        they come."""
         none = np.zeros(len(self.modes.rows), dtype=bool)
         region = self._region(low, none, none, low + _PART * (self.ceiling.load - low))
-        pairs = self.stages[-1][1]
+        pairs = self.stages[stage][1]
         answer, found = self._step("part of the way", region, pairs, _FIRST, _ROUGHEST)
         if answer is None and self.ceiling.left > 0.0:
             # slack was more than mechanisms can pay
