@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from studies.by_scheme import solve_zero_dilation
-from studies.families import halved_bond
+from studies.families import halved_bond, opened_wall
 from studies.scenes import leonardo_flat_arch
 
 from jld_core import LimitAnalysis, Scene, build_assembly, load_scene, solve
@@ -33,6 +33,9 @@ WALLS = {
     "ferris_tinloi_6": 0.0,
 }
 """Walls, and times as many seconds as are given for their floors."""
+
+OPENED = ((0, 1), (1, 1), (0, 2))
+"""Courses below and above an opening of three, in a wall of three bricks."""
 
 WANTED = {"2 × 5": 0.6112957, "2 × 6": 0.5450550, "2 × 7": 0.4897959, "2 × 8": 0.4439197, "flat arch": 1305.8653}
 HEAD = (
@@ -58,6 +61,8 @@ def scenes(most: float) -> Iterator[tuple[str, Scene, float]]:
         yield f"2 × {courses}", halved_bond(2, courses), 120.0
     yield "flat arch", leonardo_flat_arch(), 20.0
     yield "3 × 6", halved_bond(3, 6), 300.0
+    for below, above in OPENED:
+        yield f"opening {below} + 3 + {above}", opened_wall(below, above), 120.0
     for name, times in WALLS.items():
         yield f"wall {name[-1]}", load_scene(ROOT.parent / "scenes" / f"{name}.json"), times * most
 
