@@ -146,6 +146,8 @@ class Repair:
         # faces that crush bear no ray; without them their cones, which a solver meets to its residual only, are gone
         program = self.template.program(labels)
         bears = self.template.yield_set.recession_active(labels).ravel()
+        if not bears.any():
+            return None
         kept = np.ones(program.structure.shape[1], dtype=bool)
         kept[: len(bears)] = bears
         program = of_columns(program, kept)
