@@ -227,8 +227,15 @@ def test_what_loops_say_of_slides_holds_in_solutions(assembly: Assembly) -> None
 
 @pytest.mark.parametrize(
     ("scene", "is_opened"),
-    [(halved_bond(2, 3), False), (opened_wall(0, 1), True), (opened_wall(1, 1, 2), True), (leonardo_flat_arch(), True)],
-    ids=["bond", "opening", "opening of two courses", "flat arch"],
+    [
+        (halved_bond(2, 3), False),
+        (halved_bond(8, 10), False),
+        (opened_wall(0, 1), True),
+        (opened_wall(1, 1, 2), True),
+        (opened_wall(8, 12), True),
+        (leonardo_flat_arch(), True),
+    ],
+    ids=["bond", "many blocks", "opening", "opening of two courses", "many blocks and an opening", "flat arch"],
 )
 def test_openings_are_loops_that_short_ones_do_not_fill(scene: Scene, is_opened: bool) -> None:
     assembly = build_assembly(scene)

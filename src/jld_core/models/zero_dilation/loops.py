@@ -18,10 +18,9 @@ from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Floats, Ints
+from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 
-_LONGEST: Final = 4  # faces of a loop
 _NOTHING: Final = 1e-9  # of what a sum misses of its slide, relative, and coefficients that are rounding
 _LARGE: Final = 1e3  # coefficients above this, relative to the slide's own: nearly parallel faces that say little
 
@@ -58,11 +57,8 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
 
 def opened(assembly: Assembly) -> bool:
     """There is an opening: a loop of blocks that is not a sum, face by face, of short ones."""
-    body = _bodies(assembly)
-    between = (
-        (1 << a) ^ (1 << b) for a, b in zip(body[assembly.interfaces.a], body[assembly.interfaces.b], strict=True)
-    )
-    cycles = len(assembly.interfaces) - _rank(map(int, between))
+    between = _between(assembly)
+    cycles = len(between) - _rank((1 << a) ^ (1 << b) for a, b in between)
     return _rank(sum(1 << face for face in loop) for loop in face_loops(assembly)) < cycles
 
 
@@ -77,18 +73,19 @@ def _rank(rows: Iterable[int]) -> int:
     return len(kept)
 
 
-def _bodies(assembly: Assembly) -> Ints:
-    """(n,) numbers of elements, all supports one: 0."""
-    return np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
+def _between(assembly: Assembly) -> list[tuple[int, int]]:
+    """Numbers of the two elements at each face, the lower first, all supports one: 0."""
+    number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
+    sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)
+    return [(a, b) for a, b in sides.tolist()]
 
 
 def face_loops(assembly: Assembly) -> Iterator[Loop]:
     """Loops of faces around which blocks touch one after the other, each once, without a shorter way across."""
-    faces, body = assembly.interfaces, _bodies(assembly)
     between: dict[tuple[int, int], list[int]] = {}
     near: dict[int, set[int]] = {}
-    for face, (a, b) in enumerate(zip(body[faces.a].tolist(), body[faces.b].tolist(), strict=True)):
-        between.setdefault((min(a, b), max(a, b)), []).append(face)
+    for face, (a, b) in enumerate(_between(assembly)):
+        between.setdefault((a, b), []).append(face)
         near.setdefault(a, set()).add(b)
         near.setdefault(b, set()).add(a)
     for both in between.values():
@@ -105,10 +102,8 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
         for b, c in combinations(later, 2):
             if c in near[b]:
                 yield a, b, c
-            elif _LONGEST > 3:
-                for d in sorted(near[b] & near[c]):
-                    if d > a and d not in near[a]:
-                        yield a, b, d, c
+            else:
+                yield from ((a, b, d, c) for d in sorted(near[b] & near[c]) if d > a and d not in near[a])
 
 
 def _jumps(rates: Floats) -> Floats:
