@@ -32,7 +32,7 @@ _LESS: Final = 1e-4  # the same where they cannot be followed to their end
 _ROUGHEST: Final = 1e-2  # the same of the first step
 _NEAR: Final = 1e-4  # distance, relative, from which all that a certificate can prove is asked of it
 _CLOSE: Final = 1e-5  # distance, relative, from which digits are lacking and not parts
-_GAINS: Final = 0.5  # share of the distance that a step must win while there are products to add
+_GAINS: Final = 0.5  # share of the distance that a step must win, else products are added or solutions parted
 _DEPTH: Final = 12  # branches above one another
 
 
@@ -85,7 +85,7 @@ class BlockSweep:
                 ceiling.note("more slack")
             elif not last:
                 stage, slack = stage + 1, 0.0
-            elif answer is None and not rough:
+            elif answer is None and exact is None:
                 rough = True
                 ceiling.note("less exact")
             elif depth < _DEPTH and answer is not None and low < ceiling.below(_CLOSE):
