@@ -149,15 +149,12 @@ def relax(
     rates = forms[:count]
     live, width = modes.live_rate @ basis, basis.shape[1]
     moving = np.flatnonzero(~region.closed)
-    alive = np.flatnonzero(moving_forms(forms, region))
+    used = moving_forms(forms, region)
+    alive = np.flatnonzero(used)
     unit, wide = units_of(region, size), region.high - region.low
-    facts = extended(modes, region) @ unit
-    largest = row_sizes(facts)
-    facts /= largest[:, None]
-    statics = modes.statics @ unit
-    statics /= row_sizes(statics)[:, None]
+    facts, largest, statics = scaled(modes, region, unit)
     held = np.flatnonzero(region.held)
-    asked = pairs & moving_forms(forms, region)
+    asked = pairs & used
     asked[np.arange(count), np.arange(count)] = False
     asked[held] = False
     row, form = np.nonzero(asked)
@@ -210,6 +207,13 @@ def solve_products(
     answer = interior_point(cost, rows, low, above, seconds, presolve=presolve)
     usable = len(answer.dual) == rows.shape[0] and np.isfinite(answer.dual).all() and np.isfinite(answer.point).all()
     return answer if usable and answer.dual.any() else None
+
+
+def scaled(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
+    """`extended` over Φ in units, rows divided by their largest numbers; these; equilibrium, divided likewise."""
+    facts, statics = extended(modes, region) @ unit, modes.statics @ unit
+    largest = row_sizes(facts)
+    return facts / largest[:, None], largest, statics / row_sizes(statics)[:, None]
 
 
 def row_sizes(rows: Floats) -> Floats:

@@ -20,7 +20,7 @@ from jld_core.models.zero_dilation.products import (
     extended,
     mixed,
     products,
-    row_sizes,
+    scaled,
     solve_products,
     units_of,
     without,
@@ -83,11 +83,7 @@ def relax_space(
     rates[abs(rates) < _NOTHING] = 0.0
     live, width = modes.live_rate @ basis, basis.shape[1]
     unit, wide = units_of(region, size), region.high - region.low
-    facts = extended(modes, region) @ unit
-    largest = row_sizes(facts)
-    facts /= largest[:, None]
-    statics = modes.statics @ unit
-    statics /= row_sizes(statics)[:, None]
+    facts, largest, statics = scaled(modes, region, unit)
     equal = equal_of(modes, region)
     asked = pairs & ~region.closed[None, :] & ~equal[:count] & ~region.held[:, None]
     moving = np.flatnonzero(~region.closed)
