@@ -1,0 +1,19 @@
+"""Claims of the program, tested on random cases against independent routes.
+
+``python -m benchmarks.claims`` tests every claim and writes ``benchmarks/results/claims.md``: claim, number of cases,
+number of disagreements, for each version that was tested. ``make test`` tests a small share of the same cases.
+
+Each family of claims is a module with a function ``run(first_seed, cases, seconds)`` that returns a `Tally`; `FAMILIES`
+lists them with the number of cases of a whole run.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from benchmarks.claims.tally import Family, Tally, run_cases
+
+FAMILIES: Final[dict[str, int]] = {}
+"""Module of this package → number of cases of a whole run."""
+
+__all__ = ["FAMILIES", "Family", "Tally", "run_cases"]

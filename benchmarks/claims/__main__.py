@@ -1,0 +1,92 @@
+"""Test claims on random cases and write the table: ``python -m benchmarks.claims [NAME ...] [options]``."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import importlib
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from benchmarks.claims import FAMILIES, Tally
+from benchmarks.common import RESULTS, table, write
+from jld_core import __version__
+
+CSV: Final = RESULTS / "claims.csv"
+FIELDS: Final = ("family", "version", "claim", "first_seed", "cases", "disagreements", "seconds", "notes")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Test the named families of claims, or all, and write the table of all runs so far."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.claims", description=__doc__)
+    parser.add_argument("families", nargs="*", help="modules of benchmarks.claims; default: all")
+    parser.add_argument("--cases", type=int, default=None, help="number of random cases; default: of a whole run")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="time limit per family, s")
+    parser.add_argument("--version-name", default=__version__, help="name of the tested version in the table")
+    parser.add_argument("--failures", type=Path, default=None, help="file to which all disagreements are written")
+    given = parser.parse_args(arguments)
+    for name in given.families or FAMILIES:
+        cases = FAMILIES[name] if given.cases is None else given.cases
+        found: Tally = importlib.import_module(f"benchmarks.claims.{name}").run(given.first_seed, cases, given.seconds)
+        print(
+            f"{name}: {found.cases} cases, {len(found.disagreements)} disagreements, {found.seconds:.0f} s", flush=True
+        )
+        for line in found.disagreements:
+            print(f"  {line}", flush=True)
+        if given.failures is not None:
+            with given.failures.open("a", encoding="utf-8") as file:
+                file.writelines(f"{name}: {line}\n" for line in found.disagreements)
+        _record(name, given.version_name, given.first_seed, found)
+    _write_table()
+
+
+def _record(family: str, version: str, first_seed: int, found: Tally) -> None:
+    """Replace the row of one family and version in the record of runs."""
+    rows = [row for row in _rows() if (row["family"], row["version"]) != (family, version)]
+    rows.append(
+        {
+            "family": family,
+            "version": version,
+            "claim": found.claim,
+            "first_seed": str(first_seed),
+            "cases": str(found.cases),
+            "disagreements": str(len(found.disagreements)),
+            "seconds": f"{found.seconds:.0f}",
+            "notes": json.dumps(dict(sorted(found.notes.items()))),
+        }
+    )
+    order = list(FAMILIES)
+    rows.sort(key=lambda row: (order.index(row["family"]) if row["family"] in order else len(order), row["version"]))
+    with CSV.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, FIELDS)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _rows() -> list[dict[str, str]]:
+    if not CSV.exists():
+        return []
+    with CSV.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def _write_table() -> None:
+    rows = [
+        [row["claim"], row["version"], row["cases"], row["disagreements"], row["seconds"], _words(row["notes"])]
+        for row in _rows()
+    ]
+    text = "# Claims against independent routes\n\n"
+    text += "Every row: random cases of one claim, tested by `python -m benchmarks.claims`.\n\n"
+    write("claims", text + table(["claim", "version", "cases", "disagreements", "s", "counts"], rows))
+
+
+def _words(notes: str) -> str:
+    return ", ".join(f"{name}: {count}" for name, count in json.loads(notes).items())
+
+
+if __name__ == "__main__":
+    main()
