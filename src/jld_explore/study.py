@@ -22,7 +22,7 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
 from jld_core.lanes import chosen
-from jld_core.limit import SolveOptions, Status, load_floor, relative_width
+from jld_core.limit import SolveOptions, Status, exceeds, load_floor, relative_width
 from jld_core.models import effort_of
 from jld_core.program import Template
 from jld_core.scene import Scene
@@ -63,6 +63,7 @@ class StopReason(StrEnum):
 
     EXHAUSTED = "exhausted"
     PROVEN = "proven"
+    UNPROVEN = "unproven"
     BUDGET = "budget"
     TIME = "time"
     INTERRUPTED = "interrupted"
@@ -193,6 +194,23 @@ class Study:
         """Whether the driver comes to an end that is worth waiting for, with a proof."""
         return self.driver.modular or (self.driver.exhaustive and self.total is not None)
 
+    @property
+    def complaints(self) -> list[str]:
+        """What went wrong with proofs of this study, one line each."""
+        return [*self.records.withdrawn, *(one for one in self.driver.complaints if one not in self.records.withdrawn)]
+
+    def _withdraw_contradicted(self, evaluations: list[Evaluation]) -> None:
+        """Withdraw the bound where a layout is proven to carry more: what was proven is wrong, and is begun again."""
+        bound = self.bound
+        stands = [e.low for e in evaluations if e.status is Status.COLLAPSE]
+        if bound is None or not stands or not exceeds(max(stands), bound, self._floor):
+            return
+        reason = (
+            f"a layout carries λ ≥ {max(stands):.9g}, above the bound {bound:.9g} on record: the bound is withdrawn"
+        )
+        self.records.withdraw_bound(reason)
+        self.driver.withdraw(reason)
+
     def keep_bound(self, bound: float | None) -> None:
         """Put a proven upper bound over the whole space on record, for runs that go on with this one."""
         if bound is not None:
@@ -232,7 +250,9 @@ class Study:
             if driver.remembers and len(self.records):
                 rows = unpack(self.records.rows["labelling"], faces)
                 known = [self.records.find(labels) for labels in rows]
-                driver.restore(rows, [evaluation for evaluation in known if evaluation is not None])
+                restored = [evaluation for evaluation in known if evaluation is not None]
+                self._withdraw_contradicted(restored)
+                driver.restore(rows, restored)
             driver.employ(self.settings.jobs)
             driver.start(self._deadline, lambda: self._count([]), self.records)
             while True:
@@ -278,6 +298,8 @@ class Study:
             return StopReason.TIME
         if self.driver.finished:
             return StopReason.PROVEN
+        if self.driver.checks and not self.driver.exhaustive and not self.driver.working:
+            return StopReason.UNPROVEN  # the proof ended, and did not pass its check
         # a driver that was still at work came back for lack of time
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
 
@@ -298,6 +320,7 @@ class Study:
         self.evaluated += len(evaluations)
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
+        self._withdraw_contradicted(evaluations)
         self.keep_bound(self.driver.bound)
         if self.report is not None:
             bound = np.nan if self.bound is None else self.bound

@@ -67,7 +67,8 @@ def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
         one, _ = prove(scene, tmp_path / f"one {aim}", ALONE, aim=aim, by_blocks="off")
         two, driver = prove(scene, tmp_path / f"two {aim}", aim=aim, by_blocks="off")
         assert driver._hunters is not None
-        assert driver._hunters.solves > 0 or not one.summary["relaxations"]
+        # the bound at the root alone may prove all
+        assert driver._hunters.solves > 0 or one.summary["relaxations"] <= 1
         assert two.summary["proven"] is one.summary["proven"] is True
         if one.summary["best"] is None:
             assert two.summary["best"] is None
@@ -110,7 +111,7 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
         assert two.summary["proven"] is True
         assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
         assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
-        names = [(conflict.faces.tobytes(), conflict.labels.tobytes()) for conflict in driver._conflicts]
+        names = [(conflict.faces.tobytes(), conflict.labels.tobytes()) for conflict in driver.state.conflicts]
         assert len(names) > 50
         assert called or len(set(names)) == len(names)  # what both threads found is kept once
         certify(driver, scene, tmp_path / "proof.jld", None)
@@ -133,7 +134,7 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
     monkeypatch.setattr("jld_explore.drivers.exact.crew._WAITING", 12)
     scene = scene_of([*["aaaa"] * 4, "####"], {"tension": 5e3, "shear": 5e3, "block_cells": [1, 3]})
     whole, driver = prove(scene, tmp_path / "whole", by_blocks="off")
-    known = driver._conflicts[:]
+    known = driver.state.conflicts[:]
     closed = [one for one in known if one.closed]
     assert closed
     assert whole.summary["conflicts"] == len(known)
@@ -258,7 +259,7 @@ def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
     driver = Exact(search_space(scene, build_assembly(scene)), search=0)
     rest = explore(scene, tmp_path / "out", replace(ALONE, resume=True), driver=driver)
     assert rest.summary["proven"] is True
-    assert len(driver._conflicts) > 50
+    assert len(driver.state.conflicts) > 50
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def test_what_blocks_rule_out_is_no_better_and_the_optimum_the_same(
     table = every.results[every.results["status"] == "collapse"]
     for text, load in zip(table["labelling"], table["bracket_lo"], strict=True):
         for image in np.array([letter == "d" for letter in text])[space.group]:
-            for one in driver.known:
+            for one in driver.state.conflicts:
                 if (image[one.faces] == one.labels).all():
                     assert load <= one.bound * driver._scale * (1.0 + 1e-9)
 

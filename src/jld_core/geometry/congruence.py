@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Final
@@ -21,7 +22,8 @@ class Kinds:
     """Outlines numbered by their shape as they come: each is compared with one of every kind so far.
 
     reach: distance within which corners are one. rotate: turned copies are the same shape. flip: mirrored ones too;
-    without turns along an axis only.
+    without turns only by mirrors along the axes, and by what several of them make together, such as half a turn. Either
+    way the moves that are allowed form a group, so that being of one shape does not depend on the order of outlines.
     """
 
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
@@ -75,7 +77,7 @@ def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, f
         return True
     if not (rotate or flip):
         return False
-    turns = _turns(one, other, reach, rotate, flip)
+    turns = _turns(one, other, reach, flip) if rotate else _axis_mirrors(one.points.shape[1])
     return any(_falls_on(one.points @ matrix.T, one.count, other, reach) for matrix in turns)
 
 
@@ -93,22 +95,28 @@ def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
     return True
 
 
-def _turns(one: Outline, other: Outline, reach: float, rotate: bool, flip: bool) -> list[Floats]:
-    """Orthogonal matrices that may lay one block onto the other: turns, mirrors, or both, as is allowed."""
+def _axis_mirrors(dimension: int) -> list[Floats]:
+    """Every product of mirrors along the axes but the identity: mirrors alone are no group."""
+    signs = itertools.product((1.0, -1.0), repeat=dimension)
+    return [np.diag(sign) for sign in signs if min(sign) < 0.0]
+
+
+def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
+    """Orthogonal matrices that may lay one block onto the other: turns, and with `flip` turned mirrors too."""
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]
     radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)
     first = int(np.argmax(radius))
     slack = 4.0 * reach
     matrices: list[Floats] = []
-    signs = [1.0] * rotate + [-1.0] * flip
+    signs = [1.0] + [-1.0] * flip
     if d == 2:
         for q in np.flatnonzero(abs(there - radius[first]) <= slack).tolist():
             for sign in signs:
                 angle = np.arctan2(images[q, 1], images[q, 0]) - sign * np.arctan2(corners[first, 1], corners[first, 0])
                 c, s = np.cos(angle), np.sin(angle)
                 matrices.append(np.array([[c, -s], [s, c]]) @ np.diag([1.0, sign]))
-        return matrices if rotate else [m for m in matrices if _is_mirror_along_an_axis(m)]
+        return matrices
     away = np.linalg.norm(np.cross(corners, corners[first]), axis=1)
     second = int(np.argmax(away))
     gram = float(corners[first] @ corners[second])
@@ -119,9 +127,4 @@ def _turns(one: Outline, other: Outline, reach: float, rotate: bool, flip: bool)
                 continue
             for sign in signs:
                 matrices.append(frame(images[[p, q]]).T @ np.diag([1.0, 1.0, sign]) @ base)
-    return matrices if rotate else [m for m in matrices if _is_mirror_along_an_axis(m)]
-
-
-def _is_mirror_along_an_axis(matrix: Floats) -> bool:
-    """Whether a matrix only turns axes round, without turning the block: moulds that may be turned over, not round."""
-    return bool(abs(abs(matrix) - np.eye(len(matrix))).max() < 1e-6)
+    return matrices

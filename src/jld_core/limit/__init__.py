@@ -40,6 +40,7 @@
 - `crossed`: whether two bounds contradict each other
 - `displacement`: velocities of points that move with an element
 - `element_velocities`: scaled velocities → scene units
+- `exceeds`: whether a layout carries more than a bound on all layouts
 - `face_jumps`: velocities → jumps of the faces
 - `face_motions`: what each face does in a mechanism
 - `governing`: the governing factor of a labelling from what is known of its load cases
@@ -58,7 +59,7 @@ from __future__ import annotations
 from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice, applies_to
-from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, load_floor, relative_width
+from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, exceeds, load_floor, relative_width
 from jld_core.limit.case_relaxation import (
     AnyBlockRelaxation,
     AnyRelaxation,
@@ -124,6 +125,7 @@ __all__ = [
     "crossed",
     "displacement",
     "element_velocities",
+    "exceeds",
     "face_jumps",
     "face_motions",
     "governing",

@@ -231,6 +231,14 @@ def relative_width(low: float, high: float, floor: float) -> float:
     return (high - low) / size if size > 0.0 else float(high > low)
 
 
+def exceeds(low: float, bound: float, load_scale: float) -> bool:
+    """Return True if a proven lower bound on λ contradicts an upper bound by more than counts as proven.
+
+    load_scale: λ below which differences do not matter, in the unit of the bounds.
+    """
+    return low - bound > tolerances.PROVEN * max(abs(low), abs(bound) if np.isfinite(bound) else 0.0, load_scale)
+
+
 def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
     """Do lower and upper bounds contradict each other by more than rounding? Then neither is to be relied on.
 

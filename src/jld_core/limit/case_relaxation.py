@@ -50,7 +50,7 @@ class _Cases(Generic[_Kind]):
 
 def _raised(bound: float) -> float:
     """A bound that was put into other units, no lower than it was."""
-    return bound + abs(bound) * _ROUNDING
+    return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
 
 class CaseRelaxation(_Cases[Relaxation]):
@@ -91,7 +91,7 @@ class CaseRelaxation(_Cases[Relaxation]):
             answers = self._cases[case].refute_all(labellings[left], undecided[left], thresholds[left] / unit, careful)
             for k, one in zip(left.tolist(), answers, strict=True):
                 if one is not None:
-                    found[k] = DualBound(one.excess, one.cost, _raised(one.bound * unit))
+                    found[k] = replace(one, bound=_raised(one.bound * unit), case=case)
                     counts[case] += 1
             left = np.array([k for k in left.tolist() if found[k] is None], dtype=np.int64)
         self._reorder(counts)
@@ -112,7 +112,7 @@ class CaseRelaxation(_Cases[Relaxation]):
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn
                     continue
-                found.append(replace(one, labelling=labelling, bound=_raised(one.bound * unit)))
+                found.append(replace(one, labelling=labelling, bound=_raised(one.bound * unit), case=case))
                 if one.drawn:
                     fallen.add(labelling)
             counts[case] = len(fallen)
@@ -120,10 +120,27 @@ class CaseRelaxation(_Cases[Relaxation]):
         self._reorder(counts)
         return found + [Fallen(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
+    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Weigh known mechanisms again: see `Relaxation.weigh`; bounds (k,) are governing factors."""
+        if not 0 <= case < len(self._cases):
+            raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
+        bounds = self._cases[case].weigh(0, velocities, labellings, undecided) * self._units[case]
+        return np.array([_raised(bound) for bound in bounds.tolist()])
+
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Governing factor that no labelling exceeds that agrees where decided; inf where none was found."""
-        each = (one.bound(labels, undecided) * unit for one, unit in zip(self._cases, self._units, strict=True))
-        return min(each, default=np.inf)
+        found = self.least_bound(labels, undecided)
+        return np.inf if found is None else found.bound
+
+    def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
+        """The mechanism, of any case, of least governing factor; None where none was found."""
+        found = [one.least_bound(labels, undecided) for one in self._cases]
+        known = [
+            replace(one, bound=_raised(one.bound * unit), case=case)
+            for case, (one, unit) in enumerate(zip(found, self._units, strict=True))
+            if one is not None
+        ]
+        return min(known, key=lambda one: one.bound, default=None)
 
 
 class CaseBlockRelaxation(_Cases[BlockRelaxation]):

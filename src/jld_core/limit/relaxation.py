@@ -44,12 +44,15 @@ class DualBound:
 
     excess: threshold · b_λ·u + b·u − Σ D, above zero with what rounding may take. cost: (m,) what a face takes from
     the excess when it becomes undecided, inf where the mechanism bounds nothing then. bound: λ that no such
-    labelling exceeds, scaled; −inf where none stands.
+    labelling exceeds, scaled; −inf where none stands. velocity: (q·free,) the mechanism, scaled. case: index of the
+    load case under which it was weighed.
     """
 
     excess: float
     cost: Floats
     bound: float
+    velocity: Floats
+    case: int = 0
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ class Fallen:
 
     labelling: which of those asked. drawn: that one itself. decided: (m,) faces that matter. bound: scaled λ that no
     labelling exceeds that has its labels there, −inf where none stands; None where nothing refuted it. carries: its
-    forces were seen to carry more.
+    forces were seen to carry more. velocity: (q·free,) the mechanism that refuted it, scaled; case: index of the load
+    case under which that mechanism was weighed.
     """
 
     labelling: int
@@ -66,6 +70,25 @@ class Fallen:
     decided: Bools
     bound: float | None
     carries: bool = False
+    velocity: Floats | None = None
+    case: int = 0
+
+
+@dataclass(frozen=True)
+class _WorkBalance:
+    """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees where decided.
+
+    velocities: (k, q·free) with the opening that rounding asked for. work: (k,) of the live load. total: (k,)
+    dissipation less dead work, with what rounding may take. sound: (k,) whether the dissipation is finite. own, either:
+    (k, m) dissipation of each face under its own label, and the larger of both labels.
+    """
+
+    velocities: Floats
+    work: Floats
+    total: Floats
+    sound: Bools
+    own: Floats
+    either: Floats
 
 
 class Relaxation:
@@ -166,9 +189,45 @@ class Relaxation:
         drawn = begun % (1 + asked.how.neighbours) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [
-            Fallen(k, own, faces, None if one is None else one.bound, fate == CARRIED)
+            Fallen(k, own, faces, None, fate == CARRIED)
+            if one is None
+            else Fallen(k, own, faces, one.bound, fate == CARRIED, one.velocity)
             for k, own, faces, one, fate in rows
         ]
+
+    def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
+        """Weigh known mechanisms again, without solving anything.
+
+        Parameters
+        ----------
+        case : int
+            Index of the load case; a single load has only case 0.
+        velocities : (k, q·free) float array
+            Mechanisms, scaled.
+        labellings : (k, m) bool array
+            Labels, True = dry; of no force where undecided.
+        undecided : (k, m) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        (k,) float array
+            Scaled λ that no labelling exceeds that agrees where decided; −inf where none stands, inf where the
+            mechanism proves nothing.
+
+        Raises
+        ------
+        ValueError
+            For a load case that does not exist.
+        """
+        if case != 0:
+            raise ValueError(f"case: there is one load, and no load case {case}")
+        balance = self._balance(velocities, labellings, undecided)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bound = np.where(balance.work > 0.0, balance.total / balance.work, np.inf)
+        bound[(balance.work == 0.0) & (balance.total < 0.0)] = -np.inf
+        bound[~balance.sound] = np.inf
+        return bound
 
     def _weigh_all(
         self,
@@ -204,11 +263,16 @@ class Relaxation:
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
         """Scaled λ that no labelling exceeds that agrees where decided; inf where none was found."""
+        found = self.least_bound(labels, undecided)
+        return np.inf if found is None else found.bound
+
+    def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
+        """The mechanism of least bound that was found for a partial labelling; None where none was."""
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._lanes is not None:
             # the kernel's rows enclose the hull of joints that crush: what the hull itself bounds is a little less
             found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
-        return min((one.bound for one in found if one is not None), default=np.inf)
+        return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 
     def _by_route(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """The same by the other route, one after the other."""
@@ -221,6 +285,21 @@ class Relaxation:
 
     def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
         """What velocities (k, q·free), none faster than one or so, bound of labellings (k, m)."""
+        balance = self._balance(velocities, labels, undecided)
+        work, total = balance.work, balance.total
+        excess = thresholds * work - total
+        with np.errstate(invalid="ignore", divide="ignore"):
+            cost = np.where(undecided, 0.0, balance.either - balance.own)
+            bound = np.where(work > 0.0, total / work, -np.inf)
+        return [
+            DualBound(float(excess[k]), cost[k], float(bound[k]), balance.velocities[k].copy())
+            if balance.sound[k] and excess[k] > 0.0
+            else None
+            for k in range(len(labels))
+        ]
+
+    def _balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> _WorkBalance:
+        """Work balance of mechanisms (k, q·free) for labellings (k, m), rounding charged against the mechanism."""
         velocities, jumps, finite = self._opened(velocities)
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
         either = dissipation.max(axis=0)
@@ -234,14 +313,7 @@ class Relaxation:
         sound = np.isfinite(total) & (work >= 0.0)
         total = np.where(sound, total, 0.0)
         total += self._prover.noises(velocities, total)
-        excess = thresholds * work - total
-        with np.errstate(invalid="ignore", divide="ignore"):
-            cost = np.where(undecided, 0.0, either - own)
-            bound = np.where(work > 0.0, total / work, -np.inf)
-        return [
-            DualBound(float(excess[k]), cost[k], float(bound[k])) if sound[k] and excess[k] > 0.0 else None
-            for k in range(len(labels))
-        ]
+        return _WorkBalance(velocities, work, total, sound, own, either)
 
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
         """(2, k, m) margins or dissipation of jumps (k, m, q), dry then inner."""

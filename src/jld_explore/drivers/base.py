@@ -53,6 +53,9 @@ class Driver(ABC):
     ahead: ClassVar[int] = 0
     """Portions a study asks before it tells the answers to an earlier one, so that asking and evaluating overlap."""
 
+    checks: ClassVar[bool] = False
+    """Whether it checks its proof when that ends, so that nothing is called proven without the check."""
+
     modular: ClassVar[bool] = False
     """Whether it relies on bounds of labellings never solved, which hold for convex contact on whole faces alone."""
 
@@ -104,6 +107,17 @@ class Driver(ABC):
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """What the driver adds to the summary. results: the table; complete: it holds every class of the space."""
         return {}
+
+    @property
+    def complaints(self) -> list[str]:
+        """Return what went wrong with a proof, one line each; the summary holds them among its warnings."""
+        return []
+
+    def withdraw(self, reason: str) -> None:  # noqa: B027
+        """Forget every bound on layouts that were never evaluated: one of them has been contradicted.
+
+        reason: one line that says what contradicts what.
+        """
 
     def employ(self, jobs: int) -> None:  # noqa: B027 – most leave that to whoever evaluates
         """Told once before the start: how many processes may help a driver that has work of its own."""

@@ -27,7 +27,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jld_core.arrays import Bits, Bools, Floats
+from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
 from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
 from jld_explore.evaluation.evaluation import Evaluation
@@ -56,8 +56,9 @@ _TOGETHER: Final = 1 << 15
 
 _FORMAT: Final = 3
 _BOUND: Final = "bound"
-_CLOSED: Final = {0: "", 1: "closed"}
-"""What a checksum of a conflict is of beside its columns."""
+_WITHDRAWN: Final = "withdrawn"
+_EVIDENCE: Final = {0: "", 1: "closed", 2: "blocks"}
+"""What a checksum of a conflict is of beside its columns, by what proves it: see `Evidence` of the exact driver."""
 
 _TABLES: Final = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
@@ -76,7 +77,7 @@ CREATE TABLE proofs (
   checksum INTEGER NOT NULL, PRIMARY KEY (evaluation, number)) WITHOUT ROWID;
 CREATE TABLE conflicts (
   id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL,
-  closed INTEGER NOT NULL /* 1 of a cube that conflicts leave nothing of, 0 of what a mechanism proves */,
+  closed INTEGER NOT NULL /* evidence: 0 a mechanism, 1 a cube that conflicts leave nothing of, 2 possible blocks */,
   checksum INTEGER NOT NULL);
 """
 
@@ -97,6 +98,7 @@ class Records:
         self._index: dict[bytes, int] = {}
         self._synced = time.monotonic()
         self.bound: float | None = None
+        self.withdrawn: list[str] = []
         folder.mkdir(parents=True, exist_ok=True)
         wanted = {"jld": "records", "format": _FORMAT, "faces": faces, **header}
         self._file: Any = None
@@ -131,6 +133,7 @@ class Records:
             raise self._damaged("it holds other tables")
         found = {key: _parsed(value) for key, value in self._file.execute("SELECT key, value FROM meta")}
         self.bound = self._bound_of(found.get(_BOUND))
+        self.withdrawn = [str(reason) for reason in found.get(_WITHDRAWN) or []]
         _compare(str(self.path), found, json.loads(json.dumps(wanted)))
         self._read()
 
@@ -232,8 +235,8 @@ class Records:
 
     # --- conflicts --------------------------------------------------------------------------------------
 
-    def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Bools]:
-        """Conflicts on record: (k, m) faces decided, (k, m) their labels, (k,) bounds, (k,) True of closed cubes.
+    def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Ints]:
+        """Conflicts on record: (k, m) faces decided, (k, m) their labels, (k,) bounds, (k,) evidence.
 
         key: what they were proven of; those of another key are forgotten.
         """
@@ -247,35 +250,48 @@ class Records:
             found = self._file.execute(f"SELECT {columns} FROM conflicts ORDER BY id").fetchall()
         width = self.type["labelling"].itemsize
         try:
-            if any(_checksum(_CLOSED[closed], bound, *masks) != check for *masks, bound, closed, check in found):
+            if any(_checksum(_EVIDENCE[closed], bound, *masks) != check for *masks, bound, closed, check in found):
                 raise ValueError
             masks = b"".join(part for decided, labels, *_ in found for part in (decided, labels))
             packed = np.frombuffer(masks, np.uint8).reshape(len(found), 2, width)
         except (TypeError, ValueError, KeyError):
             raise self._damaged("a conflict is not as it was written") from None
         bits = np.unpackbits(packed, axis=2, count=self.faces).astype(bool)
-        bounds, closed = [row[2] for row in found], [row[3] for row in found]
-        return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(closed, dtype=bool)
+        bounds, evidence = [row[2] for row in found], [row[3] for row in found]
+        return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
 
     def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
         """Write a conflict: (m,) faces decided, (m,) their labels, no labelling with which has a λ above the bound."""
-        self.add_conflicts(decided[None], labels[None], [bound], [False])
+        self.add_conflicts(decided[None], labels[None], [bound], [0])
 
-    def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], closed: Sequence[bool]) -> None:
+    def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:
         """The same of conflicts (k, m), together: a transaction each would take longer than finding them.
 
-        closed: (k,) whether other conflicts say so together, and no mechanism by itself.
+        evidence: (k,) what proves each, as a number of the table.
         """
         rows = []
         packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)
-        for on, values, bound, whole in zip(*packed, bounds, closed, strict=True):
+        for on, values, bound, kind in zip(*packed, bounds, evidence, strict=True):
             masks = on.tobytes(), values.tobytes()
-            rows.append((*masks, bound, int(whole), _checksum(_CLOSED[whole], bound, *masks)))
+            rows.append((*masks, bound, int(kind), _checksum(_EVIDENCE[kind], bound, *masks)))
         columns = "decided, labels, bound, closed, checksum"
         with self._told(), self._transaction():
             self._file.executemany(f"INSERT INTO conflicts ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
 
+    def forget_conflicts(self) -> None:
+        """Delete all conflicts: one of them, or what was derived from them, has been contradicted."""
+        with self._told(), self._transaction():
+            self._file.execute("DELETE FROM conflicts")
+
     # --- the bound --------------------------------------------------------------------------------------
+
+    def withdraw_bound(self, reason: str) -> None:
+        """Delete the bound, and write down why; `withdrawn` holds the reasons, those of earlier runs too."""
+        self.withdrawn = [*self.withdrawn, reason]
+        with self._told(), self._transaction():
+            self._file.execute("DELETE FROM meta WHERE key = ?", (_BOUND,))
+            self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (_WITHDRAWN, json.dumps(self.withdrawn)))
+        self.bound = None
 
     def keep_bound(self, bound: float) -> None:
         """Write a proven upper bound on λ over the whole space, scene units, where it is lower than the one on record.
@@ -388,7 +404,7 @@ def _parsed(value: object) -> Any:
 
 def _compare(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
     """Raise InputError naming the first entry in which a record differs from the study that wants to go on."""
-    for key in sorted((old.keys() | new.keys()) - {"conflicts of", _BOUND}):
+    for key in sorted((old.keys() | new.keys()) - {"conflicts of", _BOUND, _WITHDRAWN}):
         if old.get(key) != new.get(key):
             raise InputError(
                 path,

@@ -68,7 +68,7 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     found = tables.summary(results, study, reason, complete=complete)
     if study.assembly.nominal is not None:
         found |= {"robust": True, "best_nominal": tables.nominal_of_best(results)}
-    found["warnings"] = list(study.assembly.warnings)
+    found["warnings"] = [*study.assembly.warnings, *study.complaints]
     model = study.settings.model
     found["model"] = model.facts()
     if model.effective_area:

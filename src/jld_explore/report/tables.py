@@ -187,7 +187,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     if best is not None and bound is not None:
         gap = relative_width(float(ranked["bracket_lo"].max()), bound, load_floor(study.assembly))
     # a search may come upon the bound known before it: then nothing is stronger, though it goes on for its front
-    met = dilates and not unbounded and driver.bound is None and gap is not None and gap <= GAP
+    met = dilates and not unbounded and driver.bound is None and not driver.checks and gap is not None and gap <= GAP
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),

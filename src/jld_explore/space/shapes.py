@@ -8,7 +8,8 @@ elements, corners and middles of edges (planar) or of faces (spatial), within th
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Final
+from threading import RLock
+from typing import Any, Final
 
 import numpy as np
 
@@ -36,8 +37,23 @@ class BlockShapes:
         self._outlines = Outlines(assembly)
         self._numbered: dict[int, int] = {}
         self._step = reach_of(assembly)
+        # threads of a proof ask for the blocks of labellings at the same time
+        self._lock = RLock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is sent to another process: all but the lock."""
+        return {name: value for name, value in self.__dict__.items() if name != "_lock"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._lock = RLock()
 
     def look(self, blocks: Ints) -> tuple[Bools, Ints]:
+        """See `_look`; one thread at a time."""
+        with self._lock:
+            return self._look(blocks)
+
+    def _look(self, blocks: Ints) -> tuple[Bools, Ints]:
         """Where blocks with free elements are named, (k, n) as by `blocks_of`, and their places among the known."""
         rows, count = blocks.shape
         names = (blocks + count * np.arange(rows)[:, None]).ravel()
@@ -51,8 +67,8 @@ class BlockShapes:
         for k, (value, at) in enumerate(zip(unique.tolist(), where.tolist(), strict=True)):
             if value not in self._place:
                 row, name = divmod(at, count)
-                self._place[value] = len(self._known)
                 self._known.append(self._of(np.flatnonzero((blocks[row] == name) & free)))
+                self._place[value] = len(self._known) - 1
             places[k] = self._place[value]
         found = np.full(rows * count, -1, dtype=np.int64)
         found[holds] = places[inverse.reshape(-1)]
@@ -61,17 +77,19 @@ class BlockShapes:
     def one(self, members: Ints) -> Outline:
         """The shape of one block by its free elements, ascending."""
         key = int(self._sign[members].sum(dtype=np.uint64))
-        if key not in self._place:
-            self._place[key] = len(self._known)
-            self._known.append(self._of(members))
-        return self._known[self._place[key]]
+        with self._lock:
+            if key not in self._place:
+                self._known.append(self._of(members))
+                self._place[key] = len(self._known) - 1
+            return self._known[self._place[key]]
 
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
         """(k,) number of different shapes of blocks in each row (k, n), without the block of an element `sink` ≥ 0."""
-        holds, places = self.look(blocks)
+        with self._lock:
+            holds, places = self._look(blocks)
+            number = self._numbers()
         if sink >= 0:
             holds[np.arange(len(blocks)), blocks[:, sink]] = False
-        number = self._numbers()
         kind = np.where(holds, number[places], -1)
         kind.sort(axis=1)
         new = np.diff(kind, axis=1, prepend=-1) != 0
@@ -79,7 +97,9 @@ class BlockShapes:
 
     def values(self, name: str) -> Floats:
         """(b,) an attribute of every block that is known, in the order of their positions."""
-        return np.array([float(getattr(shape, name)) for shape in self._known])
+        with self._lock:
+            known = self._known[:]
+        return np.array([float(getattr(shape, name)) for shape in known])
 
     def _numbers(self) -> Ints:
         """(b,) number of the shape of each known block."""

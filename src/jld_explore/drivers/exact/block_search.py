@@ -129,6 +129,11 @@ class BlockSearch:
         """Scaled λ that no labelling exceeds that is still open in the tree."""
         return -math.inf if self._tree is None else self._tree.bound
 
+    @property
+    def open_conflicts(self) -> list[Conflict]:
+        """What is known of the labellings that are still open in the tree, one conflict for each open node."""
+        return [] if self._tree is None else self._tree.open_conflicts
+
     def annealed(self) -> int:
         """Labellings to be annealed before the next step: while something better is known to nobody a tree goes down
         between choices that are as good as each other."""

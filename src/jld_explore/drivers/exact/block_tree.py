@@ -25,7 +25,7 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit import Asked, Choice
 from jld_explore.drivers.exact.choosers import Choosers
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.space import SearchSpace
 
 _TRIED: Final = (2, 4)
@@ -140,6 +140,12 @@ class BlockTree:
         return known if self._next is None else max(known, self._next.choice.bound)
 
     @property
+    def open_conflicts(self) -> list[Conflict]:
+        """A conflict for each open node: its labels, and the bound of its relaxation."""
+        nodes = [node for _, _, node in self._open] + ([] if self._next is None else [self._next])
+        return [Conflict(node.faces, node.labels, node.choice.bound, Evidence.BLOCKS) for node in nodes]
+
+    @property
     def finished(self) -> bool:
         """No node is open."""
         return self._next is None and not self._open
@@ -151,7 +157,7 @@ class BlockTree:
         """
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None
-        fallen = Conflict(node.faces, node.labels, threshold)
+        fallen = Conflict(node.faces, node.labels, threshold, Evidence.BLOCKS)
         if node.choice.bound <= threshold:
             return Step(node, (fallen,))
         allowed = self._settled(node.allowed & ~node.choice.useless)
@@ -281,7 +287,7 @@ class BlockTree:
                 decided = np.append(node.faces, self._faces[face]), np.append(node.labels, label)
                 allowed = self._settled(asked.allowed & ~others[face])
                 if allowed is None:
-                    conflicts.append(Conflict(*decided, asked.threshold))
+                    conflicts.append(Conflict(*decided, asked.threshold, Evidence.BLOCKS))
                 elif asked.possible(*decided):
                     waiting.append(((face, label), Node(*decided, allowed, node.choice)))
         return waiting
@@ -298,7 +304,7 @@ class BlockTree:
         children: dict[tuple[int, bool], Node] = {}
         for (place, child), choice in zip(waiting, choices, strict=True):
             if choice.refuted:
-                conflicts.append(Conflict(child.faces, child.labels, asked.threshold))
+                conflicts.append(Conflict(child.faces, child.labels, asked.threshold, Evidence.BLOCKS))
             else:
                 children[place] = replace(child, choice=choice)
         return [Tried(children.get((face, False)), children.get((face, True))) for face in faces]
@@ -320,5 +326,5 @@ class BlockTree:
         if allowed is not None:
             least = min(left, key=lambda one: one.choice.bound)
             return Node(faces, labels, allowed, replace(least.choice, share=np.where(allowed, least.choice.share, 0.0)))
-        conflicts.append(Conflict(faces, labels, asked.threshold))
+        conflicts.append(Conflict(faces, labels, asked.threshold, Evidence.BLOCKS))
         return None

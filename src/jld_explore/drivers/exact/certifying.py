@@ -80,7 +80,7 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
     """
     if driver.bound is None:
         raise InputError("--certificate", "the search ended without any bound", _OPEN)
-    Certifier(scene, driver.space, driver.bound).write(path, driver.known, found)
+    Certifier(scene, driver.space, driver.bound).write(path, driver.state.conflicts, found)
 
 
 class Certifier:
@@ -153,7 +153,7 @@ class Certifier:
     def _take_hints(self, hints: Iterable[Conflict]) -> None:
         group = np.unique(np.argsort(self._space.group, axis=1), axis=0)
         for hint in hints:
-            if hint.closed or hint.bound * self._scale > self.bound:
+            if hint.closed or not len(hint.faces) or hint.bound * self._scale > self.bound:
                 continue
             for image in group:
                 decided, labels = self._parted()

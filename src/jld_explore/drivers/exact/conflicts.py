@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from threading import Lock
+from typing import Final
 
 import numpy as np
 
 from jld_core.program import Template
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
+
+_MOST_BYTES: Final = 500_000_000
+"""Memory for mechanisms, bytes; later conflicts go without, and are proven anew when the proof is checked."""
 
 
 def key_of(templates: Sequence[Template], space: SearchSpace, blocks: PossibleBlocks | None) -> str:
@@ -46,12 +52,20 @@ class LeastBounds:
 
 
 class Conflicts:
-    """All conflicts of a proof, on the record of a study where there is one, so that it goes on where it was."""
+    """All conflicts of a proof, on the record of a study where there is one, so that it goes on where it was.
+
+    Threads may add and read; `save` and `keep` belong to the thread that opened the record. A conflict is never taken
+    out again, except all together by `clear`.
+    """
 
     def __init__(self, faces: int) -> None:
         self._faces = faces
         self._known: list[Conflict] = []
+        self._bounds = LeastBounds()
+        self._lock = Lock()
         self._records: Records | None = None
+        self._saved = 0
+        self._mechanisms = 0
 
     def __len__(self) -> int:
         return len(self._known)
@@ -66,16 +80,42 @@ class Conflicts:
         """Take in what is on record under a key, and put there what is added from now on."""
         rows = zip(*records.conflicts(key), strict=True)
         self._known = [
-            Conflict(np.flatnonzero(on), labels[on], float(bound), bool(closed)) for on, labels, bound, closed in rows
+            Conflict(np.flatnonzero(on), labels[on], float(bound), Evidence(evidence))
+            for on, labels, bound, evidence in rows
         ]
+        for conflict in self._known:
+            self._bounds.lowered(conflict)
+        self._saved = len(self._known)
         self._records = records
 
-    def add(self, conflicts: Sequence[Conflict]) -> None:
-        """Take new ones."""
-        self._known += conflicts
-        if self._records is not None and conflicts:
-            decided, labels = np.zeros((2, len(conflicts), self._faces), dtype=bool)
-            for row, conflict in enumerate(conflicts):
+    def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
+        """Add conflicts, unless one is known that rules out the same above a scaled λ; return how many were added."""
+        with self._lock:
+            new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
+            for place, one in enumerate(new):
+                if one.mechanism is None:
+                    continue
+                self._mechanisms += one.mechanism.velocity.nbytes
+                if self._mechanisms > _MOST_BYTES:
+                    new[place] = replace(one, mechanism=None)
+            self._known += new
+        return len(new)
+
+    def save(self) -> None:
+        """Put on record what was added since the last time."""
+        new = self._known[self._saved :]
+        self._saved += len(new)
+        if self._records is not None and new:
+            decided, labels = np.zeros((2, len(new), self._faces), dtype=bool)
+            for row, conflict in enumerate(new):
                 decided[row, conflict.faces], labels[row, conflict.faces] = True, conflict.labels
-            bounds, closed = [conflict.bound for conflict in conflicts], [conflict.closed for conflict in conflicts]
-            self._records.add_conflicts(decided, labels, bounds, closed)
+            bounds = [conflict.bound for conflict in new]
+            self._records.add_conflicts(decided, labels, bounds, [int(conflict.evidence) for conflict in new])
+
+    def clear(self) -> None:
+        """Forget all conflicts, those on record too."""
+        with self._lock:
+            self._known, self._bounds = [], LeastBounds()
+            self._saved = self._mechanisms = 0
+        if self._records is not None:
+            self._records.forget_conflicts()

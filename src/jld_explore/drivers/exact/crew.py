@@ -13,21 +13,19 @@ closed cube is what a satisfiability solver says of a formula of such conflicts.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools
+from jld_core.arrays import Bools
 from jld_explore.drivers.exact.at_seat import Answer, Order, Recipe, hunt_at_seat
-from jld_explore.drivers.exact.conflicts import Conflicts
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube, parted
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.hunting import Catch
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.evaluation import Seat, Seats
 from jld_explore.space import Range, SearchSpace
 
@@ -77,7 +75,7 @@ class _Lent:
 
 class Crew:
     """Processes that hunt in cubes. jobs: how many; on a cluster every worker instead. space, blocks, free, seed: of
-    the proof. known, passed: the proof's conflicts and labellings that are dealt with, to which it adds.
+    the proof. state: of the proof, to which all that is found is added.
     """
 
     def __init__(
@@ -87,19 +85,18 @@ class Crew:
         free: Bools,
         seed: int,
         jobs: int,
-        known: Conflicts,
-        passed: Sequence[Bits],
+        state: ProofState,
     ) -> None:
         self._recipe = space, blocks, free
         self._seed, self._made = seed, 0
-        self._known, self._passed = known, passed
+        self._state = state
         self._seats = Seats(jobs)
         self._told: dict[str, _Told] = {}
         self._lent: dict[Future[Answer], _Lent] = {}
         self._cubes: deque[tuple[Cube, int]] = deque()
         self._weight = np.zeros(len(space.fixed))
         self._gain = 1.0
-        self._caught = Catch()
+        self._news = False
         self._formula: Formula | None = None
         self._step, self._threshold = 0, 0.0
         self._count: int | Range | None = None
@@ -127,17 +124,18 @@ class Crew:
         self._formula = None
         self._cubes.clear()
 
-    def step(self, threshold: float, *, idle: bool) -> Catch:
-        """What was found since the last time. threshold: scaled λ, not lower than before in this formula. idle: whether
-        to wait for something."""
+    def step(self, threshold: float, *, idle: bool) -> bool:
+        """Add to the state of the proof what was found; return whether every cube is closed.
+
+        threshold: scaled λ, not lower than before in this formula. idle: whether to wait for something.
+        """
         self._threshold = threshold
         self.pump()
-        if idle and self._lent and not (self._caught.conflicts or self._caught.unrefuted):
+        if idle and self._lent and not self._news:
             wait(list(self._lent), timeout=_PATIENCE, return_when=FIRST_COMPLETED)
             self.pump()
-        caught, self._caught = self._caught, Catch()
-        caught.exhausted = not self._cubes and not any(one.step == self._step for one in self._lent.values())
-        return caught
+        self._news = False
+        return not self._cubes and not any(one.step == self._step for one in self._lent.values())
 
     def pump(self) -> None:
         """Take what has been done, and lend what waits to those who are free."""
@@ -156,15 +154,13 @@ class Crew:
                     return
                 self._lend(seat, *self._cubes.popleft())
 
-    def close(self, patience: float) -> Catch:
-        """Let all go, and return what is found meanwhile. patience: seconds."""
+    def close(self, patience: float) -> None:
+        """Let all go, and keep what is found meanwhile. patience: seconds."""
         self.end()
         wait(list(self._lent), timeout=patience)
         self.pump()
         self._seats.close()
         self._lent.clear()
-        caught, self._caught = self._caught, Catch()
-        return caught
 
     # --- cubes ------------------------------------------------------------------------------------------
 
@@ -187,12 +183,13 @@ class Crew:
         if told.orders == 0:
             self._made += 1
             recipe = Recipe(*self._recipe, seed=self._seed + 1000 * self._made).packed()
-        news, passed = self._known[told.conflicts :], self._passed[told.passed :]
+        news = self._state.conflicts[told.conflicts :]
+        passed = self._state.handed_over_since(told.passed)
         order = Order(
             seat=seat.name,
             number=told.orders,
             recipe=recipe,
-            news=tuple(news),
+            news=tuple(replace(one, mechanism=None) for one in news),
             passed=np.array(passed, dtype=bool).reshape(len(passed), len(self._weight)),
             step=self._step,
             count=self._count,
@@ -240,8 +237,8 @@ class Crew:
             return
         self.solves += answer.solves
         self.moments.append(answer.seconds)
-        self._caught.unrefuted += answer.unrefuted
-        self._caught.conflicts += answer.conflicts
+        new = self._state.hand_over(answer.unrefuted) + self._state.add_conflicts(answer.conflicts)
+        self._news |= new > 0 or answer.closed
         for conflict in answer.conflicts:
             self._weigh(conflict)
             if self._formula is not None:
@@ -261,10 +258,10 @@ class Crew:
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
         if one.step == self._step and self._formula is not None:
             self._formula.set_aside(faces, labels)
-        passed = [*self._passed, *self._caught.unrefuted, *answer.unrefuted]
         group = self._recipe[0].group
+        passed = self._state.handed_over
         if one.count is None and not any(one.cube.holds(image) for row in passed for image in row[group]):
-            self._caught.conflicts.append(Conflict(faces, labels, one.threshold, closed=True))
+            self._state.add_conflicts([Conflict(faces, labels, one.threshold, Evidence.CUBE)])
 
     def _weigh(self, conflict: Conflict) -> None:
         self._gain /= _FADING

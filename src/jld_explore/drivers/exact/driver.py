@@ -31,7 +31,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import load_floor
+from jld_core.limit import exceeds, load_floor
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
@@ -39,8 +39,9 @@ from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
 from jld_explore.drivers.exact.narrowing import Narrowing
 from jld_explore.drivers.exact.optimum import Best, counts_of, front, front_of_all
+from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.proving import Proving
-from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
+from jld_explore.drivers.exact.shrinking import Conflict, Evidence, Mechanism, conflict_of
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import SearchSpace, count_named, registered
@@ -53,6 +54,10 @@ _STEP: Final = 0.5 * tolerances.PROVEN
 
 _PATIENCE: Final = (6000, 500)
 """Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
+
+
+_COMPARED: Final = 2000
+"""Strongest evaluated layouts that are held against all conflicts when a proof ends."""
 
 
 class Exact(Proving):
@@ -124,19 +129,21 @@ class Exact(Proving):
 
     @property
     def bound(self) -> float | None:
-        """Proven upper bound on λ over the whole space, scene units; None where there is none yet."""
+        """Proven upper bound on λ over the whole space, scene units; None where there is none yet, or none any more."""
+        if self._given_up or (self._proof_check is not None and not self._proof_check.passed):
+            return None
         best = self.found[None]
         return best.bound if math.isfinite(best.bound) else None
 
     @property
     def finished(self) -> bool:
-        """All that was aimed at is proven."""
-        return self._everything is None and not self._targets and all(best.proven for best in self.found.values())
+        """All that was aimed at is proven, and the proof passed its check."""
+        return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
         """See `Driver.working`."""
-        return self._everything is None and bool(self._targets)
+        return self._everything is None and bool(self._targets) and not self._given_up
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """See `Driver.facts`: what the proof took, and the front where that was aimed at."""
@@ -144,8 +151,28 @@ class Exact(Proving):
         if self._count is not None:
             enumerated = self._everything is not None
             rows = front_of_all(results, self._count.name, complete) if enumerated else front(self.found.values())
+            if self._proof_check is not None and not self._proof_check.passed:
+                rows = [{**row, "bound": None, "proven": False} for row in rows]
             found["front"] = rows
         return found
+
+    def withdraw(self, reason: str) -> None:
+        """See `Driver.withdraw`."""
+        super().withdraw(reason)
+        self._forget_bounds()
+
+    def _forget_bounds(self) -> None:
+        """Begin the proof again at its first target, with what was evaluated."""
+        self.found = {None: Best(None, math.nan, math.inf, self._floor)}
+        low = self._incumbents.best(None)
+        if math.isfinite(low):
+            self.found[None] = replace(self.found[None], load_factor=low)
+        self._targets = [] if self._given_up else [None]
+        self._listed = self.aim == "best"
+        self._ladder = Ladder(self._patience)
+        self._begun = False
+        if self._by_blocks is not None:
+            self._by_blocks.abandon()
 
     def employ(self, jobs: int) -> None:
         """See `Driver.employ`: they refute parts of the space."""
@@ -176,13 +203,29 @@ class Exact(Proving):
                 self._waiting = self._pursue(self._targets[0])
         given = self._given(limit)
         self._none_asked &= not len(given)
+        if not len(given) and not self._targets and self._proof_check is None and not self._given_up:
+            claims, problem = self._claims()
+            self._proof_check = self._check(claims, self._incumbents.strongest(_COMPARED), problem)
         return given
+
+    def _claims(self) -> tuple[list[Claim], str]:
+        """What is claimed to be proven, and what is wrong with it at first sight, "" for nothing."""
+        claims, problem = [], ""
+        for target, best in self.found.items():
+            claims.append(Claim(target, (0.0 if best.bound == -math.inf else best.bound) / self._scale))
+            low = self._incumbents.best(target)
+            if not best.proven:
+                problem = problem or f"the bound {best.bound:.9g} is not met"
+            if math.isfinite(low) and exceeds(low, best.bound, self._floor):
+                problem = problem or f"a layout carries {low:.9g}, above the bound {best.bound:.9g}"
+        return claims, problem
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:
             self._everything.tell(labellings, evaluations)
             return
         self._search.tell(labellings, evaluations)
+        self._state.note_evaluated(labellings)
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
@@ -191,9 +234,6 @@ class Exact(Proving):
             low = self._incumbents.best(target)
             if math.isfinite(low) and not best.load_factor >= low:
                 self.found[target] = replace(best, load_factor=low)
-
-    def _is_evaluated(self, labels: Bits) -> bool:
-        return labels in self._incumbents
 
     @property
     def _late(self) -> bool:
@@ -214,9 +254,11 @@ class Exact(Proving):
                 self._lower(target, self._root())
                 root = self._by_blocks.start(self.least(None) / self._scale, self.found[None].bound / self._scale)
                 if self._by_more_than_faces:
+                    self._bound_all(root, Evidence.BLOCKS)
                     self._lower(target, root * self._scale)
             self._begin(target)
         if self.found[target].proven:
+            self._keep_open_nodes()
             self._settle(target)
             return self._none
         while not self._late:
@@ -236,8 +278,9 @@ class Exact(Proving):
                     return self._none
                 self._begin(None)
                 continue
-            caught = self._hunted(self._hunters, threshold)
-            if caught.exhausted:
+            exhausted = self._hunted(self._hunters, threshold)
+            proposed = self._to_evaluate()
+            if exhausted and not len(proposed):
                 self._lower(target, threshold)
                 self._ladder.proven(self.conflicts - self._began)
                 if threshold <= self.least(target):
@@ -245,7 +288,6 @@ class Exact(Proving):
                     return self._none
                 self._begin(target)
                 continue
-            proposed = self._offered(caught.unrefuted)
             if self._ladder.stuck(self.conflicts - self._began, self.found[target].bound, threshold):
                 self._begin(target)
             self._left = self._turns.due(self.relaxations)
@@ -260,9 +302,21 @@ class Exact(Proving):
             return False
         left = math.inf if self._deadline is None else self._deadline - time.perf_counter()
         found = narrowing.narrow(low, high, left, self._late_after_heartbeat)
-        self._conflicts.add(found.conflicts)
+        self._state.add_conflicts(found.conflicts)
+        self._bound_all(found.bound, Evidence.BLOCKS)
         self._lower(None, found.bound * self._scale)
         return True
+
+    def _bound_all(self, bound: float, evidence: Evidence, mechanism: Mechanism | None = None) -> None:
+        """State a bound on all labellings, scaled λ, as a conflict of no faces."""
+        if bound != math.inf:
+            nothing = np.empty(0, dtype=np.int64)
+            self._state.add_conflicts([Conflict(nothing, nothing.astype(bool), bound, evidence, mechanism)])
+
+    def _keep_open_nodes(self) -> None:
+        """State the bound of every open node of the tree of blocks as a conflict."""
+        if self._by_blocks is not None and self._by_blocks.active:
+            self._state.add_conflicts(self._by_blocks.open_conflicts)
 
     def prove_by_faces(self) -> None:
         """Do without what a certificate cannot say: a bound that mechanisms of blocks prove together."""
@@ -272,7 +326,7 @@ class Exact(Proving):
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
-        self._conflicts.add([conflict])
+        self._state.add_conflicts([conflict])
         self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _choose(self, search: BlockSearch, threshold: float) -> Bits:
@@ -283,17 +337,22 @@ class Exact(Proving):
         step = search.step(self._formula, threshold / self._scale, self._late_after_heartbeat)
         for conflict in step.conflicts:
             self._add(conflict)
+        self._state.conflicts.save()
         if step.whole is not None and self._formula.next(np.arange(len(step.whole)), step.whole) is None:
             return self._none  # the tree knows nothing of counts, nor of laying
         if step.whole is not None:
             fallen = conflict_of(self._relaxation, step.whole, self._free, threshold / self._scale)
             if fallen is None:
-                return self._offer(step.whole)
+                self._offer(step.whole)
+                return self._to_evaluate()
             self._add(fallen)
+            self._keep_open_nodes()
             search.note_blunt()
             return self._none
         self._lower(None, max(threshold, search.bound * self._scale))
-        return self._none if step.promising is None else self._offer(step.promising)
+        if step.promising is not None:
+            self._offer(step.promising)
+        return self._to_evaluate()
 
     def least(self, target: int | None) -> float:
         """λ that a labelling must exceed to be worth finding, scene units."""
@@ -305,8 +364,11 @@ class Exact(Proving):
         assert self._relaxation is not None
         # candidates that no possible block contains are dry whatever the scene's own label
         labels = self.space.fixed | (self.space.candidates & ~self._free)
-        bound = self._relaxation.bound(labels, self._free)
-        return bound * self._scale if math.isfinite(bound) else bound
+        found = self._relaxation.least_bound(labels, self._free)
+        if found is None:
+            return math.inf
+        self._bound_all(found.bound, Evidence.MECHANISM, Mechanism(found.case, found.velocity))
+        return found.bound * self._scale
 
     def _begin(self, target: int | None) -> None:
         """Aim at what is left at the next step down."""
@@ -322,7 +384,7 @@ class Exact(Proving):
 
     def _lower(self, target: int | None, bound: float) -> None:
         """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
-        for labels in self._passed:
+        for labels in self._state.handed_over:
             bound = max(bound, self._incumbents.high(labels, target))
         best = self.found[target]
         if bound < best.bound:

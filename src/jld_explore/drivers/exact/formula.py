@@ -36,12 +36,14 @@ _SOLVER: Final = "minisat22"
 class Formula:
     """Labellings one after the other, each a model of all clauses so far.
 
-    space: what is searched. blocks: its possible blocks, None where they are not listed.
+    space: what is searched. blocks: its possible blocks, None where they are not listed. solver: name of the
+    satisfiability solver, as the package python-sat has it.
     """
 
-    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None) -> None:
+    def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, solver: str = _SOLVER) -> None:
         self.space, self.blocks = space, blocks
-        self._solver = Solver(_SOLVER)
+        self._solver = Solver(solver)
+        self._interruptible = solver == _SOLVER
         candidates = np.flatnonzero(space.candidates)
         self._inner = np.zeros(len(space.fixed), dtype=np.int64)
         self._inner[candidates] = 1 + np.arange(candidates.size)
@@ -116,6 +118,8 @@ class Formula:
         return None
 
     def _solve(self, wanted: list[int]) -> bool:
+        if not self._interruptible:
+            return bool(self._solver.solve(assumptions=wanted))
         # what may be interrupted runs without the interpreter's lock; nobody does interrupt it
         return bool(self._solver.solve_limited(assumptions=wanted, expect_interrupt=True))
 

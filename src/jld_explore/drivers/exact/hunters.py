@@ -4,17 +4,16 @@ in its place, where there may be more, or where there is no kernel.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
-from jld_core.arrays import Bits, Bools
+from jld_core.arrays import Bools
 from jld_core.limit import AnyRelaxation
-from jld_explore.drivers.exact.conflicts import Conflicts
 from jld_explore.drivers.exact.crew import Crew
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.hunting import Catch, Hunt
+from jld_explore.drivers.exact.hunting import Hunt
 from jld_explore.drivers.exact.pack import Pack
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
+from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation import client_of_cluster
 from jld_explore.space import Range, SearchSpace
 
@@ -31,10 +30,9 @@ _LAST: Final = 0.5
 class Hunters:
     """Conflicts of one formula after the other, by one process or several.
 
-    relaxation: of the space. blocks: listed. free: (m,) faces that may take either label. seed: of preferences. known,
-    passed: the proof's conflicts and labellings that are dealt with; whoever steps adds to them what is caught. alone:
-    relaxations after which other processes help, 0: it is left to them from the first; None: where they are of use.
-    `solves`: relaxations that others solved.
+    relaxation: of the space. blocks: listed. free: (m,) faces that may take either label. seed: of preferences. state:
+    of the proof, to which all that is found is added. alone: relaxations after which other processes help, 0: it is
+    left to them from the first; None: where they are of use. `solves`: relaxations that others solved.
     """
 
     def __init__(
@@ -44,13 +42,12 @@ class Hunters:
         blocks: PossibleBlocks | None,
         free: Bools,
         seed: int,
-        known: Conflicts,
-        passed: Sequence[Bits],
+        state: ProofState,
         alone: int | None = None,
     ) -> None:
         self._hunt = Hunt(relaxation, free, seed)
         self._relaxation, self._space, self._blocks, self._free, self._seed = relaxation, space, blocks, free, seed
-        self._known, self._passed = known, passed
+        self._state = state
         self._alone = alone
         self._jobs, self._helped, self._away = 1, False, False
         self.solves = 0
@@ -65,7 +62,7 @@ class Hunters:
         self._helped = jobs > 1 or self._away
         if jobs > 1 and self._pack is None and self._relaxation.many:
             recipe = self._relaxation, self._space, self._blocks, self._free, self._seed
-            self._pack = Pack(*recipe, min(jobs, _THREADS), self._known, self._passed)
+            self._pack = Pack(*recipe, min(jobs, _THREADS), self._state)
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
         """Go on with another formula. count: as `Formula` takes it; threshold: scaled λ."""
@@ -89,12 +86,15 @@ class Hunters:
         if self.crew is not None:
             self.crew.pump()
 
-    def step(self, threshold: float) -> Catch:
-        """A moment's catch. threshold: scaled λ, not lower than before in this formula."""
+    def step(self, threshold: float) -> bool:
+        """Add a moment's findings to the state of the proof; return whether no labelling is left.
+
+        threshold: scaled λ, not lower than before in this formula.
+        """
         assert self._formula is not None
         if self.crew is None and self._helped and self._is_time():
-            self._formula.learn(self._known)  # threads have told formulas of their own
-            self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._known, self._passed)
+            self._formula.learn(self._state.conflicts)  # threads have told formulas of their own
+            self.crew = Crew(self._space, self._blocks, self._free, self._seed, self._jobs, self._state)
             self.crew.begin(self._formula, self._count, threshold)
         if self.crew is None:
             return self._near(threshold)
@@ -102,25 +102,34 @@ class Hunters:
         self.crew.pump()
         # alone as long as none of the others is there
         if not self.crew.at_work and (self._alone != 0 or not self.crew.expected):
-            caught, found = self._near(threshold), self.crew.step(threshold, idle=False)
+            before = len(self._state.conflicts)
+            exhausted = self._near(threshold)
+            self._formula.learn(self._state.conflicts[before:])
+            closed = self.crew.step(threshold, idle=False)
         else:
-            caught = Catch() if self._pack is None else self._pack.close()
-            self._pack = None
-            found = self.crew.step(threshold, idle=not caught.conflicts)
-        self._formula.learn(caught.conflicts)
+            exhausted = False
+            if self._pack is not None:
+                self._pack.close()
+                self._pack = None
+                self._formula.learn(self._state.conflicts, self._state.handed_over)
+            closed = self.crew.step(threshold, idle=True)
         self.solves = self.crew.solves
-        caught.conflicts += found.conflicts
-        caught.unrefuted += found.unrefuted
-        if found.exhausted and self._formula.next() is None:
-            caught.exhausted = True  # all cubes are closed
-        if caught.unrefuted:
-            caught.exhausted = False  # not before these are dealt with
-        return caught
+        if closed:
+            self._formula.learn((), self._state.handed_over)
+            if self._formula.next() is None:
+                return True
+            # what is left of a cube although it was closed is hunted again
+            self.crew.begin(self._formula, self._count, threshold)
+        return exhausted
 
-    def _near(self, threshold: float) -> Catch:
-        """What this process catches."""
-        assert self._formula is not None
-        return self._hunt.step(threshold) if self._pack is None else self._pack.step(threshold)
+    def _near(self, threshold: float) -> bool:
+        """Let this process find conflicts; return whether no labelling is left."""
+        if self._pack is not None:
+            return self._pack.step(threshold)
+        caught = self._hunt.step(threshold)
+        self._state.add_conflicts(caught.conflicts)
+        self._state.hand_over(caught.unrefuted)
+        return caught.exhausted
 
     def _is_time(self) -> bool:
         """Whether other processes are of use by now."""
@@ -129,12 +138,12 @@ class Hunters:
         others = self._away or self._jobs > _THREADS or not self._relaxation.many
         return others and self._relaxation.solves >= ALONE[not self._relaxation.many]
 
-    def close(self) -> Catch:
-        """Send the others home; what they had found is returned."""
+    def close(self) -> None:
+        """Send the others home; what they had found is kept."""
         crew, self.crew = self.crew, None
         self._helped = False
-        caught = Catch() if self._pack is None else self._pack.close()
+        if self._pack is not None:
+            self._pack.close()
         self._pack = None
         if crew is not None:
-            caught.conflicts += crew.close(_LAST).conflicts
-        return caught
+            crew.close(_LAST)

@@ -19,7 +19,7 @@ from jld_core.lanes import Shrinking, ToShrink
 from jld_core.limit import AnyRelaxation, Fallen
 from jld_explore.drivers.exact.cubes import EVERYTHING, Cube
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
+from jld_explore.drivers.exact.shrinking import Conflict, Mechanism, conflict_of
 from jld_explore.drivers.exact.windows import Worth, windows_of
 
 _DRAWN: Final = 8
@@ -134,17 +134,19 @@ class Hunt:
 
     def _sort(self, drawn: Bits, threshold: float, fallen: list[Fallen], caught: Catch) -> None:
         """Conflicts, and labellings that nothing refutes, among what became of labellings (k, m)."""
+        left = set(range(len(drawn)))
         for one in fallen:
             labels = drawn[one.labelling]
-            if one.bound is not None:
-                faces = np.flatnonzero(one.decided)
-                self._take(Conflict(faces, labels[faces], min(one.bound, threshold)), caught)
-            elif one.drawn:
-                if one.carries:
-                    caught.unrefuted.append(labels)
-                else:
-                    # what the kernel leaves open is worth another route, since else it has to be evaluated
-                    self._shrink_one(labels, threshold, caught)
+            if one.bound is not None and one.velocity is not None:
+                faces, mechanism = np.flatnonzero(one.decided), Mechanism(one.case, one.velocity)
+                self._take(Conflict(faces, labels[faces], min(one.bound, threshold), mechanism=mechanism), caught)
+                left.discard(one.labelling)
+            elif one.drawn and one.carries:
+                caught.unrefuted.append(labels)
+                left.discard(one.labelling)
+        # what the kernel leaves open is worth another route, since else it has to be evaluated
+        for number in sorted(left):
+            self._shrink_one(drawn[number], threshold, caught)
 
     def _shrink_one(self, labels: Bits, threshold: float, caught: Catch) -> None:
         with _OTHER_ROUTE:

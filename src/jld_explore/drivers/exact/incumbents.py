@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from jld_core import tolerances
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.limit import Status
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, values_of
@@ -71,6 +71,15 @@ class Incumbents:
     def __contains__(self, labels: Bits) -> bool:
         """Whether a canonical labelling (m,) was evaluated."""
         return np.packbits(labels).tobytes() in self._known
+
+    def strongest(self, count: int) -> tuple[Bits, Floats]:
+        """Layouts (k, m) of the largest proven λ, at most `count`, and that λ (k,), scene units."""
+        stands = [(low, key) for key, (low, _, _) in self._known.items() if math.isfinite(low)]
+        stands.sort(key=lambda one: (-one[0], one[1]))
+        faces = len(self._space.fixed)
+        packed = np.frombuffer(b"".join(key for _, key in stands[:count]), dtype=np.uint8)
+        rows = np.unpackbits(packed.reshape(-1, (faces + 7) // 8), axis=1, count=faces).astype(bool)
+        return rows, np.array([low for low, _ in stands[:count]])
 
     def best(self, target: int | None) -> float:
         """Largest proven λ with a count, or of all; −inf where there is none."""

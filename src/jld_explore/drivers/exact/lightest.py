@@ -13,10 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.hunters import Hunters
+from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.proving import Proving
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation, may_meet, meets
@@ -47,13 +48,13 @@ class Lightest(Proving):
 
     @property
     def finished(self) -> bool:
-        """All that was asked for is proven."""
-        return self._done and self._everything is None and not self._open
+        """All that was asked for is proven, and the proof passed its check."""
+        return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
         """See `Driver.working`."""
-        return self._everything is None and not self._done
+        return self._everything is None and not self._done and not self._given_up
 
     @property
     def best(self) -> float | None:
@@ -81,14 +82,25 @@ class Lightest(Proving):
             if len(found):
                 return found
         self._searching = False
-        while not len(self._waiting) and not self._done and not self._late:
+        while not len(self._waiting) and not self._done and not self._late and not self._given_up:
             assert self._hunters is not None
             if not self._begun:
                 self._begin(self._hunters)
-            caught = self._hunted(self._hunters, self._threshold)
-            self._done = caught.exhausted
-            self._waiting = self._offered(caught.unrefuted)
-        return self._given(limit)
+            exhausted = self._hunted(self._hunters, self._threshold)
+            self._waiting = self._to_evaluate()
+            self._done = exhausted and not len(self._waiting)
+        given = self._given(limit)
+        if self._done and not len(given) and self._proof_check is None:
+            problem = "a layout that counts better may carry enough" if self._open else ""
+            # what carries enough is known of each layout here, and not how much it carries
+            carries = self._carrying
+            self._proof_check = self._check([Claim(self._better, self._threshold / self._scale)], carries, problem)
+        return given
+
+    def withdraw(self, reason: str) -> None:
+        """See `Driver.withdraw`."""
+        super().withdraw(reason)
+        self._begun = self._done = False
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:
@@ -97,14 +109,12 @@ class Lightest(Proving):
         if self._searching:
             self._genetic.tell(labellings, evaluations)
         before = self.best
+        self._state.note_evaluated(labellings)
         self._learn(labellings, evaluations)
         if self.best != before and self._begun:
             if self._hunters is not None:
                 self._hunters.end()
             self._begun = False
-
-    def _is_evaluated(self, labels: Bits) -> bool:
-        return np.packbits(labels).tobytes() in self._known
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         count = values_of(self._count, self.space.assembly, labellings, self.space.graph)
@@ -112,13 +122,27 @@ class Lightest(Proving):
             state = meets(self.space, found), may_meet(self.space, found), float(value)
             self._known[np.packbits(labels).tobytes()] = state
 
+    @property
+    def _carrying(self) -> tuple[Bits, Floats]:
+        """Layouts (k, m) that meet the requirement, and λ that each is proven to carry, (k,)."""
+        packed = [np.frombuffer(key, dtype=np.uint8) for key, (met, _, _) in self._known.items() if met]
+        faces = len(self.space.fixed)
+        table = np.array(packed, dtype=np.uint8).reshape(len(packed), (faces + 7) // 8)
+        rows = np.unpackbits(table, axis=1, count=faces)
+        return rows.astype(bool), np.full(len(rows), self._threshold)
+
     def _begin(self, hunters: Hunters) -> None:
         """Aim at all that counts better than the best known."""
-        best = self.best
-        better: Range | None = None
-        if best is not None and math.isfinite(best):
-            better = Range.of((None, best - 1) if self._least else (best + 1, None), whole=True)
+        better = self._better
         self._begun = True
         formula = self._told()
         formula.aim(self._threshold / self._scale, better)
         hunters.begin(formula, better, self._threshold / self._scale)
+
+    @property
+    def _better(self) -> Range | None:
+        """Counts better than the best known; None for any count."""
+        best = self.best
+        if best is None or not math.isfinite(best):
+            return None
+        return Range.of((None, best - 1) if self._least else (best + 1, None), whole=True)

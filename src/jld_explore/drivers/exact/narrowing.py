@@ -23,7 +23,7 @@ from jld_core.arrays import Bools, Ints
 from jld_core.limit import Choice, LimitAnalysis, applies_to
 from jld_explore.drivers.exact.choosers import Space, choose_at_seat
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.evaluation import Seats
 from jld_explore.space import SearchSpace
 
@@ -152,7 +152,7 @@ class Narrowing:
         labels = np.ones(len(touched), dtype=bool)
         labels[list(self._blocks.inside[p])] = False
         where = np.flatnonzero(touched)
-        return Conflict(where, labels[where], least)
+        return Conflict(where, labels[where], least, Evidence.BLOCKS)
 
 
 def _sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:

@@ -6,48 +6,32 @@ labellings evaluated. Each draws by preferences of its own, so that few conflict
 the labellings, by the face that conflicts of late are most about, saves none and makes drawing a fifth slower.
 
 What is proven does not depend on who was quicker. A formula without any model holds nothing but conflicts and
-labellings that were handed over; which conflicts those are differs from run to run.
+labellings that were handed over, and `ProofState` owns both; which conflicts those are differs from run to run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from threading import Condition
 from typing import Final
 
-import numpy as np
-
-from jld_core.arrays import Bits, Bools
+from jld_core.arrays import Bools
 from jld_core.limit import AnyRelaxation
 from jld_core.threads import one_thread
-from jld_explore.drivers.exact.conflicts import Conflicts, LeastBounds
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunting import Catch, Hunt
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import Range, SearchSpace
 
 _PATIENCE: Final = 0.1
 """Seconds the first thread waits at the most before it looks at the clock again."""
 
 
-class _Known:
-    """What all threads are told: conflicts, with smaller bounds as they are found, and labellings dealt with."""
-
-    def __init__(self) -> None:
-        self.conflicts: list[Conflict] = []
-        self.passed: list[Bits] = []
-        self._bounds = LeastBounds()
-
-    def add(self, conflict: Conflict, threshold: float) -> bool:
-        """Take a conflict, unless that is known which rules out the same above a threshold; whether it was not."""
-        new = self._bounds.lowered(conflict, threshold)
-        if new:
-            self.conflicts.append(conflict)
-        return new
+def reached(place: str) -> None:
+    """Do nothing; tests put delays here, at the places where a thread's work meets that of others."""
 
 
 @dataclass
@@ -62,8 +46,8 @@ class _Chase:
 class _Member:
     """What one thread has of its own: its draws, and a formula."""
 
-    def __init__(self, hunt: Hunt, known: _Known) -> None:
-        self._hunt, self._known = hunt, known
+    def __init__(self, hunt: Hunt, state: ProofState) -> None:
+        self._hunt, self._state = hunt, state
         self._chase: _Chase | None = None
         self._formula: Formula | None = None
         self._heard = self._dealt = 0
@@ -81,15 +65,17 @@ class _Member:
     def _hear(self) -> None:
         """Take in what is known by now."""
         assert self._formula is not None
-        news, passed = self._known.conflicts[self._heard :], self._known.passed[self._dealt :]
+        reached("before hearing")
+        news, passed = self._state.conflicts[self._heard :], self._state.handed_over_since(self._dealt)
         self._heard, self._dealt = self._heard + len(news), self._dealt + len(passed)
         self._formula.learn(news, passed)
 
 
 class Pack:
-    """Threads that hunt together. relaxation, space, blocks, free, seed: of the proof; the kernel solves many at once.
+    """Threads that find conflicts together; what they find goes to the state of the proof at once.
 
-    known, passed: the proof's conflicts and labellings that are dealt with, to which whoever steps adds.
+    relaxation, space, blocks, free, seed: of the proof; the kernel solves many at once. threads: how many. state: of
+    the proof, which other ways to find conflicts may add to as well.
     """
 
     def __init__(
@@ -100,19 +86,17 @@ class Pack:
         free: Bools,
         seed: int,
         threads: int,
-        known: Conflicts,
-        passed: Sequence[Bits],
+        state: ProofState,
     ) -> None:
         self._recipe = space, blocks
-        self._of_proof, self._said = (known, passed), (0, 0)
-        self._known = _Known()
+        self._state = state
         hunts = [Hunt(relaxation, free, seed + 1000 * number) for number in range(threads)]
-        self._members = [_Member(hunt, self._known) for hunt in hunts]
+        self._members = [_Member(hunt, state) for hunt in hunts]
         self._pool = ThreadPoolExecutor(threads)
         self._idle = set(range(threads))
         self._chase: _Chase | None = None
         self._count: int | Range | None = None
-        self._caught = Catch()
+        self._news = False
         self._heard = Condition()
         self._error: BaseException | None = None
 
@@ -122,44 +106,32 @@ class Pack:
         self._count = count
 
     def end(self) -> None:
-        """Give up what is hunted; conflicts that were found meanwhile are handed over at the next step."""
+        """Give up what is hunted; what is found meanwhile is kept in the state of the proof."""
         with self._heard:
-            self._chase, self._caught.unrefuted = None, []
+            self._chase = None
 
-    def step(self, threshold: float) -> Catch:
-        """What was found since the last time, a moment's wait at the most. threshold: scaled λ, not lower than before
-        in this formula."""
+    def step(self, threshold: float) -> bool:
+        """Wait until something is found, a moment at the most; return whether no labelling is left.
+
+        threshold: scaled λ, not lower than before in this formula.
+        """
         with self._heard:
             if self._chase is None:
-                self._take_in()
                 self._chase = _Chase(self._count, threshold)
             self._chase.threshold = threshold
             while self._idle and not self._chase.exhausted:
                 self._send(self._idle.pop())
-            if not (self._caught.conflicts or self._caught.unrefuted or self._chase.exhausted or self._error):
+            if not (self._news or self._chase.exhausted or self._error):
                 self._heard.wait(_PATIENCE)
+            self._news = False
             if self._error is not None:
                 raise self._error
-            caught, self._caught = self._caught, Catch()
-            # what nothing refutes is dealt with first
-            caught.exhausted = self._chase.exhausted and not caught.unrefuted
-            return caught
+            return self._chase.exhausted
 
-    def close(self) -> Catch:
-        """Let all go, and return what was found meanwhile."""
+    def close(self) -> None:
+        """Let all threads go; what each is at is still kept in the state of the proof."""
         self.end()
         self._pool.shutdown(wait=False)
-        with self._heard:
-            caught, self._caught = self._caught, Catch()
-            return caught
-
-    def _take_in(self) -> None:
-        """Tell all what the proof knows by other ways."""
-        known, passed = self._of_proof
-        for conflict in known[self._said[0] :]:
-            self._known.add(conflict, -np.inf)
-        self._known.passed += passed[self._said[1] :]
-        self._said = len(known), len(passed)
 
     def _send(self, number: int) -> None:
         # once the interpreter ends, or all are let go, no task is taken any more
@@ -176,7 +148,9 @@ class Pack:
                 self._idle.add(number)
                 return
         try:
-            self._hand_over(chase, member.step(chase, *self._recipe))
+            caught = member.step(chase, *self._recipe)
+            reached("before handing over")
+            self._hand_over(chase, caught)
         except BaseException as error:  # the first thread's to raise
             with self._heard:
                 self._error = error
@@ -185,12 +159,13 @@ class Pack:
             self._send(number)
 
     def _hand_over(self, chase: _Chase, caught: Catch) -> None:
+        """Give what a thread has found to the state of the proof, whatever is hunted by now."""
         with self._heard:
             threshold = chase.threshold if self._chase is None else self._chase.threshold
-            self._caught.conflicts += [one for one in caught.conflicts if self._known.add(one, threshold)]
-            if chase is self._chase:
-                self._caught.unrefuted += caught.unrefuted
-                self._known.passed += caught.unrefuted
-                chase.exhausted |= caught.exhausted
-            if self._caught.conflicts or self._caught.unrefuted or caught.exhausted:
+            new = self._state.add_conflicts(caught.conflicts, threshold)
+            new += self._state.hand_over(caught.unrefuted)
+            # last: whoever sees that nothing is left must see what was handed over
+            chase.exhausted |= caught.exhausted
+            self._news |= new > 0 or caught.exhausted
+            if self._news:
                 self._heard.notify()

@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import Field
 
-from jld_core.arrays import Bits
+from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact.conflicts import Conflicts, key_of
+from jld_explore.drivers.exact.conflicts import key_of
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.hunters import Hunters
-from jld_explore.drivers.exact.hunting import Catch
 from jld_explore.drivers.exact.possible_blocks import possible_blocks
+from jld_explore.drivers.exact.proof_check import Claim, ProofCheck, check_proof
+from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation import Evaluation, Records
-from jld_explore.space import Count, SearchSpace, canonical
+from jld_explore.space import Count, SearchSpace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +43,7 @@ class Proving(Driver):
     name = "exact"
     remembers = True
     modular = True
+    checks = True
     Options = ExactOptions
 
     def __init__(
@@ -66,32 +68,42 @@ class Proving(Driver):
         if self._blocks is not None:
             joined = {face for inside in self._blocks.inside for face in inside}
             self._free &= np.isin(np.arange(len(self._free)), list(joined))
-        self._conflicts = Conflicts(len(space.fixed))
+        self._state = ProofState(space)
         self._formula: Formula | None = None
         self._said = 0, 0
-        self._passed: list[Bits] = []
-        self._hunters: Hunters | None = None
-        if self._relaxation is not None:
-            proof = self._conflicts, self._passed
-            self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
+        self._alone, self._jobs = alone, 1
+        self._hunters = self._make_hunters()
         self._waiting = self._none
+        self._proof_check: ProofCheck | None = None
+        self._contradictions: list[str] = []
         self._deadline: float | None = None
         self._heartbeat: Callable[[], None] = lambda: None
+        self._began_at = time.perf_counter()
 
     @property
     def exhaustive(self) -> bool:
         """See `Driver.exhaustive`."""
         return self._everything is not None
 
+    def _make_hunters(self) -> Hunters | None:
+        if self._relaxation is None:
+            return None
+        return Hunters(self._relaxation, self.space, self._blocks, self._free, self.seed, self._state, self._alone)
+
     @property
-    def known(self) -> Conflicts:
-        """The conflicts found so far."""
-        return self._conflicts
+    def state(self) -> ProofState:
+        """The state of the proof: conflicts, and layouts that no conflict refutes."""
+        return self._state
 
     @property
     def conflicts(self) -> int:
-        """How many they are."""
-        return len(self._conflicts)
+        """Number of conflicts found so far."""
+        return len(self._state.conflicts)
+
+    @property
+    def proof_check(self) -> ProofCheck | None:
+        """Result of checking the finished proof, None while it is not finished."""
+        return self._proof_check
 
     @property
     def relaxations(self) -> int:
@@ -99,38 +111,67 @@ class Proving(Driver):
         return sum(part.solves for part in (self._relaxation, self._hunters) if part is not None)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """See `Driver.facts`: what the proof took."""
-        return {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        """See `Driver.facts`: what the proof took, and whether it passed its check."""
+        found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
+        if self._proof_check is not None:
+            found["proof_check"] = self._proof_check.to_dict()
+        elif self._everything is not None and complete:
+            # every class has an evaluation: nothing was concluded about any other
+            found["proof_check"] = ProofCheck("", 0.0).to_dict()
+        return found
+
+    @property
+    def complaints(self) -> list[str]:
+        """See `Driver.complaints`: contradictions met, and a failed check of the proof."""
+        failed = self._proof_check is not None and not self._proof_check.passed
+        return [*self._contradictions, *([f"not proven: {self._proof_check.problem}"] if failed else [])]  # type: ignore[union-attr]
+
+    def withdraw(self, reason: str) -> None:
+        """See `Driver.withdraw`: forget all conflicts, and begin the proof again; a second time, give it up."""
+        self._contradictions.append(reason)
+        if self._hunters is not None:
+            self._hunters.close()
+        self._state.clear()
+        self._formula, self._said = None, (0, 0)
+        self._waiting = self._none
+        self._hunters = self._make_hunters()
+        if self._hunters is not None:
+            self._hunters.employ(self._jobs)
+
+    @property
+    def _given_up(self) -> bool:
+        """Whether the proof contradicted itself again after it was begun anew."""
+        return len(self._contradictions) > 1
 
     def employ(self, jobs: int) -> None:
         """See `Driver.employ`: they refute parts of the space."""
+        self._jobs = jobs
         if self._hunters is not None:
             self._hunters.employ(jobs)
 
     def close(self) -> None:
         """See `Driver.close`."""
         if self._hunters is not None:
-            self._conflicts.add(self._hunters.close().conflicts)
+            self._hunters.close()
+            self._state.conflicts.save()
 
     def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """See `Driver.start`."""
         # what was found last must still be evaluated
         self._deadline = None if deadline is None else deadline - 0.3
         self._heartbeat = heartbeat
+        self._began_at = time.perf_counter()
         if records is not None and self._everything is None:
             templates = [analysis.template for analysis in self._analyses]
-            self._conflicts.keep(records, key_of(templates, self.space, self._blocks))
+            self._state.conflicts.keep(records, key_of(templates, self.space, self._blocks))
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Take in what a study that is gone on with knows: labellings (k, m)."""
         self._learn(labellings, evaluations)
+        self._state.note_evaluated(labellings)
 
     @abstractmethod
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None: ...
-
-    @abstractmethod
-    def _is_evaluated(self, labels: Bits) -> bool:
-        """Whether a canonical labelling (m,) was evaluated."""
 
     @property
     def _none(self) -> Bits:
@@ -146,29 +187,50 @@ class Proving(Driver):
         self._waiting = self._waiting[len(given) :]
         return given
 
-    def _hunted(self, hunters: Hunters, threshold: float) -> Catch:
-        """What hunters find in a moment, its conflicts kept. threshold: λ, scene units."""
-        caught = hunters.step(threshold / self._scale)
-        self._conflicts.add(caught.conflicts)
+    def _hunted(self, hunters: Hunters, threshold: float) -> bool:
+        """Find conflicts for a moment and put them on record; return whether no labelling is left.
+
+        threshold: λ, scene units.
+        """
+        exhausted = hunters.step(threshold / self._scale)
+        self._state.conflicts.save()
         self._heartbeat()
-        return caught
+        return exhausted
 
-    def _offered(self, labellings: Sequence[Bits]) -> Bits:
-        """Of labellings that no mechanism ruled out, those (k, m) to be evaluated."""
-        return np.concatenate([self._none, *(self._offer(labels) for labels in labellings)])
+    def _to_evaluate(self) -> Bits:
+        """Layouts (k, m) that were handed over and wait for their evaluation."""
+        self._learn_handed_over()
+        return self._state.take_waiting()
 
-    def _offer(self, labels: Bits) -> Bits:
-        """A labelling that no mechanism ruled out, (1, m), unless it has been evaluated before, (0, m)."""
+    def _offer(self, labels: Bits) -> None:
+        """Hand over a layout (m,) that no mechanism ruled out."""
+        self._state.hand_over([labels])
+
+    def _learn_handed_over(self) -> None:
         if self._formula is not None:
-            self._formula.forbid(np.arange(len(labels)), labels)
-        row = np.asarray(canonical(labels[None], self.space.group))
-        self._passed.append(row[0])
-        return self._none if self._is_evaluated(row[0]) else row
+            passed = self._state.handed_over_since(self._said[1])
+            self._formula.learn((), passed)
+            self._said = self._said[0], self._said[1] + len(passed)
 
     def _told(self) -> Formula:
-        """The formula, which knows all conflicts there are, and what was evaluated."""
+        """The formula, which knows all conflicts there are, and what was handed over."""
         if self._formula is None:
             self._formula = Formula(self.space, self._blocks)
-        self._formula.learn(self._conflicts[self._said[0] :], self._passed[self._said[1] :])
-        self._said = len(self._conflicts), len(self._passed)
+        new = self._state.conflicts[self._said[0] :]
+        self._formula.learn(new)
+        self._said = self._said[0] + len(new), self._said[1]
+        self._learn_handed_over()
         return self._formula
+
+    def _check(self, claims: Sequence[Claim], evaluated: tuple[Bits, Floats], problem: str) -> ProofCheck:
+        """Check a finished proof: see `check_proof`.
+
+        evaluated: the strongest layouts, and λ that each is proven to carry, scene units. problem: what the driver
+        itself found wrong, "" for nothing.
+        """
+        if self._relaxation is None:
+            raise ValueError("a space without a relaxation has no proof to check")
+        seconds = time.perf_counter() - self._began_at
+        scaled = evaluated[0], evaluated[1] / self._scale
+        proof = self._relaxation, self.space, self._blocks, self._free, self._state
+        return check_proof(*proof, claims, scaled, problem, seconds)

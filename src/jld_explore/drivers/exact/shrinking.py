@@ -9,29 +9,57 @@ one call, by the same rules (`Relaxation.shrink`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Final
 
 import numpy as np
 
-from jld_core.arrays import Bits, Bools, Ints
+from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import AnyRelaxation, DualBound
 
 _TRIES: Final = 2
 """Single faces tried in vain, the most promising first, before a conflict is taken as it is."""
 
 
+class Evidence(IntEnum):
+    """What proves a conflict; the numbers stand in records."""
+
+    MECHANISM = 0
+    """One mechanism over faces, weighed for all labellings that agree on the faces of the conflict."""
+
+    CUBE = 1
+    """A satisfiability solver, from other conflicts that are on record."""
+
+    BLOCKS = 2
+    """A mechanism of possible blocks (`jld_core.limit.BlockRelaxation`)."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Velocities (q·free,), scaled, and the index of the load case under which they prove a conflict."""
+
+    case: int
+    velocity: Floats
+
+
 @dataclass(frozen=True)
 class Conflict:
     """No labelling with `labels` (k,) on `faces` (k,) has a scaled λ above `bound`.
 
-    closed: other conflicts say so together, and no mechanism by itself (`exact.crew`).
+    evidence: what proves it. mechanism: the proof, where the evidence is a mechanism that is still in memory.
     """
 
     faces: Ints
     labels: Bits
     bound: float
-    closed: bool = False
+    evidence: Evidence = Evidence.MECHANISM
+    mechanism: Mechanism | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it follows from other conflicts alone."""
+        return self.evidence is Evidence.CUBE
 
     @property
     def name(self) -> tuple[bytes, bytes]:
@@ -65,13 +93,13 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
             sent = refuted()
             if sent is None:
                 # the mechanism at hand proves this much whatever comes of the next solve
-                return _conflict(labels, decided, threshold)
+                return _conflict(labels, decided, threshold, found)
             found = sent
             continue
         bound = min(found.bound, threshold)
         face = next((f for f in order.tolist() if f not in tried), None)
         if face is None or vain >= _TRIES:
-            return _conflict(labels, decided, bound)
+            return _conflict(labels, decided, bound, found)
         tried.add(face)
         decided[face] = False
         sent = refuted()
@@ -82,9 +110,9 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
             found = sent
 
 
-def _conflict(labels: Bits, decided: Bools, bound: float) -> Conflict:
+def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:
     faces = np.flatnonzero(decided)
-    return Conflict(faces, labels[faces], bound)
+    return Conflict(faces, labels[faces], bound, mechanism=Mechanism(found.case, found.velocity))
 
 
 def _order(found: DualBound, decided: Bools) -> Ints:
