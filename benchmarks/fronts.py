@@ -10,7 +10,6 @@ from unittest.mock import patch
 from jld_core import Scene, build_assembly
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Exact, Formula
-from jld_explore.drivers.exact.conflicts import Conflicts
 from jld_explore.space import Range, count_named, search_space
 
 
@@ -21,8 +20,9 @@ class Apart(Exact):
 
     def _settle(self, target: int | None) -> None:
         super()._settle(target)
-        self.forgotten += len(self._conflicts)
-        self._conflicts, self._formula, self._said = Conflicts(len(self.space.fixed)), None, (0, 0)
+        self.forgotten += len(self._state.conflicts)
+        self._state.clear()
+        self._formula, self._said = None, (0, 0)
 
 
 class Fixed(Formula):

@@ -1,0 +1,258 @@
+"""A layout that the exact driver calls proven strongest is the strongest: proofs against enumeration and one job.
+
+Scenes of 6 to 30 faces draw supports, holes, materials, cohesion, crushing, load cases, limits of every kind, shapes,
+slits, layouts that can be assembled, required factors and fronts. Every scene is proven with one job and with two,
+three or four, by threads and by cubes, with and without a search before the proof, with targets that change at every
+step, and with random delays where the work of threads meets. Where the space is small enough all layouts are evaluated.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any, Final
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks.claims.tally import Tally, run_cases
+from benchmarks.trust_scenes import _loads as random_loads
+from jld_core import InputError, build_assembly, parse_scene
+from jld_core.limit import Status, load_floor
+from jld_explore.drivers import Enumeration
+from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
+from jld_explore.space import SearchSpace, count_named, search_space, values_of
+
+MOST_CLASSES: Final = 1000
+"""Classes up to which a space is enumerated."""
+
+SECONDS: Final = 1.5
+"""Time for one proof, s; a proof that takes longer claims nothing."""
+
+CLOSE: Final = 3e-6
+"""Relative difference of λ that is allowed: three times what counts as proven."""
+
+
+@dataclass
+class Proof:
+    """What a driver found: λ of the best layout, its bound, whether that is proven, and the front or required count."""
+
+    best: float | None
+    bound: float | None
+    proven: bool
+    front: dict[int, float] | None = None
+    count: float | None = None
+
+
+def run(first_seed: int, cases: int, seconds: float) -> Tally:
+    """Test proofs on random scenes: see `run_cases`."""
+    return run_cases("a layout called proven strongest is the strongest", case, first_seed, cases, seconds)
+
+
+def case(seed: int, tally: Tally) -> str:
+    """Prove the scene of a seed in several ways; return what disagrees, "" for nothing."""
+    rng = np.random.default_rng([seed, 28])
+    space, document, aim = _scene(rng)
+    evaluator = evaluator_of(space.assembly, EvaluatorSettings())
+    truth = _enumerate(space, evaluator, aim)
+    tally.notes["enumerated"] = tally.notes.get("enumerated", 0) + (truth is not None)
+    first = None
+    for jobs, threads in ((1, True), (int(rng.integers(2, 5)), bool(rng.random() < 0.7))):
+        options: dict[str, Any] = {"search": int(rng.choice([0, 0, 1]))}
+        if aim != "require":
+            options |= {"step_after": [None, 1, 5][int(rng.integers(3))], "aim": aim}
+            options["by_blocks"] = str(rng.choice(["off", "off", "auto", "on"]))
+        if not threads:
+            options["alone"] = 0
+        with _delays(seed) if jobs > 1 else ExitStack():
+            found = _prove(space, evaluator, aim, jobs, options)
+        how = "front" if aim == "front" else aim
+        tally.notes[how] = tally.notes.get(how, 0) + 1
+        tally.notes["proven"] = tally.notes.get("proven", 0) + found.proven
+        reference = truth or first
+        first = first or found
+        problem = _difference(found, reference, space)
+        if problem:
+            return f"{problem}; {jobs} jobs, {options}, {json.dumps(document)}"
+    return ""
+
+
+def _scene(rng: np.random.Generator) -> tuple[SearchSpace, dict[str, Any], str]:
+    """A random space, its scene, and what is to be proven: "best", "front" or "require"."""
+    while True:
+        document, aim = _document(rng)
+        try:
+            scene = parse_scene(document)
+            space = search_space(scene, build_assembly(scene))
+        except InputError:
+            continue
+        if 6 <= int(space.candidates.sum()) <= 30:
+            return space, document, aim
+
+
+def _document(rng: np.random.Generator) -> tuple[dict[str, Any], str]:
+    across, up = int(rng.integers(3, 5)), int(rng.integers(2, 5))
+    rows = [["a"] * across for _ in range(up)]
+    if rng.random() < 0.2:
+        rows[int(rng.integers(up))][int(rng.integers(across))] = "."
+    foot = ["#"] * across if rng.random() < 0.7 else ["#", *["."] * (across - 2), "#"]
+    strength = float(rng.choice([0.0, 1e3, 4e3, 1e4, 1e6]))
+    dry: dict[str, Any] = {"friction_coefficient": float(rng.choice([0.3, 0.6, 0.75, 1.0]))}
+    inner: dict[str, Any] = {"tensile_strength": strength, "shear_strength": strength}
+    if rng.random() < 0.15:
+        dry["cohesion"] = 300.0
+    if rng.random() < 0.15:
+        dry["compressive_strength"] = 2e5
+        inner["compressive_strength"] = 2e5
+    search: dict[str, Any] = {"block_cells": [1, int(rng.choice([2, 3, 4, 4]))]}
+    limits: dict[str, Any] = {
+        "blocks": [None, int(rng.integers(5, 9))],
+        "shapes": [None, int(rng.integers(2, 4))],
+        "dry_faces": [int(rng.integers(0, 6)), None],
+        "convex_blocks": True,
+        "assemble": "translation",
+        "block_extent": [None, 0.35],
+    }
+    for name in rng.permutation(list(limits)).tolist()[: int(rng.choice([0, 0, 1, 1, 2]))]:
+        search[name] = limits[name]
+    if "shapes" in search and rng.random() < 0.5:
+        search["moulds"] = {"rotate": bool(rng.random() < 0.5), "flip": bool(rng.random() < 0.5)}
+    if rng.random() < 0.15 and "assemble" not in search:
+        search["segmentation"] = False
+    aim = str(rng.choice(["best", "best", "best", "front", "require"]))
+    search["front"] = {"count": str(rng.choice(["blocks", "dry_faces"])), "sense": "max"}
+    if aim == "require":
+        search["front"]["sense"] = str(rng.choice(["min", "max"]))
+        search["require"] = {"load_factor": float(rng.choice([0.2, 0.4, 0.6]))}
+    names = [f"c{x}r{y}" for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "a"]
+    document = {
+        "name": "proof",
+        "grid": {
+            "cell": [0.1, float(rng.choice([0.1, 0.15, 0.2]))],
+            "thickness": 0.1,
+            "rows": ["".join(row) for row in [*rows, foot]],
+        },
+        "materials": {"density": 2000, "dry": dry, "inner": inner},
+        "loads": random_loads(rng, names, False, []),
+        "search": search,
+    }
+    return document, aim
+
+
+def _enumerate(space: SearchSpace, evaluator: Any, aim: str) -> Proof | None:
+    """The truth by evaluating every class; None where there are too many, or where one is not certain."""
+    rows: list[np.ndarray[Any, Any]] = []
+    count = 0
+    end = time.perf_counter() + SECONDS
+    for batch, _ in Enumeration(space).batches():
+        rows.append(batch)
+        count += len(batch)
+        if count > MOST_CLASSES or time.perf_counter() > end:
+            return None
+    labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
+    found = evaluator.evaluate_all(labellings) if len(labellings) else []
+    if any(one.status in (Status.UNCERTIFIED, Status.FAILED) for one in found):
+        return None
+    return _best_of(space, labellings, found, aim)
+
+
+def _best_of(space: SearchSpace, labellings: Any, found: Sequence[Evaluation], aim: str) -> Proof:
+    loads = np.array([one.load_factor if one.status is Status.COLLAPSE else -math.inf for one in found])
+    stands = np.isfinite(loads)
+    best = float(loads[stands].max()) if stands.any() else None
+    proof = Proof(best, best, True)
+    name, sense = space.search.front.axes[0]
+    counts = values_of(count_named(name), space.assembly, labellings) if len(found) else np.empty(0)
+    if aim == "front":
+        proof.front = {int(c): float(loads[stands & (counts == c)].max()) for c in np.unique(counts[stands])}
+    if aim == "require" and space.search.require is not None:
+        locked = np.array([one.status is Status.LOCKED for one in found], dtype=bool)
+        carries = counts[(loads >= space.search.require.load_factor) | locked]
+        proof.count = None if not len(carries) else float(carries.min() if sense == "min" else carries.max())
+    return proof
+
+
+def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dict[str, Any]) -> Proof:
+    """Let the exact driver prove, with threads in the place of processes."""
+    driver: Any
+    if aim == "require":
+        from jld_explore.drivers.exact.lightest import Lightest
+
+        driver = Lightest(space, 0, **options)
+    else:
+        from jld_explore.drivers import Exact
+
+        driver = Exact(space, 0, **options)
+    rows: list[Any] = []
+    evaluations: list[Evaluation] = []
+    with ExitStack() as patches:
+        patches.enter_context(patch("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1)))
+        patches.enter_context(patch("jld_explore.drivers.exact.crew.MOMENT", 0.0))
+        driver.employ(jobs)
+        driver.start(time.perf_counter() + SECONDS, lambda: None)
+        try:
+            while len(asked := driver.ask(None)):
+                told = evaluator.evaluate_all(asked)
+                driver.tell(asked, told)
+                rows.append(asked)
+                evaluations += told
+        finally:
+            driver.close()
+    labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
+    found = _best_of(space, labellings, evaluations, aim)
+    found.proven = bool(driver.finished or driver.exhaustive)
+    found.bound = None if driver.exhaustive or aim == "require" else driver.bound
+    if aim == "front" and not driver.exhaustive:
+        found.front = {one.count: one.load_factor for one in driver.found.values() if one.count is not None}
+        found.front = {count: load for count, load in found.front.items() if not math.isnan(load)}
+    return found
+
+
+def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
+    """What a proof has wrong, "" for nothing."""
+    if truth is None or not found.proven or not truth.proven:
+        return ""
+    if space.search.require is not None:
+        wrong = found.count != truth.count
+        return f"the best count is {truth.count}, called proven {found.count}" if wrong else ""
+    if (found.best is None) != (truth.best is None):
+        return f"λ = {truth.best}, called proven {found.best}"
+    if found.best is None or truth.best is None:
+        return ""
+    room = CLOSE * max(abs(truth.best), load_floor(space.assembly))
+    if abs(found.best - truth.best) > room:
+        return f"λ = {truth.best:.9g}, called proven {found.best:.9g}"
+    if found.bound is not None and found.bound < truth.best - room:
+        return f"λ = {truth.best:.9g} above the bound {found.bound:.9g}"
+    if found.front is not None and truth.front is not None:
+        for count in sorted(found.front.keys() | truth.front.keys()):
+            low, high = found.front.get(count, -math.inf), truth.front.get(count, -math.inf)
+            if abs(low - high) > room:
+                return f"front at {count}: λ = {high:.9g}, called proven {low:.9g}"
+    return ""
+
+
+@contextmanager
+def _delays(seed: int) -> Iterator[None]:
+    """Random delays where the work of threads meets, of the versions that have a place for them."""
+    import jld_explore.drivers.exact.pack as pack
+
+    rng = np.random.default_rng([seed, 7])
+    delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)
+    number = 0
+
+    def reached(_: str) -> None:
+        nonlocal number
+        number += 1
+        time.sleep(float(delays[number % 997]))
+
+    if hasattr(pack, "reached"):
+        with patch.object(pack, "reached", reached):
+            yield
+    else:
+        yield
