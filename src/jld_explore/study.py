@@ -299,7 +299,10 @@ class Study:
         if self.driver.finished:
             return StopReason.PROVEN
         if self.driver.checks and not self.driver.exhaustive and not self.driver.working:
-            return StopReason.UNPROVEN  # the proof ended, and did not pass its check
+            # the proof ended, and did not pass its check: nothing of it may be gone on with
+            self.records.withdraw_bound(next(iter(self.driver.complaints), "the proof did not pass its check"))
+            self.records.forget_conflicts()
+            return StopReason.UNPROVEN
         # a driver that was still at work came back for lack of time
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
 
