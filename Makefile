@@ -47,11 +47,14 @@ bench: setup
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
 
-# the kernel under the sanitizers of the compiler: addresses and undefined behaviour
+# the kernel under the sanitizers of the compiler: addresses and undefined behaviour, then data races between threads
 sanitize: setup
 	$(BIN)/python src/jld_core/lanes/build.py --sanitized out/sanitized
 	LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
 		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_lanes.py
+	$(BIN)/python src/jld_core/lanes/build.py --thread-sanitized out/sanitized/threads
+	LD_PRELOAD=$$(gcc -print-file-name=libtsan.so) TSAN_OPTIONS="exitcode=66 report_signal_unsafe=0" \
+		JLD_KERNEL=$(CURDIR)/out/sanitized/threads/_base.so $(BIN)/python -m benchmarks.claims.threads
 
 studies: setup
 	$(BIN)/python -m studies

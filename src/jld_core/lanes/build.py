@@ -33,7 +33,11 @@ VARIANT_FLAGS: Final[dict[str, tuple[str, ...]]] = {
     "neon": (),
 }
 _LINKED: Final = ("-fPIC", "-shared")
-SANITIZED: Final[tuple[str, ...]] = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
+SANITIZED: Final[dict[str, tuple[str, ...]]] = {
+    "--sanitized": ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"),
+    "--thread-sanitized": ("-g", "-O1", "-fsanitize=thread"),
+}
+"""Options of the command line for libraries that check themselves, and what the compiler is told for them."""
 
 
 def variants(machine: str | None = None) -> tuple[str, ...]:
@@ -99,12 +103,13 @@ def compile_variant(variant: str, folder: Path, compiler: list[str], extra: tupl
 def main() -> None:
     """Compile variants of this machine into the cache, or a checked one into a folder, and say so.
 
-    Arguments: names of variants (default: all); or --sanitized FOLDER, with the sanitizers of the compiler.
+    Arguments: names of variants (default: all); or --sanitized FOLDER (addresses and undefined behaviour) or
+    --thread-sanitized FOLDER (data races), with the sanitizers of the compiler.
     """
     extra: tuple[str, ...] = ()
     folder, wanted = cache(), sys.argv[1:] or list(variants())
-    if wanted[0] == "--sanitized":
-        folder, extra, wanted = Path(wanted[1]), SANITIZED, [variants()[-1]]
+    if wanted[0] in SANITIZED:
+        folder, extra, wanted = Path(wanted[1]), SANITIZED[wanted[0]], [variants()[-1]]
     for variant in wanted:
         for compiler in compilers():
             try:

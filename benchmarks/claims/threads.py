@@ -1,0 +1,47 @@
+"""Solve and shrink in four threads that share one compiled problem, for the thread sanitizer of the compiler.
+
+`make sanitize` runs this with a kernel that reports data races; without that kernel it tests that four threads get the
+answers of one.
+"""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from benchmarks.common import random_segmentations, wall
+from jld_core.arrays import Floats
+from jld_core.lanes import ToShrink
+from jld_core.limit import LimitAnalysis, relaxation_of
+
+
+def main() -> None:
+    """Bound and shrink labellings of a wall in four threads; exit 1 where an answer differs from that of one thread."""
+    assembly = wall(4, 5, 5e3, 5e3)
+    relaxation = relaxation_of(assembly, [LimitAnalysis(assembly)])
+    if relaxation is None or not relaxation.many:
+        sys.exit("no kernel to test")
+    free = assembly.free_faces
+    labellings = random_segmentations(assembly, 160, 0)
+
+    def work(part: int) -> tuple[Floats, list[float | None]]:
+        mine = labellings[part * 40 : part * 40 + 40]
+        thresholds = np.full(len(mine), 0.5)
+        found = relaxation.refute_all(mine, np.zeros_like(mine), thresholds)
+        shrunk = relaxation.shrink(ToShrink(mine, free, thresholds))
+        return np.array([np.nan if one is None else one.bound for one in found]), [one.bound for one in shrunk]
+
+    alone = [work(part) for part in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(5):
+            together = list(pool.map(work, range(4)))
+            for one, other in zip(alone, together, strict=True):
+                if not np.array_equal(one[0], other[0], equal_nan=True) or one[1] != other[1]:
+                    sys.exit("four threads have other answers than one")
+    print("four threads have the answers of one")
+
+
+if __name__ == "__main__":
+    main()
