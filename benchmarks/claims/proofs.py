@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 from unittest.mock import patch
 
@@ -22,9 +24,10 @@ import numpy as np
 
 from benchmarks.claims.tally import Tally, run_cases
 from benchmarks.trust_scenes import _loads as random_loads
-from jld_core import InputError, build_assembly, parse_scene
+from jld_core import InputError, Scene, build_assembly, parse_scene
 from jld_core.limit import Status, load_floor
-from jld_explore.drivers import Enumeration
+from jld_explore import ExploreSettings, explore
+from jld_explore.drivers import Enumeration, Exact
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
 from jld_explore.space import SearchSpace, count_named, search_space, values_of
 
@@ -40,13 +43,18 @@ CLOSE: Final = 3e-6
 
 @dataclass
 class Proof:
-    """What a driver found: λ of the best layout, its bound, whether that is proven, and the front or required count."""
+    """What a driver found: λ of the best layout, its bound, whether that is proven, and the front or required count.
+
+    seconds, check_seconds: time of the proof, and of the check at its end.
+    """
 
     best: float | None
     bound: float | None
     proven: bool
     front: dict[int, float] | None = None
     count: float | None = None
+    seconds: float = 0.0
+    check_seconds: float = 0.0
 
 
 def run(first_seed: int, cases: int, seconds: float) -> Tally:
@@ -60,7 +68,7 @@ def case(seed: int, tally: Tally) -> str:
     space, document, aim = _scene(rng)
     evaluator = evaluator_of(space.assembly, EvaluatorSettings())
     truth = _enumerate(space, evaluator, aim)
-    tally.notes["enumerated"] = tally.notes.get("enumerated", 0) + (truth is not None)
+    tally.count("enumerated", truth is not None)
     first = None
     for jobs, threads in ((1, True), (int(rng.integers(2, 5)), bool(rng.random() < 0.7))):
         options: dict[str, Any] = {"search": int(rng.choice([0, 0, 1]))}
@@ -69,11 +77,17 @@ def case(seed: int, tally: Tally) -> str:
             options["by_blocks"] = str(rng.choice(["off", "off", "auto", "on"]))
         if not threads:
             options["alone"] = 0
+        stopped = aim != "require" and jobs > 1 and rng.random() < 0.12
         with _delays(seed) if jobs > 1 else ExitStack():
-            found = _prove(space, evaluator, aim, jobs, options)
-        how = "front" if aim == "front" else aim
-        tally.notes[how] = tally.notes.get(how, 0) + 1
-        tally.notes["proven"] = tally.notes.get("proven", 0) + found.proven
+            if stopped:
+                found = _stop_and_resume(space, parse_scene(document), aim, jobs, options, int(rng.integers(1, 40)))
+            else:
+                found = _prove(space, evaluator, aim, jobs, options)
+        tally.count(aim)
+        tally.count("stopped and resumed", stopped)
+        tally.count("proven", found.proven)
+        tally.count("proof ms", round(1e3 * found.seconds))
+        tally.count("check ms", round(1e3 * found.check_seconds))
         reference = truth or first
         first = first or found
         problem = _difference(found, reference, space)
@@ -185,14 +199,11 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
 
         driver = Lightest(space, 0, **options)
     else:
-        from jld_explore.drivers import Exact
-
         driver = Exact(space, 0, **options)
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
-    with ExitStack() as patches:
-        patches.enter_context(patch("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1)))
-        patches.enter_context(patch("jld_explore.drivers.exact.crew.MOMENT", 0.0))
+    start = time.perf_counter()
+    with _threads_for_processes():
         driver.employ(jobs)
         driver.start(time.perf_counter() + SECONDS, lambda: None)
         try:
@@ -205,12 +216,43 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
             driver.close()
     labellings = np.concatenate(rows) if rows else np.empty((0, len(space.fixed)), dtype=bool)
     found = _best_of(space, labellings, evaluations, aim)
+    found.seconds = time.perf_counter() - start
+    check = getattr(driver, "proof_check", None)
+    found.check_seconds = 0.0 if check is None else check.seconds
     found.proven = bool(driver.finished or driver.exhaustive)
     found.bound = None if driver.exhaustive or aim == "require" else driver.bound
     if aim == "front" and not driver.exhaustive:
         found.front = {one.count: one.load_factor for one in driver.found.values() if one.count is not None}
         found.front = {count: load for count, load in found.front.items() if not math.isnan(load)}
     return found
+
+
+def _stop_and_resume(
+    space: SearchSpace, scene: Scene, aim: str, jobs: int, options: dict[str, Any], programs: int
+) -> Proof:
+    """Let the exact driver prove through `explore`, stop it after some programs, and go on from the record."""
+    settings = ExploreSettings(pictures=False, jobs=jobs, small=0, seconds=2.0 * SECONDS)
+    with _threads_for_processes(), tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "out"
+        explore(scene, folder, settings, driver=Exact(space, 0, **options, programs=programs))
+        done = explore(scene, folder, replace(settings, resume=True), driver=Exact(space, 0, **options))
+    facts = done.summary
+    found = Proof(facts["best"], facts["bound"], bool(facts["proven"]), seconds=facts["seconds"])
+    found.check_seconds = facts.get("proof_check", {}).get("seconds", 0.0)
+    if aim == "front":
+        rows = [row for row in facts["front"] if row["load_factor"] is not None and row["proven"]]
+        found.front = {int(row["count"]): float(row["load_factor"]) for row in rows}
+    return found
+
+
+@contextmanager
+def _threads_for_processes() -> Iterator[None]:
+    """Put threads in the place of worker processes, which take a second each to start, and lend cubes but briefly."""
+    with (
+        patch("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1)),
+        patch("jld_explore.drivers.exact.crew.MOMENT", 0.0),
+    ):
+        yield
 
 
 def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:

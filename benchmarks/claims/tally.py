@@ -31,6 +31,10 @@ class Tally:
     notes: dict[str, int] = field(default_factory=dict)
     seconds: float = 0.0
 
+    def count(self, name: str, number: int = 1) -> None:
+        """Add to one of the further counts."""
+        self.notes[name] = self.notes.get(name, 0) + int(number)
+
 
 Family = Callable[[int, int, float], Tally]
 """Function ``run(first_seed, cases, seconds)``: test a claim on at most ``cases`` seeds from ``first_seed`` on.

@@ -56,7 +56,7 @@ _PATIENCE: Final = (6000, 500)
 """Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
 
 
-_COMPARED: Final = 2000
+_COMPARED: Final = 300
 """Strongest evaluated layouts that are held against all conflicts when a proof ends."""
 
 

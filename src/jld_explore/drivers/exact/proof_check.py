@@ -23,7 +23,7 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.space import Range, SearchSpace
 
-_SOLVER: Final = "cadical195"
+_SOLVER: Final = "glucose42"
 """Satisfiability solver of the check: another one than that of the search."""
 
 _WEIGHED_AGAIN: Final = 1e-9
