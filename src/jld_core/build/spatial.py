@@ -58,7 +58,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
         free = ~(elements.support[pairs[0]] & elements.support[pairs[1]])
         contacts = find_spatial_contacts(facets, (pairs[0][free], pairs[1][free]))
         given = [None] * len(contacts)
-        reach = tolerances.NEAR * (elements.upper - elements.lower).max(axis=1)
+        reach = tolerances.WEDGE * (elements.upper - elements.lower).max(axis=1)
         one, two = near_pairs(elements.lower, elements.upper, reach)
         free = ~(elements.support[one] & elements.support[two])
         warnings = words_of(near_solids(facets, (one[free], two[free])), ids, scene.units.length)

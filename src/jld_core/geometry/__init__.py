@@ -63,11 +63,11 @@ from jld_core.geometry.snapping_solids import snap_solids
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     find_spatial_contacts,
-    given_normals,
     near_pairs,
     near_solids,
-    spatial_interfaces,
 )
+from jld_core.geometry.spatial_interfaces import spatial_interfaces
+from jld_core.geometry.stated_contacts import given_normals
 from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_outlines, union_solids
 from jld_core.geometry.vectors import across, area_vector, frame, moment_about, spun
 

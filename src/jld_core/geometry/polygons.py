@@ -101,22 +101,41 @@ def sizes(polygons: Floats) -> Floats:
 
 
 def corners(polygon: Floats, tolerance: float) -> Floats:
-    """A polygon (k, d) without the points that are no corners, order kept.
+    """Return a polygon (k, d) without points on the line of their neighbours and without tips of spikes.
 
-    tolerance: length within which a point lies on the line of its neighbours.
+    polygon: simple, without bridges to holes. tolerance: length within which a point lies on the line of its
+    neighbours, and width up to which the way to a point and back is a spike. The order is kept.
     """
     points = [np.asarray(point) for point in polygon]
     index, settled = 0, 0
     while len(points) > 3 and settled < len(points):
         index %= len(points)
         before, here, after = points[index - 1], points[index], points[(index + 1) % len(points)]
-        if _off_line(before, here, after) <= tolerance:
+        off = min(_off_line(before, here, after), _off_line(before, after, here), _off_line(here, before, after))
+        if off <= tolerance:
             del points[index]
             # the neighbour before it may have become idle only now
             index, settled = index - 1, 0
         else:
             index, settled = index + 1, settled + 1
     return np.array(points)
+
+
+def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
+    """Join a shell (k, d) and holes of the other sense to one outline, by bridges run along both ways.
+
+    Integrals over the outline are those of the area without its holes, and so is its hull. Each bridge joins the
+    nearest corners.
+    """
+    outline, left = shell, list(holes)
+    while left:
+        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in left]
+        nearest = int(np.argmin([table.min() for table in apart]))
+        here, there = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
+        hole = left.pop(nearest)
+        around = np.concatenate([hole[there:], hole[: there + 1]])
+        outline = np.concatenate([outline[: here + 1], around, outline[here:]])
+    return outline
 
 
 def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
@@ -140,6 +159,7 @@ def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[F
 
 
 def _off_line(before: Floats, here: Floats, after: Floats) -> float:
+    """Distance of a point from the segment between two others."""
     chord, arm = after - before, here - before
     length = float(np.linalg.norm(chord))
     if length == 0.0:
