@@ -18,8 +18,11 @@
 - `facets_of`: polyhedra → plane facets
 - `find_planar_contacts`: where polygons touch
 - `find_spatial_contacts`: where polyhedra touch
+- `fit_of_line`: misfit of a stated straight contact and an element
+- `fit_of_polygon`: misfit of a stated plane contact and an element
 - `frame`: an orthonormal frame from its first vectors
 - `given_normals`: normals of contacts that are given
+- `judge_fit`: refuse a poor fit of a stated contact, or warn
 - `merge_points`: points within a tolerance, as one
 - `moment_about`: arm × force, in the plane or in space
 - `near_misses`: edges that nearly touch
@@ -28,6 +31,8 @@
 - `planar_interfaces`: frames and sizes of straight contacts
 - `reach_of`: distance within which corners of blocks of an assembly are one
 - `rectangle_torsion_length`: c_T of rectangles
+- `refuse_crossing`: refuse stated contacts whose outline crosses itself
+- `refuse_repeated`: refuse contacts that are stated twice
 - `region_of`: a polygon of shapely → Region
 - `shape_numbers`: number of the shape of each entry, from 1 by first appearance
 - `snap_paths`: close gaps between open and closed paths
@@ -68,6 +73,7 @@ from jld_core.geometry.spatial_contacts import (
 )
 from jld_core.geometry.spatial_interfaces import spatial_interfaces
 from jld_core.geometry.stated_contacts import given_normals
+from jld_core.geometry.stated_fit import fit_of_line, fit_of_polygon, judge_fit, refuse_crossing, refuse_repeated
 from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_outlines, union_solids
 from jld_core.geometry.vectors import across, area_vector, frame, moment_about, spun
 
@@ -90,8 +96,11 @@ __all__ = [
     "facets_of",
     "find_planar_contacts",
     "find_spatial_contacts",
+    "fit_of_line",
+    "fit_of_polygon",
     "frame",
     "given_normals",
+    "judge_fit",
     "merge_points",
     "moment_about",
     "near_misses",
@@ -100,6 +109,8 @@ __all__ = [
     "planar_interfaces",
     "reach_of",
     "rectangle_torsion_length",
+    "refuse_crossing",
+    "refuse_repeated",
     "region_of",
     "shape_numbers",
     "snap_paths",
