@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import shapely
 
 from jld_core.arrays import Bools, Floats, Ints
 
@@ -169,23 +170,14 @@ def _off_line(before: Floats, here: Floats, after: Floats) -> float:
 
 
 def hull(polygon: Floats) -> Floats:
-    """Convex hull (h, 2) of points (k, 2), counter-clockwise, without points on its edges.
+    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise, without points on its edges.
 
     It starts at the point of least x1 (then x2).
     """
-    ordered = polygon[np.lexsort((polygon[:, 1], polygon[:, 0]))]
-    # a corner turned by less than this is rounding
-    sliver = 1e-12 * float(np.ptp(polygon, axis=0).max()) ** 2
-
-    def chain(points: Floats) -> list[Floats]:
-        kept: list[Floats] = []
-        for point in points:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= sliver:
-                kept.pop()
-            kept.append(point)
-        return kept[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
+    ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(polygon)))[:-1]
+    # points off an edge by less than this are rounding
+    found = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
+    return np.roll(found, -int(np.lexsort((found[:, 1], found[:, 0]))[0]), axis=0)
 
 
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
@@ -202,11 +194,6 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
         for index in chosen[~convex].tolist():
             found[index] = hull(polygons[index])
     return found
-
-
-def _turn(first: Floats, second: Floats, third: Floats) -> float:
-    one, two = second - first, third - second
-    return float(one[0] * two[1] - one[1] * two[0])
 
 
 def hull_rows(hull_: Floats) -> Floats:
