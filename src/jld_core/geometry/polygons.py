@@ -107,19 +107,17 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
     polygon: simple, without bridges to holes. tolerance: length within which a point lies on the line of its
     neighbours, and width up to which the way to a point and back is a spike. The order is kept.
     """
-    points = [np.asarray(point) for point in polygon]
-    index, settled = 0, 0
-    while len(points) > 3 and settled < len(points):
-        index %= len(points)
-        before, here, after = points[index - 1], points[index], points[(index + 1) % len(points)]
-        off = min(_off_line(before, here, after), _off_line(before, after, here), _off_line(here, before, after))
-        if off <= tolerance:
-            del points[index]
-            # the neighbour before it may have become idle only now
-            index, settled = index - 1, 0
-        else:
-            index, settled = index + 1, settled + 1
-    return np.array(points)
+    points = np.asarray(polygon)
+    while len(points) > 3:
+        before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
+        off = np.minimum(off, _off_segment(before, points, after))
+        # the least first, so that it does not matter where the outline begins
+        least = int(np.argmin(off))
+        if off[least] > tolerance:
+            break
+        points = np.delete(points, least, axis=0)
+    return points
 
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
@@ -159,14 +157,12 @@ def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[F
     return plain
 
 
-def _off_line(before: Floats, here: Floats, after: Floats) -> float:
-    """Distance of a point from the segment between two others."""
-    chord, arm = after - before, here - before
-    length = float(np.linalg.norm(chord))
-    if length == 0.0:
-        return float(np.linalg.norm(arm))
-    share = min(max(float(arm @ chord) / length**2, 0.0), 1.0)
-    return float(np.linalg.norm(arm - share * chord))
+def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
+    """Distances (k,) of points (k, d) from the segments between two others."""
+    chord, arm = end - start, points - start
+    length = np.einsum("ij,ij->i", chord, chord)
+    share = np.clip(np.einsum("ij,ij->i", arm, chord) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(arm - share[:, None] * chord, axis=1))
 
 
 def hull(polygon: Floats) -> Floats:
