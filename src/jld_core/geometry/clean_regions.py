@@ -10,6 +10,7 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.geometry import polygons as measures
+from jld_core.geometry.overlay import intersections
 
 Rings = tuple[Floats, tuple[Floats, ...]]
 """Shell (k, 2), counter-clockwise, and holes (k, 2) each, clockwise."""
@@ -54,7 +55,7 @@ def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]
     if len(wide) < 2:
         return [part] if wide else []
     grown = [shapely.buffer(one, 0.5 * reach, join_style="mitre") for one in wide]
-    halves = [_polygons(shapely.intersection(part, one)) for one in grown]
+    halves = [_polygons(half) for half in intersections([part] * len(grown), grown)]
     return [max(half, key=lambda piece: piece.area) for half in halves if half]
 
 

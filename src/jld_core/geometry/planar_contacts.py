@@ -20,6 +20,7 @@ from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import polygons as measures
 from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps
+from jld_core.geometry.overlay import intersections
 from jld_core.geometry.polyhedra import spread
 
 
@@ -81,8 +82,12 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
     # what only touches shares no area: sorting these out first spares the intersections
     apart = shapely.touches(shapes[left], shapes[right])
     left, right = left[~apart], right[~apart]
-    regions = shapely.intersection(shapes[left], shapes[right])
-    over = np.flatnonzero(shapely.area(regions) > tolerances.OVERLAP * np.minimum(size[left], size[right]))
+    most = tolerances.OVERLAP * np.minimum(size[left], size[right])
+    # in floating point, fast, and on a grid what seems to overlap
+    over = shapely.area(shapely.intersection(shapes[left], shapes[right])) > most
+    left, right, most = left[over], right[over], most[over]
+    regions = intersections(shapes[left], shapes[right])
+    over = np.flatnonzero(shapely.area(regions) > most)
     pairs = []
     for k in sorted(over.tolist(), key=lambda k: (left[k], right[k])):
         box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(regions[k]))

@@ -16,6 +16,7 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.geometry.clean_regions import clean_parts
 from jld_core.geometry.facet_planes import PARALLEL, FacetFrames, regions_in_planes
 from jld_core.geometry.misfits import NearMiss
+from jld_core.geometry.overlay import intersections
 from jld_core.geometry.polyhedra import Facets, spread
 
 # Facets further from opposite than this (cosine) cannot lie on one another within the tolerance of contact.
@@ -113,7 +114,7 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
         return []
     frames = FacetFrames.on(facets)
     first, second = (regions_in_planes(facets, frames, which, one) for which in (one, two))
-    shared = shapely.intersection(first, second)
+    shared = intersections(first, second)
     wide = np.flatnonzero(shapely.area(shared) > (tolerances.NEAR * size) ** 2).tolist()
     misses = (_near_miss(facets, frames, one[k], two[k], shared[k], size[k]) for k in wide)
     return sorted((miss for miss in misses if miss is not None), key=lambda miss: (miss.a, miss.b))
@@ -215,7 +216,7 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
     if not len(one):
         return []
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
-    shared = shapely.intersection(first, second)
+    shared = intersections(first, second)
     size = np.minimum(facets.size[one], facets.size[two])
     found = []
     for position in np.flatnonzero(shapely.area(shared) > 0.0).tolist():

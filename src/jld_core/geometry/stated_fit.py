@@ -13,6 +13,7 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
+from jld_core.geometry.overlay import intersections
 from jld_core.geometry.polygons import area
 from jld_core.geometry.vectors import across
 
@@ -102,7 +103,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
             continue
         flat = [(ring - origin) @ axes.T for ring in rings]
         region = shapely.make_valid(shapely.Polygon(flat[0], flat[1:]))
-        shared = shapely.intersection(stated, region)
+        shared = intersections([stated], [region])[0]
         if not shared.area > tolerances.FACE**2 * stated.area:
             continue
         points = origin + shapely.get_coordinates(shared) @ axes
@@ -110,8 +111,9 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
         if abs(heights).max() <= _OFF * size:
             regions.append(shapely.buffer(region, tolerances.FACE * size, join_style="mitre"))
             off += heights.tolist()
-    faces = shapely.union_all(regions)
-    rest = shapely.get_coordinates(shapely.difference(stated, faces))
+    grid = 1e-3 * tolerances.FACE * size
+    faces = shapely.union_all(regions, grid_size=grid)
+    rest = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
     beyond = float(shapely.distance(shapely.points(rest), faces).max(initial=0.0)) if regions else size
     return Fit(size, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
 
@@ -182,4 +184,4 @@ def _cover(one: Floats, other: Floats) -> bool:
         return False
     axes = across(normal)
     regions = [shapely.make_valid(shapely.Polygon((points - one[0]) @ axes.T)) for points in (one, other)]
-    return bool(shapely.intersection(*regions).area > reach * size)
+    return bool(intersections(regions[:1], regions[1:])[0].area > reach * size)
