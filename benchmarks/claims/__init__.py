@@ -15,6 +15,7 @@ from benchmarks.claims.tally import Family, Tally, run_cases
 
 FAMILIES: Final[dict[str, int]] = {
     "geometry": 3000,
+    "laying": 1000,
 }
 """Module of this package → number of cases of a whole run."""
 

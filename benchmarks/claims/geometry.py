@@ -259,25 +259,16 @@ def _reach(points: Floats, way: Floats) -> float:
 
 
 def _planar_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
-    shape = (int(rng.integers(3, 7)), int(rng.integers(3, 6)))
-    labels = grown(rng, shape, set(), int(rng.integers(2, 9)))
-    for label in np.unique(labels[labels > 1]).tolist():
-        if outline(labels, label) is None:  # with a hole: its cells, one by one
-            for cell in np.argwhere(labels == label)[1:].tolist():
-                labels[tuple(cell)] = labels.max() + 1
+    labels, nodes, straight = planar_grid(rng)
     names = [label for label in np.unique(labels).tolist() if label > 0]
     if len(names) < 2:
         tally.notes["nothing stands"] = tally.notes.get("nothing stands", 0) + 1
         return ""
-    nodes = np.stack(np.meshgrid(*(np.arange(n + 1.0) for n in shape), indexing="ij"), axis=-1)
-    straight = bool(rng.random() < 0.5)
-    if straight:
-        nodes = nodes @ (np.eye(2) + rng.uniform(-0.3, 0.3, (2, 2)))
-    else:
-        nodes = nodes + rng.uniform(-0.15, 0.15, nodes.shape)
     known = _planar_contacts(labels, nodes, straight=straight)
     move, still = random_move(rng, 2), Move(np.eye(2), 1.0, np.zeros(2))
-    plain, moved = ([_polygon(rng, labels, n, nodes, position, straight) for n in names] for position in (still, move))
+    plain, moved = (
+        [polygon_entry(rng, labels, n, nodes, position, straight) for n in names] for position in (still, move)
+    )
     moved = [moved[k] for k in rng.permutation(len(moved))]
     for elements, position in ((plain, still), (moved, move)):
         built = build_assembly(parse_scene(document(elements, position)))
@@ -290,7 +281,27 @@ def _planar_case(rng: np.random.Generator, seed: int, tally: Tally) -> str:
     return _compare_loads((plain, still), (moved, move), names, rng, tally)
 
 
-def _polygon(
+def planar_grid(rng: np.random.Generator) -> tuple[Ints, Floats, bool]:
+    """Draw labels (p, q) of the cells of a planar grid, its nodes, and whether its lines are straight.
+
+    nodes: (p + 1, q + 1, 2). Elements have no holes and do not touch themselves.
+    """
+    shape = (int(rng.integers(3, 7)), int(rng.integers(3, 6)))
+    labels = grown(rng, shape, set(), int(rng.integers(2, 9)))
+    for label in np.unique(labels[labels > 1]).tolist():
+        if outline(labels, label) is None:  # with a hole: its cells, one by one
+            for cell in np.argwhere(labels == label)[1:].tolist():
+                labels[tuple(cell)] = labels.max() + 1
+    nodes = np.stack(np.meshgrid(*(np.arange(n + 1.0) for n in shape), indexing="ij"), axis=-1)
+    straight = bool(rng.random() < 0.5)
+    if straight:
+        nodes = nodes @ (np.eye(2) + rng.uniform(-0.3, 0.3, (2, 2)))
+    else:
+        nodes = nodes + rng.uniform(-0.15, 0.15, nodes.shape)
+    return labels, nodes, straight
+
+
+def polygon_entry(
     rng: np.random.Generator, labels: Ints, label: int, nodes: Floats, move: Move, straight: bool
 ) -> dict[str, Any]:
     """Entry of a planar element: it begins anywhere, goes round either way, and has some corners in straight edges."""
