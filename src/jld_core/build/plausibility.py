@@ -71,14 +71,14 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
 
     Of numbers, nothing for scenes whose units are not metres and newtons.
     """
-    idle = [*_of_no_use(scene, assembly)]
+    idle = [*_of_no_use(scene)]
     if (scene.units.length, scene.units.force) != ("m", "N"):
         return idle
     return [*idle, *_of_friction(scene), *_of_weight(scene), *_of_strengths(scene, assembly), *_of_geometry(assembly)]
 
 
-def _of_no_use(scene: Scene, assembly: Assembly) -> Iterator[str]:
-    """What is stated and changes nothing, or lies where it can hardly be meant."""
+def _of_no_use(scene: Scene) -> Iterator[str]:
+    """Warn about what is stated and changes nothing."""
     if scene.dimension == 3 and scene.thickness is not None:
         yield f"thickness is {scene.thickness:g} and the elements are spatial, so it changes nothing"
 
