@@ -11,6 +11,7 @@ import shapely
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
+from jld_core.geometry import area_of
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
 
@@ -116,9 +117,7 @@ def _cut(corners: Floats) -> Floats:
     if np.all(signed > 0.0) or np.all(signed < 0.0):
         return np.stack([np.zeros_like(corners), corners, after], axis=1)
     # bridges to holes, run along both ways, are no edges of the region
-    region = shapely.make_valid(shapely.Polygon(corners))
-    parts = [part for part in shapely.get_parts(shapely.get_parts(region)) if part.geom_type == "Polygon"]
-    cut = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(parts)))
+    cut = shapely.get_parts(shapely.constrained_delaunay_triangles(area_of(shapely.Polygon(corners))))
     return np.array([shapely.get_coordinates(part)[:3] for part in cut])
 
 

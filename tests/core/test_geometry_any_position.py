@@ -146,6 +146,19 @@ def test_glued_ring_bends_as_one_section(bridged: bool, order: list[int], angles
     assert solve(built).load_factor == pytest.approx(expected, rel=1e-7)
 
 
+def test_stated_interface_with_a_hole_is_its_outline_with_a_bridge() -> None:
+    """What is found can be stated: the same section, without warnings."""
+    document = ring_on(rotation(0.3, -0.8, 1.1), [0, 1], bridged=True)
+    found = build_assembly(parse_scene(document))
+    entry = {"elements": ["r", "s"], "polygon": found.interfaces.polygon[0].tolist()}
+    stated_again = {**document, "interfaces": [entry]}
+    assert misfits(stated_again) == []
+    again = build_assembly(parse_scene(stated_again)).interfaces
+    for name in ("area", "c_t", "origin"):
+        np.testing.assert_allclose(getattr(again, name), getattr(found.interfaces, name), rtol=1e-12)
+    assert solve(build_assembly(parse_scene(stated_again))).load_factor == pytest.approx(542544.44444, rel=1e-7)
+
+
 def test_keyhole_has_the_integrals_of_the_area_without_its_holes() -> None:
     holes = [np.array(RING["inner"], dtype=float), np.array(RING["inner"], dtype=float) * 0.3 + 0.2]
     outline = polygons.keyhole(np.array(RING["outer"], dtype=float), [holes[0]])[None]

@@ -11,6 +11,7 @@
 - `SpatialContact`: a plane contact of two polyhedra
 - `Surface`: a closed surface
 - `across`: axes of a plane
+- `area_of`: what of a plane region has an area
 - `area_vector`: of a plane polygon, along its normal
 - `check_overlaps`: refuse polyhedra that share a volume
 - `check_polygons`: refuse polygons that are not simple or cover one another
@@ -53,6 +54,7 @@ from __future__ import annotations
 from jld_core.geometry.congruence import Kinds, shape_numbers
 from jld_core.geometry.misfits import words_of
 from jld_core.geometry.outlines import Outline, Outlines, reach_of
+from jld_core.geometry.overlay import area_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
@@ -89,6 +91,7 @@ __all__ = [
     "SpatialContact",
     "Surface",
     "across",
+    "area_of",
     "area_vector",
     "check_overlaps",
     "check_polygons",

@@ -10,7 +10,7 @@ import shapely
 
 from jld_core.arrays import Floats
 from jld_core.geometry import polygons as measures
-from jld_core.geometry.overlay import intersections
+from jld_core.geometry.overlay import area_of, intersections
 
 Rings = tuple[Floats, tuple[Floats, ...]]
 """Shell (k, 2), counter-clockwise, and holes (k, 2) each, clockwise."""
@@ -45,8 +45,7 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
 
 
 def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
-    parts = shapely.get_parts(shapely.get_parts(region))
-    return [part for part in parts if part.geom_type == "Polygon" and part.area > 0.0]
+    return list(shapely.get_parts(area_of(region)))
 
 
 def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]:

@@ -11,6 +11,7 @@ import shapely
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.geometry import polygons as measures
+from jld_core.geometry.overlay import area_of
 from jld_core.geometry.polyhedra import Facets
 
 PARALLEL: Final = 1e-9
@@ -60,11 +61,9 @@ def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: I
         at = plane[position]
         rings = [project(loop, facets, frames, np.full(len(loop), at)) for loop in facets.loops[which[position]]]
         regions[position] = shapely.Polygon(rings[0], rings[1:])
-    bad = np.flatnonzero(~shapely.is_valid(regions))
-    for position, whole in zip(bad.tolist(), shapely.make_valid(regions[bad]), strict=True):
+    for position in np.flatnonzero(~shapely.is_valid(regions)).tolist():
         # lines and points that are left over have no area, and intersections do not take them beside polygons
-        areas = [part for part in shapely.get_parts(shapely.get_parts(whole)) if part.geom_type == "Polygon"]
-        regions[position] = shapely.MultiPolygon(areas)
+        regions[position] = area_of(regions[position])
     return regions  # type: ignore[no-any-return]
 
 

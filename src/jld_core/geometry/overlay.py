@@ -1,4 +1,4 @@
-"""Intersections of plane regions on a fine grid.
+"""Plane regions: intersections on a fine grid, and the parts that have an area.
 
 In floating point, GEOS 3.14 may take two polygons that share an edge up to rounding for one inside the other, without
 an exception: the intersection is then the whole of the smaller one. On a grid its nodes are exact and it cannot.
@@ -43,6 +43,12 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
     unit[unit == 0.0] = 1.0
     scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (one, two)]
     return _moved(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
+
+
+def area_of(region: shapely.Geometry) -> shapely.MultiPolygon:
+    """Return what of a region has an area, without lines, points, and bridges of outlines to their holes."""
+    parts = shapely.get_parts(shapely.get_parts(region if region.is_valid else shapely.make_valid(region)))
+    return shapely.MultiPolygon([part for part in parts if part.geom_type == "Polygon" and part.area > 0.0])
 
 
 def _moved(regions: Any, shift: Floats, factor: Floats) -> Any:

@@ -13,7 +13,7 @@ import shapely
 from jld_core import tolerances
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
-from jld_core.geometry.overlay import intersections
+from jld_core.geometry.overlay import area_of, intersections
 from jld_core.geometry.polygons import area
 from jld_core.geometry.vectors import across
 
@@ -95,14 +95,14 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
         `beyond` is the largest distance of a point of the contact from the facets that it lies on.
     """
     axes, origin = across(outward), polygon[0]
-    stated = shapely.make_valid(shapely.Polygon((polygon - origin) @ axes.T))
+    stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
     size = float(np.ptp(polygon, axis=0).max())
     regions, off = [], []
     for rings, normal in zip(loops, normals, strict=True):
         if normal @ outward < _ALONG:
             continue
         flat = [(ring - origin) @ axes.T for ring in rings]
-        region = shapely.make_valid(shapely.Polygon(flat[0], flat[1:]))
+        region = area_of(shapely.Polygon(flat[0], flat[1:]))
         shared = intersections([stated], [region])[0]
         if not shared.area > tolerances.FACE**2 * stated.area:
             continue
@@ -148,7 +148,7 @@ def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
     """
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
-    whole = float(shapely.make_valid(shapely.Polygon(flat)).area)
+    whole = float(area_of(shapely.Polygon(flat)).area)
     if abs(whole - signed) > tolerances.FACE * whole:
         raise InputError(where, "its outline crosses itself", "corners in order around the interface")
 
@@ -183,5 +183,5 @@ def _cover(one: Floats, other: Floats) -> bool:
     if abs((other - one[0]) @ normal).max() > reach:
         return False
     axes = across(normal)
-    regions = [shapely.make_valid(shapely.Polygon((points - one[0]) @ axes.T)) for points in (one, other)]
+    regions = [area_of(shapely.Polygon((points - one[0]) @ axes.T)) for points in (one, other)]
     return bool(intersections(regions[:1], regions[1:])[0].area > reach * size)
