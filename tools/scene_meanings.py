@@ -46,7 +46,7 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         ),
         "interfaces": Meaning(
             "",
-            "Given, they are used as they are, on the faces of both elements; else they are found where elements touch.",
+            "Given, they are used as they are, on faces of both elements; else they are found where elements touch.",
         ),
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
