@@ -44,7 +44,10 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
             "Gaps and overlaps up to it are closed by moving corners; 1e-4 of the shortest edge where it is not given, "
             "0 closes none. Grids and stated interfaces are left as they are.",
         ),
-        "interfaces": Meaning("", "Given, they are used as they are; else they are found where elements touch."),
+        "interfaces": Meaning(
+            "",
+            "Given, they are used as they are, on faces of both elements; else they are found where elements touch.",
+        ),
         "materials": Meaning("", "Weight and strengths of all elements and faces."),
         "loads": Meaning("", "Dead loads beside self-weight, and the live load that λ multiplies."),
         "settlements": Meaning("", "Movements of supports, for `jld settlement`."),

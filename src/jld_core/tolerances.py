@@ -58,6 +58,9 @@ SNAP: Final = 1e-4
 NEAR: Final = 1e-2
 """Gap, relative to the shorter edge, below which faces that are not joined are worth a warning."""
 
+WEDGE: Final = 3.5e-2
+"""Opening at the far end of faces that touch at one end, relative to the shorter one, that is worth a warning: 2°."""
+
 OVERLAP: Final = 1e-7
 """Area shared by two elements, relative to the smaller one, above which they overlap."""
 

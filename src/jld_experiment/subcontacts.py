@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
 
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
+from jld_core.geometry import area_of
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
 
@@ -35,8 +37,9 @@ def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -
     a face in limit analysis: dry ±l/2, inner ±l/6 (kern of a rectangle); segments are then without effect.
     On a spatial rectangle the schemes are products along e1 and e2; on other polygons trapezoid and limit put the
     points at the corners (limit, inner: a third of the way from the centroid), midpoint at the centroids of the
-    triangles between centroid and edges, simpson adds the middles of the edges; areas integrate the moments of the
-    polygon to first order, by least change of the tributary areas.
+    triangles between centroid and edges, or of triangles between corners where the centroid does not see all edges;
+    simpson adds the middles of the edges; areas integrate the moments of the polygon to first order, by least change
+    of the tributary areas.
     Raises InputError for a scheme without such a name, or fewer than one segment.
     """
     if scheme not in SCHEMES:
@@ -90,48 +93,59 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
     faces = assembly.interfaces
     arm = faces.polygon[face] - faces.origin[face]
     corners = np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])
-    after = np.roll(corners, -1, axis=0)
-    triangle = 0.5 * np.abs(corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0])
-    share = triangle * float(faces.area[face]) / float(triangle.sum())
+    triangles, size = _cut(corners), float(faces.area[face])
+    one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    share = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    share = share * size / float(share.sum())
     if scheme == "limit":
-        tributary = 0.5 * (share + np.roll(share, 1))
-        points, areas = (corners if dry else corners / 3.0), tributary
+        ends = triangles if np.any(triangles[:, 0]) else triangles[:, 1:]
+        points, areas = _merged(ends.reshape(-1, 2), np.repeat(share / ends.shape[1], ends.shape[1]))
+        points = points if dry else points / 3.0
     elif scheme == "midpoint":
-        parts = [_triangle_middles(c, a, segments) for c, a in zip(corners, after, strict=True)]
-        points = np.concatenate(parts)
+        points = np.concatenate([_triangle_middles(base, one, two, segments) for base, one, two in triangles])
         areas = np.repeat(share / segments**2, segments**2)
     else:
-        # nodes of a fan of triangles, each split into segments² equal ones, with the tributary areas
-        points, areas = _fan(corners, share, segments, scheme == "simpson")
+        # nodes of triangles, each split into segments² equal ones, with the tributary areas
+        points, areas = _split(triangles, share, segments, scheme == "simpson")
     return np.column_stack([points, _balanced(points, areas)])
 
 
-def _triangle_middles(one: Floats, two: Floats, segments: int) -> Floats:
-    """(segments², 2) centroids of the equal triangles into which (0, one, two) is split."""
-    found = []
+def _cut(corners: Floats) -> Floats:
+    """(t, 3, 2) triangles of a polygon about its centroid: with the centroid where it sees all edges, else without."""
+    after = np.roll(corners, -1, axis=0)
+    signed = corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]
+    if np.all(signed > 0.0) or np.all(signed < 0.0):
+        return np.stack([np.zeros_like(corners), corners, after], axis=1)
+    # bridges to holes, run along both ways, are no edges of the region
+    cut = shapely.get_parts(shapely.constrained_delaunay_triangles(area_of(shapely.Polygon(corners))))
+    return np.array([shapely.get_coordinates(part)[:3] for part in cut])
+
+
+def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> Floats:
+    """(segments², 2) centroids of the equal triangles into which (base, one, two) is split."""
+    one, two, found = one - base, two - base, []
     for i in range(segments):
         for j in range(segments - i):
-            found.append(((i + 1 / 3) * one + (j + 1 / 3) * two) / segments)
+            found.append(base + ((i + 1 / 3) * one + (j + 1 / 3) * two) / segments)
             if i + j < segments - 1:
-                found.append(((i + 2 / 3) * one + (j + 2 / 3) * two) / segments)
+                found.append(base + ((i + 2 / 3) * one + (j + 2 / 3) * two) / segments)
     return np.array(found)
 
 
-def _fan(corners: Floats, share: Floats, segments: int, middles: bool) -> tuple[Floats, Floats]:
-    """Nodes and areas of a fan of triangles about the centroid: thirds to the corners of every small triangle, or to
-    the middles of its sides, which integrates squares exactly."""
+def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tuple[Floats, Floats]:
+    """Nodes and areas of triangles (t, 3, 2): thirds to the corners of every small triangle, or to the middles of its
+    sides, which integrates squares exactly."""
     points, areas = [], []
-    count = len(corners)
-    for k in range(count):
-        one, two = corners[k], corners[(k + 1) % count]
-        small = share[k] / segments**2
+    for (base, first, second), whole in zip(triangles, share.tolist(), strict=True):
+        one, two = first - base, second - base
+        small = whole / segments**2
         for i in range(segments):
             for j in range(segments - i):
                 for up in (True, False):
                     if not up and i + j >= segments - 1:
                         continue
                     at = [(i, j), (i + 1, j), (i, j + 1)] if up else [(i + 1, j + 1), (i + 1, j), (i, j + 1)]
-                    nodes = [(a * one + b * two) / segments for a, b in at]
+                    nodes = [base + (a * one + b * two) / segments for a, b in at]
                     if middles:
                         nodes = [0.5 * (nodes[x] + nodes[(x + 1) % 3]) for x in range(3)]
                     points += nodes

@@ -83,7 +83,7 @@ def test_a_tolerance_above_the_solids_is_what_is_wrong(tmp_path: Path, jld: Comm
     assert "tolerance: within 1.5 element 's' cannot be kept" in outcome.err
 
 
-def test_what_changes_nothing_or_lies_elsewhere_is_a_warning(tmp_path: Path, jld: Command) -> None:
+def test_what_changes_nothing_is_a_warning_and_what_lies_elsewhere_an_error(tmp_path: Path, jld: Command) -> None:
     outcome = jld("check", written(tmp_path, {**CUBES, "thickness": 2.0}))
     assert outcome.code == 0
     assert "warning" in outcome.err
@@ -91,7 +91,8 @@ def test_what_changes_nothing_or_lies_elsewhere_is_a_warning(tmp_path: Path, jld
     face = [[0.0, 9.0, 1.0], [1.0, 9.0, 1.0], [1.0, 10.0, 1.0], [0.0, 10.0, 1.0]]
     stated = {**CUBES, "interfaces": [{"elements": ["s", "a"], "polygon": face}]}
     outcome = jld("check", written(tmp_path, stated))
-    assert "the interface s–a lies 8.5 m beside element 's', which measures 1.732" in outcome.err
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "interfaces[0].polygon: element 's' has no face there; expected an interface on the common" in outcome.err
 
 
 def test_wrong_settlements_are_seen_by_whoever_reads_the_scene(tmp_path: Path, jld: Command) -> None:

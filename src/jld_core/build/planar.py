@@ -15,9 +15,12 @@ from jld_core.geometry import (
     PlanarContact,
     check_polygons,
     find_planar_contacts,
+    fit_of_line,
+    judge_fit,
     near_misses,
     planar_interfaces,
     polygons,
+    refuse_repeated,
     snap_polygons,
     without_repeats,
     words_of,
@@ -56,6 +59,7 @@ def planar_geometry(scene: Scene) -> Geometry:
             warnings = words_of(misses, ids, scene.units.length)
     else:
         contacts = [_given_contact(entry, position, elements) for position, entry in enumerate(scene.interfaces)]
+        warnings = _misfits(scene, contacts, elements)
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = planar_interfaces([contacts[k] for k in kept], thickness)
@@ -131,6 +135,21 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
     return {
         (r, c): rows[r][c] if parts[rows[r][c]] == 1 else f"{rows[r][c]}{number}" for (r, c), number in part.items()
     }
+
+
+def _misfits(scene: Scene, contacts: list[PlanarContact], elements: Elements) -> tuple[str, ...]:
+    """Warnings about stated interfaces that fit the outlines of their elements poorly.
+
+    Raises InputError for those that cannot be meant: beyond an outline, inside an element, or stated twice.
+    """
+    refuse_repeated([(c.a, c.b) for c in contacts], [c.ends for c in contacts])
+    found = []
+    for position, contact in enumerate(contacts):
+        for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
+            fit = fit_of_line(contact.ends, sign * contact.normal, elements.shape[element])
+            where = f"interfaces[{position}].polygon"
+            found.append(judge_fit(where, elements.ids[element], fit, scene.tolerance, scene.units.length))
+    return tuple(text for text in found if text)
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:

@@ -71,29 +71,16 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
 
     Of numbers, nothing for scenes whose units are not metres and newtons.
     """
-    idle = [*_of_no_use(scene, assembly)]
+    idle = [*_of_no_use(scene)]
     if (scene.units.length, scene.units.force) != ("m", "N"):
         return idle
     return [*idle, *_of_friction(scene), *_of_weight(scene), *_of_strengths(scene, assembly), *_of_geometry(assembly)]
 
 
-def _of_no_use(scene: Scene, assembly: Assembly) -> Iterator[str]:
-    """What is stated and changes nothing, or lies where it can hardly be meant."""
+def _of_no_use(scene: Scene) -> Iterator[str]:
+    """Warn about what is stated and changes nothing."""
     if scene.dimension == 3 and scene.thickness is not None:
         yield f"thickness is {scene.thickness:g} and the elements are spatial, so it changes nothing"
-    if scene.interfaces is None:
-        return
-    faces, elements = assembly.interfaces, assembly.elements
-    for end in (faces.a, faces.b):
-        low, high = elements.lower[end], elements.upper[end]
-        beside = np.linalg.norm(np.maximum(np.maximum(low - faces.origin, faces.origin - high), 0.0), axis=1)
-        size = np.linalg.norm(high - low, axis=1)
-        if (far := np.flatnonzero(beside > size)).size:
-            first = int(far[0])
-            yield (
-                f"the interface {assembly.pair(first)} lies {beside[first]:.4g} {assembly.units[0]} beside element "
-                f"{elements.ids[end[first]]!r}, which measures {size[first]:.4g}; usual is on its outline"
-            )
 
 
 def _within(value: float, usual: tuple[float, float]) -> bool:

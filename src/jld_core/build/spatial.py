@@ -16,9 +16,13 @@ from jld_core.geometry import (
     check_overlaps,
     facets_of,
     find_spatial_contacts,
+    fit_of_polygon,
     given_normals,
+    judge_fit,
     near_pairs,
     near_solids,
+    refuse_crossing,
+    refuse_repeated,
     snap_solids,
     solids,
     spatial_interfaces,
@@ -58,12 +62,13 @@ def spatial_geometry(scene: Scene) -> Geometry:
         free = ~(elements.support[pairs[0]] & elements.support[pairs[1]])
         contacts = find_spatial_contacts(facets, (pairs[0][free], pairs[1][free]))
         given = [None] * len(contacts)
-        reach = tolerances.NEAR * (elements.upper - elements.lower).max(axis=1)
+        reach = tolerances.WEDGE * (elements.upper - elements.lower).max(axis=1)
         one, two = near_pairs(elements.lower, elements.upper, reach)
         free = ~(elements.support[one] & elements.support[two])
         warnings = words_of(near_solids(facets, (one[free], two[free])), ids, scene.units.length)
     else:
         contacts = _given_contacts(scene.interfaces, elements, facets)
+        warnings = _misfits(scene, contacts, elements, facets)
         given = list(scene.interfaces)
     kept = [k for k, c in enumerate(contacts) if not (elements.support[c.a] and elements.support[c.b])]
     interfaces = spatial_interfaces([contacts[k] for k in kept])
@@ -108,3 +113,21 @@ def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) 
     first = np.array([a for a, _ in couples], dtype=np.int64)
     normals = given_normals(polygons, first, facets, lambda position: f"interfaces[{position}]")
     return [SpatialContact(a, b, p, n) for (a, b), p, n in zip(couples, polygons, normals, strict=True)]
+
+
+def _misfits(scene: Scene, contacts: list[SpatialContact], elements: Elements, facets: Facets) -> tuple[str, ...]:
+    """Warnings about stated interfaces that fit the faces of their elements poorly.
+
+    Raises InputError for those that cannot be meant: beyond a face, inside an element, or stated twice.
+    """
+    refuse_repeated([(c.a, c.b) for c in contacts], [c.polygon for c in contacts])
+    start = np.searchsorted(facets.element, np.arange(len(elements) + 1)).tolist()
+    found = []
+    for position, contact in enumerate(contacts):
+        where = f"interfaces[{position}].polygon"
+        refuse_crossing(where, contact.polygon, contact.normal)
+        for element, sign in ((contact.a, 1.0), (contact.b, -1.0)):
+            own = slice(start[element], start[element + 1])
+            fit = fit_of_polygon(contact.polygon, sign * contact.normal, facets.loops[own], facets.normal[own])
+            found.append(judge_fit(where, elements.ids[element], fit, scene.tolerance, scene.units.length))
+    return tuple(text for text in found if text)

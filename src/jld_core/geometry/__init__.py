@@ -11,6 +11,7 @@
 - `SpatialContact`: a plane contact of two polyhedra
 - `Surface`: a closed surface
 - `across`: axes of a plane
+- `area_of`: what of a plane region has an area
 - `area_vector`: of a plane polygon, along its normal
 - `check_overlaps`: refuse polyhedra that share a volume
 - `check_polygons`: refuse polygons that are not simple or cover one another
@@ -18,8 +19,11 @@
 - `facets_of`: polyhedra → plane facets
 - `find_planar_contacts`: where polygons touch
 - `find_spatial_contacts`: where polyhedra touch
+- `fit_of_line`: misfit of a stated straight contact and an element
+- `fit_of_polygon`: misfit of a stated plane contact and an element
 - `frame`: an orthonormal frame from its first vectors
 - `given_normals`: normals of contacts that are given
+- `judge_fit`: refuse a poor fit of a stated contact, or warn
 - `merge_points`: points within a tolerance, as one
 - `moment_about`: arm × force, in the plane or in space
 - `near_misses`: edges that nearly touch
@@ -28,6 +32,8 @@
 - `planar_interfaces`: frames and sizes of straight contacts
 - `reach_of`: distance within which corners of blocks of an assembly are one
 - `rectangle_torsion_length`: c_T of rectangles
+- `refuse_crossing`: refuse stated contacts whose outline crosses itself
+- `refuse_repeated`: refuse contacts that are stated twice
 - `region_of`: a polygon of shapely → Region
 - `shape_numbers`: number of the shape of each entry, from 1 by first appearance
 - `snap_paths`: close gaps between open and closed paths
@@ -48,6 +54,7 @@ from __future__ import annotations
 from jld_core.geometry.congruence import Kinds, shape_numbers
 from jld_core.geometry.misfits import words_of
 from jld_core.geometry.outlines import Outline, Outlines, reach_of
+from jld_core.geometry.overlay import area_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
     check_polygons,
@@ -63,11 +70,12 @@ from jld_core.geometry.snapping_solids import snap_solids
 from jld_core.geometry.spatial_contacts import (
     SpatialContact,
     find_spatial_contacts,
-    given_normals,
     near_pairs,
     near_solids,
-    spatial_interfaces,
 )
+from jld_core.geometry.spatial_interfaces import spatial_interfaces
+from jld_core.geometry.stated_contacts import given_normals
+from jld_core.geometry.stated_fit import fit_of_line, fit_of_polygon, judge_fit, refuse_crossing, refuse_repeated
 from jld_core.geometry.unions import Region, Surface, extrude, region_of, union_outlines, union_solids
 from jld_core.geometry.vectors import across, area_vector, frame, moment_about, spun
 
@@ -83,6 +91,7 @@ __all__ = [
     "SpatialContact",
     "Surface",
     "across",
+    "area_of",
     "area_vector",
     "check_overlaps",
     "check_polygons",
@@ -90,8 +99,11 @@ __all__ = [
     "facets_of",
     "find_planar_contacts",
     "find_spatial_contacts",
+    "fit_of_line",
+    "fit_of_polygon",
     "frame",
     "given_normals",
+    "judge_fit",
     "merge_points",
     "moment_about",
     "near_misses",
@@ -100,6 +112,8 @@ __all__ = [
     "planar_interfaces",
     "reach_of",
     "rectangle_torsion_length",
+    "refuse_crossing",
+    "refuse_repeated",
     "region_of",
     "shape_numbers",
     "snap_paths",

@@ -25,12 +25,16 @@ class Overlap:
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Two elements, by index, with faces that nearly touch: how far apart, length, and where, (d,)."""
+    """Two elements, by index, with faces that nearly touch: how far apart, length, and where, (d,).
+
+    angle: where the faces touch at one end and open towards the other, between them, degrees; else 0.
+    """
 
     a: int
     b: int
     gap: float
     place: Floats
+    angle: float = 0.0
 
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
@@ -53,9 +57,7 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
     """A sentence on faces that nearly touch, with their number and the first places; none where there are none."""
     if not misses:
         return ()
-    shown = ", ".join(
-        f"{ids[m.a]!r} and {ids[m.b]!r} are {m.gap:.3g} {unit} apart at ({_point(m.place)})" for m in misses[:_SHOWN]
-    )
+    shown = ", ".join(f"{ids[m.a]!r} and {ids[m.b]!r} {_gap(m, unit)}" for m in misses[:_SHOWN])
     widest = max(miss.gap for miss in misses)
     count = (
         f"{len(misses)} pairs of faces nearly touch and are"
@@ -64,6 +66,13 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
     )
     more = ", …" if len(misses) > _SHOWN else ""
     return (f'{count} not joined: {shown}{more}; "tolerance": {1.1 * widest:.2g} closes such gaps',)
+
+
+def _gap(miss: NearMiss, unit: str) -> str:
+    """Say how wide a gap is and where: between faces side by side, or of a joint that opens from one end."""
+    if miss.angle > 0.0:
+        return f"touch at one end and open by {miss.gap:.3g} {unit} ({miss.angle:.2g}°) at ({_point(miss.place)})"
+    return f"are {miss.gap:.3g} {unit} apart at ({_point(miss.place)})"
 
 
 def _point(place: Floats) -> str:

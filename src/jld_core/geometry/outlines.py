@@ -213,15 +213,17 @@ def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: f
                     break
             else:
                 planes.append((normal, float(ring.mean(axis=0) @ normal), [(1.0, ring)]))
-    found = []
+    found, grid = [], _SNAP * reach
     for normal, offset, members in planes:
         plane = across(normal)
         sides = [
-            shapely.union_all([shapely.Polygon(ring @ plane.T) for sign, ring in members if sign == side])
+            shapely.union_all(
+                [shapely.Polygon(ring @ plane.T) for sign, ring in members if sign == side], grid_size=grid
+            )
             for side in (1.0, -1.0)
         ]
         for here, there in (sides, sides[::-1]):
-            for part in shapely.get_parts(shapely.difference(here, there, grid_size=1e-3 * reach)):
+            for part in shapely.get_parts(shapely.difference(here, there, grid_size=grid)):
                 if part.geom_type != "Polygon" or part.area <= reach * part.length:
                     continue
                 for ring in [part.exterior, *part.interiors]:

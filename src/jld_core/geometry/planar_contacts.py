@@ -20,6 +20,7 @@ from jld_core.assembly import Interfaces
 from jld_core.errors import InputError
 from jld_core.geometry import polygons as measures
 from jld_core.geometry.misfits import NearMiss, Overlap, refuse_overlaps
+from jld_core.geometry.overlay import intersections
 from jld_core.geometry.polyhedra import spread
 
 
@@ -81,8 +82,12 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
     # what only touches shares no area: sorting these out first spares the intersections
     apart = shapely.touches(shapes[left], shapes[right])
     left, right = left[~apart], right[~apart]
-    regions = shapely.intersection(shapes[left], shapes[right])
-    over = np.flatnonzero(shapely.area(regions) > tolerances.OVERLAP * np.minimum(size[left], size[right]))
+    most = tolerances.OVERLAP * np.minimum(size[left], size[right])
+    # in floating point, fast, and on a grid what seems to overlap
+    over = shapely.area(shapely.intersection(shapes[left], shapes[right])) > most
+    left, right, most = left[over], right[over], most[over]
+    regions = intersections(shapes[left], shapes[right])
+    over = np.flatnonzero(shapely.area(regions) > most)
     pairs = []
     for k in sorted(over.tolist(), key=lambda k: (left[k], right[k])):
         box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(regions[k]))
@@ -136,14 +141,15 @@ class _FacingEdges:
     """Pairs of edges of near polygons that face one another, where they do.
 
     pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
-    normal of that edge. offset: (k,) signed distance to the other edge, the larger one of both ends. length: (k,) of
-    the shorter edge.
+    normal of that edge. offset: (k,) signed distance to the other edge, the larger one of both ends. least: (k,) the
+    smaller one, without sign; 0 where the edges cross. length: (k,) of the shorter edge.
     """
 
     pair: Ints
     ends: Floats
     outward: Floats
     offset: Floats
+    least: Floats
     length: Floats
 
 
@@ -174,11 +180,14 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     # the distance between the edges is measured where they face one another, so that an edge that is long
     # and turned by a hair is judged by the contact and not by its far end
     slope = (off1 - off0) / np.where(along1 == along0, 1.0, along1 - along0)
-    apart = np.maximum(abs(off0 + slope * (low - along0)), abs(off0 + slope * (high - along0)))
+    ends_off = np.stack([off0 + slope * (low - along0), off0 + slope * (high - along0)])
+    apart = abs(ends_off).max(axis=0)
     hit = np.flatnonzero((high - low > reach) & (apart <= reach))
     pair, i, j = pair[hit], i[hit], j[hit]
     ends = np.stack([start[i] + low[hit, None] * unit[i], start[i] + high[hit, None] * unit[i]], axis=1)
-    return _FacingEdges(pair, ends, outward[i], apart[hit] * np.sign(off0[hit]), np.minimum(length[i], length[j]))
+    far = np.where(abs(ends_off[0]) >= abs(ends_off[1]), ends_off[0], ends_off[1])[hit]
+    least = np.where(ends_off[0] * ends_off[1] < 0.0, 0.0, abs(ends_off).min(axis=0))[hit]
+    return _FacingEdges(pair, ends, outward[i], far, least, np.minimum(length[i], length[j]))
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
@@ -195,21 +204,28 @@ def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, 
 
 
 def near_misses(polygons: list[Floats]) -> list[NearMiss]:
-    """Edges that run against one another, apart by less than `tolerances.NEAR` of their length, and are no contact.
+    """Find edges that run against one another, nearly touch, and are no contact.
 
-    polygons: n arrays (k, 2), counter-clockwise. What has another element in between is left out.
+    polygons: n arrays (k, 2), counter-clockwise. Edges nearly touch that are apart by less than `tolerances.NEAR` of
+    their length, and those that touch at one end and open by less than `tolerances.WEDGE` of it at the other. What has
+    another element in between is left out.
     """
     shapes = _shapes(polygons)
-    near = _near(shapes, tolerances.NEAR * _spans(polygons))
-    facing = _facing_edges(polygons, near, tolerances.NEAR)
-    kept = np.flatnonzero(abs(facing.offset) > tolerances.CONTACT * facing.length)
+    near = _near(shapes, tolerances.WEDGE * _spans(polygons))
+    facing = _facing_edges(polygons, near, tolerances.WEDGE)
+    gap, length = abs(facing.offset), facing.length
+    touching = facing.least <= tolerances.CONTACT * length
+    close = (gap > tolerances.CONTACT * length) & (touching | (gap <= tolerances.NEAR * length))
+    kept = np.flatnonzero(close)
     middle = facing.ends[kept].mean(axis=1) + 0.5 * facing.offset[kept, None] * facing.outward[kept]
     # inside of an element there is no gap: a plate lies between, or the two overlap by less than is refused
     covered = np.zeros(len(kept), dtype=bool)
     covered[shapely.STRtree(shapes).query(shapely.points(middle), predicate="within")[0]] = True
-    one, two = near[facing.pair[kept[~covered]]].T.tolist()
-    gaps = abs(facing.offset[kept[~covered]]).tolist()
-    found = [NearMiss(*found) for found in zip(one, two, gaps, middle[~covered], strict=True)]
+    kept, middle = kept[~covered], middle[~covered]
+    across = np.hypot(*(facing.ends[kept, 1] - facing.ends[kept, 0]).T)
+    angle = np.where(touching[kept], np.degrees(np.arctan2(gap[kept], across)), 0.0).tolist()
+    one, two = near[facing.pair[kept]].T.tolist()
+    found = [NearMiss(*found) for found in zip(one, two, gap[kept].tolist(), middle, angle, strict=True)]
     return sorted(found, key=lambda miss: (miss.a, miss.b))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import shapely
 
 from jld_core.arrays import Bools, Floats, Ints
 
@@ -101,22 +102,39 @@ def sizes(polygons: Floats) -> Floats:
 
 
 def corners(polygon: Floats, tolerance: float) -> Floats:
-    """A polygon (k, d) without the points that are no corners, order kept.
+    """Return a polygon (k, d) without points on the line of their neighbours and without tips of spikes.
 
-    tolerance: length within which a point lies on the line of its neighbours.
+    polygon: simple, without bridges to holes. tolerance: length within which a point lies on the line of its
+    neighbours, and width up to which the way to a point and back is a spike. The order is kept.
     """
-    points = [np.asarray(point) for point in polygon]
-    index, settled = 0, 0
-    while len(points) > 3 and settled < len(points):
-        index %= len(points)
-        before, here, after = points[index - 1], points[index], points[(index + 1) % len(points)]
-        if _off_line(before, here, after) <= tolerance:
-            del points[index]
-            # the neighbour before it may have become idle only now
-            index, settled = index - 1, 0
-        else:
-            index, settled = index + 1, settled + 1
-    return np.array(points)
+    points = np.asarray(polygon)
+    while len(points) > 3:
+        before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
+        off = np.minimum(off, _off_segment(before, points, after))
+        # the least first, so that it does not matter where the outline begins
+        least = int(np.argmin(off))
+        if off[least] > tolerance:
+            break
+        points = np.delete(points, least, axis=0)
+    return points
+
+
+def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
+    """Join a shell (k, d) and holes of the other sense to one outline, by bridges run along both ways.
+
+    Integrals over the outline are those of the area without its holes, and so is its hull. Each bridge joins the
+    nearest corners.
+    """
+    outline, left = shell, list(holes)
+    while left:
+        apart = [np.linalg.norm(outline[:, None] - hole[None], axis=2) for hole in left]
+        nearest = int(np.argmin([table.min() for table in apart]))
+        here, there = np.unravel_index(int(np.argmin(apart[nearest])), apart[nearest].shape)
+        hole = left.pop(nearest)
+        around = np.concatenate([hole[there:], hole[: there + 1]])
+        outline = np.concatenate([outline[: here + 1], around, outline[here:]])
+    return outline
 
 
 def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
@@ -139,33 +157,23 @@ def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[F
     return plain
 
 
-def _off_line(before: Floats, here: Floats, after: Floats) -> float:
-    chord, arm = after - before, here - before
-    length = float(np.linalg.norm(chord))
-    if length == 0.0:
-        return float(np.linalg.norm(arm))
-    share = min(max(float(arm @ chord) / length**2, 0.0), 1.0)
-    return float(np.linalg.norm(arm - share * chord))
+def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
+    """Distances (k,) of points (k, d) from the segments between two others."""
+    chord, arm = end - start, points - start
+    length = np.einsum("ij,ij->i", chord, chord)
+    share = np.clip(np.einsum("ij,ij->i", arm, chord) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(arm - share[:, None] * chord, axis=1))
 
 
 def hull(polygon: Floats) -> Floats:
-    """Convex hull (h, 2) of points (k, 2), counter-clockwise, without points on its edges.
+    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise, without points on its edges.
 
     It starts at the point of least x1 (then x2).
     """
-    ordered = polygon[np.lexsort((polygon[:, 1], polygon[:, 0]))]
-    # a corner turned by less than this is rounding
-    sliver = 1e-12 * float(np.ptp(polygon, axis=0).max()) ** 2
-
-    def chain(points: Floats) -> list[Floats]:
-        kept: list[Floats] = []
-        for point in points:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= sliver:
-                kept.pop()
-            kept.append(point)
-        return kept[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
+    ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(polygon)))[:-1]
+    # points off an edge by less than this are rounding
+    found = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
+    return np.roll(found, -int(np.lexsort((found[:, 1], found[:, 0]))[0]), axis=0)
 
 
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
@@ -182,11 +190,6 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
         for index in chosen[~convex].tolist():
             found[index] = hull(polygons[index])
     return found
-
-
-def _turn(first: Floats, second: Floats, third: Floats) -> float:
-    one, two = second - first, third - second
-    return float(one[0] * two[1] - one[1] * two[0])
 
 
 def hull_rows(hull_: Floats) -> Floats:

@@ -192,6 +192,8 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     np.add.at(vector, surface.face, 0.5 * doubled)
     extent = np.maximum.reduceat(corner, surface.start) - np.minimum.reduceat(corner, surface.start)
     group, alone = _join_coplanar(surface, vector, np.asarray(extent.max(axis=1)))
+    # a face that comes back to a vertex has a hole, joined to its outline by an edge that is run along both ways
+    alone &= ~_repeats(surface)
     total = np.zeros((int(group.max()) + 1, 3))
     np.add.at(total, group, vector)
     flat = np.linalg.norm(total, axis=1) > 0.0
@@ -221,6 +223,16 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
         upper=upper,
         loops=tuple(loops[index] for index in kept),
     )
+
+
+def _repeats(surface: _Surface) -> Bools:
+    """(faces,) True where a face comes to a vertex more than once."""
+    order = np.lexsort((surface.vertex, surface.face))
+    face, vertex = surface.face[order], surface.vertex[order]
+    again = np.flatnonzero((face[1:] == face[:-1]) & (vertex[1:] == vertex[:-1]))
+    found = np.zeros(len(surface.count), dtype=bool)
+    found[face[again]] = True
+    return found
 
 
 def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:

@@ -11,6 +11,7 @@ import shapely
 
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
+from jld_core.geometry.overlay import area_of
 from jld_core.geometry.polyhedra import Faces, Facets, facets_of
 from jld_core.geometry.snapping import snap_polygons, straight, without_spikes
 from jld_core.geometry.vectors import across
@@ -171,7 +172,7 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
 
     def region(facet: int) -> shapely.Geometry:
         loops = [(loop - origin) @ frame.T for loop in facets.loops[facet]]
-        return shapely.make_valid(shapely.Polygon(loops[0], loops[1:]))
+        return area_of(shapely.Polygon(loops[0], loops[1:]))
 
     sides = [[region(k) for k in plane if facets.normal[k] @ normal * sign > 0.0] for sign in (1.0, -1.0)]
     grid = 1e-9 * size

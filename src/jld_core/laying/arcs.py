@@ -24,6 +24,12 @@ _SMALLER: Final = 1e-6
 TURN: Final = 1e-7
 """Angle by which a direction may point into an obstacle: what the normals of a drawing leave."""
 
+_SAME: Final = 1e-9
+"""Distance, relative to the largest element, up to which two corners coincide."""
+
+_NEAR: Final = 1e-5
+"""Angle within which an end of an arc as drawn belongs to one with room for rounding."""
+
 _PIECES: Final = 150
 _TURNS: Final = 2000
 """Pieces, and directions, up to which groups are tried wherever anything changes, and not along contacts alone."""
@@ -48,26 +54,48 @@ class Arcs:
         self._corner = np.array([piece[np.minimum(np.arange(size), len(piece) - 1)] for piece in pieces])
         self._middle = np.array([piece.mean(axis=0) for piece in pieces])
         self._smaller = self._middle[:, None] + (1.0 - _SMALLER) * (self._corner - self._middle[:, None])
+        self._size = float(max(np.ptp(shape, axis=0).max() for shape in assembly.elements.shape))
         self._of: dict[int, Floats] = {}
+        self._exact: dict[int, Floats] = {}
 
     def of(self, piece: int) -> Floats:
         """(p, 2) where the arc of each other piece begins, in [0, 2π), and how wide it is; below 0: never met."""
         if piece not in self._of:
-            arm = self._smaller[:, None] - self._corner[piece][None, :, None]
-            arm = arm.reshape(len(self._corner), -1, 2)
-            towards = self._middle - self._middle[piece]
-            along = np.einsum("pki,pi->pk", arm, towards)
-            across = towards[:, None, 0] * arm[:, :, 1] - towards[:, None, 1] * arm[:, :, 0]
-            angle = np.arctan2(across, along)
-            low, high = angle.min(axis=1), angle.max(axis=1)
-            # pieces that overlap by more than rounding keep one another from coming closer, and nothing else
-            over = high - low >= np.pi
-            low, high = np.where(over, -0.5 * np.pi, low), np.where(over, 0.5 * np.pi, high)
-            begin = (np.arctan2(towards[:, 1], towards[:, 0]) + low + TURN) % (2.0 * np.pi)
-            found = np.column_stack([begin, high - low - 2.0 * TURN])
+            begin, width = self._seen(piece, self._smaller, 0.0)
+            found = np.column_stack([(begin + TURN) % (2.0 * np.pi), width - 2.0 * TURN])
             found[piece, 1] = -1.0
             self._of[piece] = found
         return self._of[piece]
+
+    def ends(self, piece: int) -> Floats:
+        """(p, 2) where the arc of each other piece begins and ends, as drawn; NaN for those that are never met.
+
+        `of` says which directions are blocked, with room for rounding; a direction along the end of an arc follows
+        the faces themselves.
+        """
+        if piece not in self._exact:
+            begin, width = self._seen(piece, self._corner, _SAME * self._size)
+            found = np.column_stack([begin, begin + width])
+            found[self.of(piece)[:, 1] <= 0.0] = np.nan
+            self._exact[piece] = found
+        return self._exact[piece]
+
+    def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
+        """(p,) and (p,) where arcs of pieces at rest begin, seen from one that moves, and how wide they are.
+
+        resting: (p, k, 2) corners of the pieces at rest. same: distance up to which corners that coincide say nothing.
+        """
+        arm = resting[:, None] - self._corner[piece][None, :, None]
+        arm = arm.reshape(len(self._corner), -1, 2)
+        towards = self._middle - self._middle[piece]
+        along = np.einsum("pki,pi->pk", arm, towards)
+        across = towards[:, None, 0] * arm[:, :, 1] - towards[:, None, 1] * arm[:, :, 0]
+        angle = np.where(np.hypot(arm[:, :, 0], arm[:, :, 1]) <= same, 0.0, np.arctan2(across, along))
+        low, high = angle.min(axis=1), angle.max(axis=1)
+        # pieces that overlap by more than rounding keep one another from coming closer, and nothing else
+        over = high - low >= np.pi + (TURN if same else 0.0)
+        low, high = np.where(over, -0.5 * np.pi, low), np.where(over, 0.5 * np.pi, high)
+        return np.arctan2(towards[:, 1], towards[:, 0]) + low, high - low
 
     def way_out(self, moving: Bools, still: Bools, up: Floats) -> Floats | None:
         """The direction (2,) nearest to another in which some elements leave others; None where there is none.
@@ -89,21 +117,23 @@ class Arcs:
             return None
         low, high = before[free], begin[free, 0]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        aside = (wanted - middle + np.pi) % (2.0 * np.pi) - np.pi
-        angle = middle + np.clip(aside, -half, half)
-        best = int(np.argmin(np.round(abs((angle - wanted + np.pi) % (2.0 * np.pi) - np.pi), 6)))
-        if half[best] < 1e-5:
-            angle[best] = middle[best]
-        direction = np.round([np.cos(angle[best]), np.sin(angle[best])], 5)
+        angle = _nearest(wanted, middle, half)
+        best = int(np.argmin(np.round(abs(_turned(angle - wanted)), 6)))
+        ends = np.concatenate([self.ends(int(piece))[others] for piece in mine])
+        # the same gap between arcs as they are drawn, ends of which differ by what pieces were made smaller
+        after, before = _turned(ends[:, 1] - low[best]), _turned(ends[:, 0] - high[best])
+        low_end = low[best] + np.max(after, initial=0.0, where=abs(after) <= _NEAR)
+        high_end = high[best] + np.min(before, initial=0.0, where=abs(before) <= _NEAR)
+        between = float(_nearest(wanted, 0.5 * (low_end + high_end), max(0.5 * float(high_end - low_end), 0.0)))
+        direction = np.round([np.cos(between), np.sin(between)], 15)
         return np.asarray(direction / np.linalg.norm(direction)) + 0.0
 
     @cached_property
     def turns(self) -> Floats:
         """Angles (k,) at which it changes who blocks whom, ends of arcs; along contacts alone where those are many."""
         if len(self.owner) <= _PIECES:
-            every = np.concatenate([self.of(piece) for piece in range(len(self.owner))])
-            every = every[every[:, 1] > 0.0]
-            found = _different(np.concatenate([every[:, 0] - TURN, every[:, 0] + every[:, 1] + TURN]))
+            every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
+            found = _different(every[np.isfinite(every)])
             if len(found) <= _TURNS:
                 return found
         tangent = self.assembly.interfaces.e1
@@ -120,15 +150,28 @@ class Arcs:
         holds[np.arange(len(place)), place] = 1.0
         for first in range(0, len(self.turns), step):
             angle = self.turns[first : first + step, None, None]
-            # angles were rounded: an arc blocks what lies inside it by more than that
+            # angles that differ by less than 1e-6 are one: an arc blocks what lies inside it by more than that
             inside = (angle - table[:, :, 0] - 1e-6) % (2.0 * np.pi) < table[:, :, 1] - 2e-6
             found[first : first + step] = (holds.T @ inside.astype(np.float32) @ holds) > 0.0
         found[:, np.arange(count), np.arange(count)] = False
         return found
 
 
+def _turned(angle: Floats | float) -> Floats:
+    """Return angles between −π and π."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Floats:
+    """Return the angle nearest to the wanted one in each interval, given by its middle and half its width."""
+    return np.asarray(middle + np.clip(_turned(wanted - middle), -half, half))
+
+
 def _different(angles: Floats) -> Floats:
-    return np.unique(np.round(angles % (2.0 * np.pi), 6) % round(2.0 * np.pi, 6))
+    """Return the angles that differ by more than 1e-6, ascending, each as it is and not rounded."""
+    angles = angles % (2.0 * np.pi)
+    _, first = np.unique(np.round(angles, 6) % round(2.0 * np.pi, 6), return_index=True)
+    return angles[first]
 
 
 def _convex_pieces(shape: Floats) -> list[Floats]:

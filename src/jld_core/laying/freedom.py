@@ -180,7 +180,8 @@ def _directions(normals: Floats) -> Floats:
     """Unit directions in space (k, 3) that normals (c, 3) suggest: along them, along their edges, and between those."""
     if not len(normals):
         return np.concatenate([np.eye(3), -np.eye(3)])
-    normals = np.unique(np.round(np.concatenate([normals, -normals]), 9) + 0.0, axis=0)
+    both = np.concatenate([normals, -normals]) + 0.0
+    normals = both[np.unique(np.round(both, 9) + 0.0, axis=0, return_index=True)[1]]
     i, j = np.triu_indices(len(normals), 1)
     edges = np.cross(normals[i], normals[j])
     size = np.linalg.norm(edges, axis=1)

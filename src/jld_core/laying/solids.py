@@ -10,7 +10,7 @@ import shapely
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly, Elements
-from jld_core.geometry import across, area_vector
+from jld_core.geometry import across, area_of, area_vector
 
 SHARED: Final = 1e-6
 """Volume, relative to the smaller block, that a sweep may share with another block: rounding of contacts."""
@@ -146,7 +146,8 @@ def _triangles(face: Floats) -> Floats:
         return face[None]
     normal = area_vector(face)
     plane = across(normal / np.linalg.norm(normal))
-    flat = shapely.Polygon((face - face[0]) @ plane.T)
+    # a face with a hole comes as one outline with a bridge, which is no edge of the region
+    flat = area_of(shapely.Polygon((face - face[0]) @ plane.T))
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
     return np.array([face[0] + shapely.get_coordinates(part)[:3] @ plane for part in parts])
 

@@ -100,8 +100,10 @@ def _local(faces: Interfaces, face: int) -> Floats:
 
 
 def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
+    """Return the convex hulls (h, 2) of some faces in their own frames, counter-clockwise, without idle corners."""
     local = [_local(faces, face) for face in which.tolist()]
-    return polygons.hulls(polygons.without_idle_corners(local, tolerances.FACE))
+    # the hull first: the outline of a face with a hole runs along its bridges both ways
+    return polygons.without_idle_corners(polygons.hulls(local), tolerances.FACE)
 
 
 def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:

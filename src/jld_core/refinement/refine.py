@@ -13,7 +13,8 @@ from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.geometry import Faces, region_of
-from jld_core.refinement.tessellation import MOST, convex, cut, pieces, sectors, squares, voronoi
+from jld_core.refinement.arrangement import join_small, split_by_cells
+from jld_core.refinement.tessellation import MOST, convex, cut, sectors, squares, voronoi
 from jld_core.scene import Scene, parse_scene
 
 KINDS: Final = ("grid", "voronoi", "radial")
@@ -116,17 +117,23 @@ def _planar(
         cells = voronoi(shapely.union_all([outlines[k] for k in free]), sizes, seed)
     else:
         cells = squares(lower, upper, sizes)
-    found = []
-    for k, outline in enumerate(outlines):
-        parts = [outline] if elements.support[k] else pieces(outline, cells, min(least, 0.2 * outline.area))
-        rings = [region_of(part).shell for part in parts] if len(parts) > 1 else [elements.shape[k]]
-        found.append(
-            [
-                _Piece({"polygon": ring.tolist()}, part.area / outline.area, part)
-                for ring, part in zip(rings, parts, strict=True)
+    shapes = [elements.shape[k] for k in free]
+    fixed = [elements.shape[k] for k in np.flatnonzero(elements.support)]
+    split = split_by_cells([elements.ids[k] for k in free], shapes, fixed, cells, min(sizes[0], _width(kind, sizes)))
+    found = [[_Piece({"polygon": shape.tolist()}, 1.0, outlines[k])] for k, shape in enumerate(elements.shape)]
+    for k, parts in zip(free.tolist(), split, strict=True):
+        outline = outlines[k]
+        parts = join_small(parts, min(least, 0.2 * outline.area))
+        if len(parts) > 1:
+            found[k] = [
+                _Piece({"polygon": region_of(part).shell.tolist()}, part.area / outline.area, part) for part in parts
             ]
-        )
     return found
+
+
+def _width(kind: str, sizes: tuple[float, float]) -> float:
+    """Return the size of a cell that is a length: the second one of radial cells is an angle."""
+    return sizes[0] if kind == "radial" else sizes[1]
 
 
 def _spatial(assembly: Assembly, cell: tuple[float, ...]) -> list[list[_Piece]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -85,28 +84,6 @@ def sectors(
 def _refuse(count: float) -> None:
     if count > MOST:
         raise InputError("--cell", f"that makes {count:.3g} cells", f"at most {MOST}")
-
-
-def pieces(outline: shapely.Polygon, cells: Sequence[shapely.Polygon], least: float) -> list[shapely.Polygon]:
-    """Parts of an outline by cells; parts smaller than `least`, an area, join the part they share most with."""
-    tree = shapely.STRtree(list(cells))
-    parts: list[shapely.Polygon] = []
-    for k in sorted(tree.query(outline, predicate="intersects").tolist()):
-        shared = shapely.intersection(outline, cells[k])
-        parts += [p for p in shapely.get_parts(shared) if p.geom_type == "Polygon" and p.area > 1e-9 * outline.area]
-    while len(parts) > 1:
-        smallest = min(range(len(parts)), key=lambda k: (parts[k].area, k))
-        if parts[smallest].area >= least:
-            break
-        small = parts.pop(smallest)
-        contact = [shapely.intersection(small.buffer(1e-9 * small.length), part).area for part in parts]
-        best = int(np.argmax(contact))
-        joined = shapely.union_all([parts[best], small], grid_size=1e-10 * outline.length)
-        if joined.geom_type != "Polygon" or joined.interiors:
-            parts.insert(smallest, small)
-            break
-        parts[best] = joined
-    return parts
 
 
 def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[tuple[Floats, Faces]]:

@@ -1,0 +1,57 @@
+"""Plane regions: intersections on a fine grid, and the parts that have an area.
+
+In floating point, GEOS 3.14 may take two polygons that share an edge up to rounding for one inside the other, without
+an exception: the intersection is then the whole of the smaller one. On a grid its nodes are exact and it cannot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats
+
+_GRID: Final = 1e-12
+"""Width of the grid, relative to the smaller region: far below what contacts are asked to be exact to, 1e-9."""
+
+_MOST: Final = 500.0
+"""Largest coordinate in units of the smaller region, beyond which the grid is widened: doubles hold 1e-12 of it."""
+
+
+def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
+    """Intersect regions pairwise.
+
+    Parameters
+    ----------
+    first, second : (n,) sequences of shapely geometries
+        Regions in any unit and anywhere; each pair has its own grid, about the middle of what their boxes share.
+
+    Returns
+    -------
+    (n,) array of shapely geometries
+        Regions, lines and points.
+    """
+    one, two = np.asarray(first, dtype=object), np.asarray(second, dtype=object)
+    boxes = np.nan_to_num(np.stack([shapely.bounds(one), shapely.bounds(two)])).reshape(2, -1, 2, 2)
+    middle = 0.5 * (boxes[:, :, 0].max(axis=0) + boxes[:, :, 1].min(axis=0))
+    size = (boxes[:, :, 1] - boxes[:, :, 0]).max(axis=2).min(axis=0)
+    reach = abs(boxes - middle[None, :, None]).max(axis=(0, 2, 3))
+    unit = np.maximum(size, reach / _MOST)
+    unit[unit == 0.0] = 1.0
+    scaled = [_moved(regions, -middle / unit[:, None], 1.0 / unit) for regions in (one, two)]
+    return _moved(shapely.intersection(*scaled, grid_size=_GRID), middle, unit)
+
+
+def area_of(region: shapely.Geometry) -> shapely.MultiPolygon:
+    """Return what of a region has an area, without lines, points, and bridges of outlines to their holes."""
+    parts = shapely.get_parts(shapely.get_parts(region if region.is_valid else shapely.make_valid(region)))
+    return shapely.MultiPolygon([part for part in parts if part.geom_type == "Polygon" and part.area > 0.0])
+
+
+def _moved(regions: Any, shift: Floats, factor: Floats) -> Any:
+    """Scale regions (n,) by factors (n,) and then shift them by (n, 2)."""
+    owner = np.repeat(np.arange(len(regions)), shapely.get_num_coordinates(regions))
+    return shapely.transform(regions, lambda points: points * factor[owner, None] + shift[owner])

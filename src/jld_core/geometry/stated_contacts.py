@@ -1,0 +1,73 @@
+"""Contacts that a scene states: their normals, and whether the elements have faces there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import shapely
+
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
+from jld_core.errors import InputError
+from jld_core.geometry import polygons as measures
+from jld_core.geometry.facet_planes import FacetFrames, project, regions_in_planes
+from jld_core.geometry.polyhedra import Facets, spread
+
+
+def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
+    """Unit normals (m, 3) of stated contacts, out of the element a of each.
+
+    polygons: m arrays (k, 3), k ≥ 3, corners in order; a: (m,) elements; where: the key of contact i, for
+    complaints. The stated polygon decides the direction, the face of a it lies on only on which side the
+    other element lies.
+    Raises InputError: no area, or corners that do not lie in a plane.
+    """
+    normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
+    for chosen, stack in measures.by_corner_count(polygons):
+        arm = stack - stack[:, :1]
+        vector = 0.5 * np.cross(arm, np.roll(arm, -1, axis=1)).sum(axis=1)
+        amount = np.linalg.norm(vector, axis=1)
+        extent = np.ptp(stack, axis=1).max(axis=1)
+        for index in chosen[~(2.0 * amount > tolerances.FACE * extent**2)][:1]:
+            raise InputError(f"{where(int(index))}.polygon", "it has no area", "three or more corners in order")
+        normal[chosen] = vector / amount[:, None]
+        height = np.abs(np.einsum("nkj,nj->nk", stack - stack.mean(axis=1)[:, None], normal[chosen])).max(axis=1)
+        for index in chosen[height > tolerances.FACE * extent][:1]:
+            raise InputError(f"{where(int(index))}.polygon", "its corners do not lie in a plane", "a plane polygon")
+        place[chosen], size[chosen] = stack.mean(axis=1), extent
+    return normal * _sides(normal, place, size, a, facets)[:, None]
+
+
+def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
+    """+1 where a normal points out of element a at the face a place lies on, −1 where it points in."""
+    count = np.bincount(facets.element)
+    start = np.concatenate([[0], np.cumsum(count)])[:-1]
+    owner, facet = spread(start[a], count[a])
+    cosine = np.einsum("ij,ij->i", normal[owner], facets.normal[facet])
+    off = np.abs(np.einsum("ij,ij->i", place[owner] - facets.origin[facet], facets.normal[facet]))
+    outside = np.maximum(facets.lower[facet] - place[owner], place[owner] - facets.upper[facet]).max(axis=1)
+    # in one plane a body may face both ways, so a face counts as far away as the place lies outside of it
+    far = np.where(np.abs(cosine) < 0.9, np.inf, off + np.maximum(outside, 0.0))
+    best = np.minimum.reduceat(far, np.concatenate([[0], np.cumsum(count[a])])[:-1])
+    close = far <= (best + tolerances.FACE * size)[owner]
+    vote = np.where(close & np.isfinite(far), np.sign(cosine), 0.0)
+    plus = np.bincount(owner, weights=np.maximum(vote, 0.0), minlength=len(a))
+    minus = np.bincount(owner, weights=np.maximum(-vote, 0.0), minlength=len(a))
+    side = np.where(plus >= minus, 1.0, -1.0)
+    frames = FacetFrames.on(facets) if np.any((plus > 0.0) == (minus > 0.0)) else None
+    for index in np.flatnonzero((plus > 0.0) == (minus > 0.0)).tolist():
+        # boxes did not settle it: measure to the faces themselves, all of them if none is parallel
+        rows = np.flatnonzero(owner == index)
+        assert frames is not None
+        distance = []
+        for row in rows:
+            which = facet[[row]]
+            spot = project(place[[index]], facets, frames, which)
+            region = regions_in_planes(facets, frames, which, which)[0]
+            distance.append(
+                off[row] + shapely.distance(region, shapely.Point(spot[0])) + size[index] * (1.0 - abs(cosine[row]))
+            )
+        nearest = rows[int(np.argmin(distance))]
+        side[index] = 1.0 if cosine[nearest] >= 0.0 else -1.0
+    return np.asarray(side)

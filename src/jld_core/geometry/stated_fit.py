@@ -1,0 +1,187 @@
+"""How well a contact that a scene states fits the faces of its two elements, in the plane and in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core import tolerances
+from jld_core.arrays import Floats
+from jld_core.errors import InputError
+from jld_core.geometry.overlay import area_of, intersections
+from jld_core.geometry.polygons import area
+from jld_core.geometry.vectors import across
+
+_ALONG: Final = 0.95
+"""Cosine of the angle between two normals from which a face counts as one that a stated contact can lie on (18°)."""
+
+_OFF: Final = 0.1
+"""Distance from a stated contact, relative to its size, up to which a face counts as the one that it lies on."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Misfit of a stated contact and one of its elements, lengths in scene units.
+
+    size: largest extent of the contact. beyond: how far it reaches beyond the faces of the element. depth: how far it
+    lies inside of the element. gap: how far it lies in front of the element.
+    """
+
+    size: float
+    beyond: float
+    depth: float
+    gap: float
+
+
+def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
+    """Compare a stated straight contact with the edges of an element.
+
+    Parameters
+    ----------
+    ends : (2, 2) array
+        Ends of the contact, scene units.
+    outward : (2,) array
+        Unit normal of the contact, out of the element.
+    outline : (k, 2) array
+        Corners of the element, counter-clockwise.
+
+    Returns
+    -------
+    Fit
+        `beyond` is the length of the contact along which the element has no edge.
+    """
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    along = (ends[1] - ends[0]) / length
+    edge = np.roll(outline, -1, axis=0) - outline
+    facing = (np.column_stack([edge[:, 1], -edge[:, 0]]) @ outward) / np.hypot(*edge.T) > _ALONG
+    covered, off = [(0.0, 0.0), (length, length)], []
+    for start, vector in zip(outline[facing] - ends[0], edge[facing], strict=True):
+        first, slope = float(start @ along), float(vector @ outward / (vector @ along))
+        low, high = sorted((first, first + float(vector @ along)))
+        low, high = max(low, 0.0), min(high, length)
+        heights = [float(start @ outward) + slope * (place - first) for place in (low, high)]
+        if high > low and max(abs(height) for height in heights) <= _OFF * length:
+            covered.append((low, high))
+            off += heights
+    beyond, reached = 0.0, 0.0
+    for low, high in sorted(covered):
+        beyond += max(0.0, low - reached)
+        reached = max(reached, high)
+    return Fit(length, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
+
+
+def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
+    """Compare a stated plane contact with the facets of an element.
+
+    Parameters
+    ----------
+    polygon : (k, 3) array
+        Corners of the contact in order, scene units.
+    outward : (3,) array
+        Unit normal of the contact, out of the element.
+    loops : sequence of tuples of (c, 3) arrays
+        Boundary of each facet of the element and of its holes.
+    normals : (f, 3) array
+        Outward unit normals of the facets.
+
+    Returns
+    -------
+    Fit
+        `beyond` is the largest distance of a point of the contact from the facets that it lies on.
+    """
+    axes, origin = across(outward), polygon[0]
+    stated = area_of(shapely.Polygon((polygon - origin) @ axes.T))
+    size = float(np.ptp(polygon, axis=0).max())
+    regions, off = [], []
+    for rings, normal in zip(loops, normals, strict=True):
+        if normal @ outward < _ALONG:
+            continue
+        flat = [(ring - origin) @ axes.T for ring in rings]
+        region = area_of(shapely.Polygon(flat[0], flat[1:]))
+        shared = intersections([stated], [region])[0]
+        if not shared.area > tolerances.FACE**2 * stated.area:
+            continue
+        points = origin + shapely.get_coordinates(shared) @ axes
+        heights = (rings[0].mean(axis=0) - points) @ normal / (outward @ normal)
+        if abs(heights).max() <= _OFF * size:
+            regions.append(shapely.buffer(region, tolerances.FACE * size, join_style="mitre"))
+            off += heights.tolist()
+    grid = 1e-3 * tolerances.FACE * size
+    faces = shapely.union_all(regions, grid_size=grid)
+    rest = shapely.get_coordinates(shapely.difference(stated, faces, grid_size=grid))
+    beyond = float(shapely.distance(shapely.points(rest), faces).max(initial=0.0)) if regions else size
+    return Fit(size, beyond, max([0.0, *off]), max([0.0, *(-height for height in off)]))
+
+
+def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: str) -> str:
+    """Return a warning about a stated contact that fits an element poorly; "" where it fits.
+
+    where: key of the contact. name: id of the element. tolerance: the scene's own, a length. unit: of length.
+    Raises InputError: it reaches beyond the faces of the element or lies inside it by more than `tolerances.NEAR` of
+    its size and more than the tolerance.
+    """
+    allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
+    whole = fit.beyond >= fit.size
+    cases = (
+        (fit.beyond, f"element {name!r} has no face there", whole),
+        (fit.beyond, f"it reaches {fit.beyond:.4g} {unit} beyond the face of element {name!r}", not whole),
+        (fit.depth, f"it lies up to {fit.depth:.4g} {unit} inside element {name!r}", True),
+    )
+    for misfit, problem, applies in cases:
+        if applies and misfit > max(tolerances.NEAR * fit.size, tolerance or 0.0):
+            accept = f', or a "tolerance" above {misfit:.2g}' if misfit <= _OFF * fit.size else ""
+            raise InputError(where, problem, f"an interface on the common boundary of its elements{accept}")
+        if applies and misfit > allowed:
+            return f"{where}: {problem}"
+    return f"{where}: it lies {fit.gap:.4g} {unit} in front of element {name!r}" if fit.gap > allowed else ""
+
+
+def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
+    """Raise InputError for a stated plane contact whose outline crosses itself.
+
+    where: key of the contact. polygon: (k, 3) corners in order. normal: (3,) of its plane, unit.
+    """
+    flat = (polygon - polygon[0]) @ across(normal).T
+    signed = abs(float(area(flat[None])[0]))
+    whole = float(area_of(shapely.Polygon(flat)).area)
+    if abs(whole - signed) > tolerances.FACE * whole:
+        raise InputError(where, "its outline crosses itself", "corners in order around the interface")
+
+
+def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) -> None:
+    """Raise InputError for stated contacts of one pair of elements that cover one another.
+
+    pairs: (a, b) of each contact. places: its ends (2, 2), or its corners (k, 3).
+    """
+    known: dict[tuple[int, int], list[int]] = {}
+    for second, (a, b) in enumerate(pairs):
+        others = known.setdefault((min(a, b), max(a, b)), [])
+        for first in others:
+            if _cover(places[first], places[second]):
+                problem = f"it covers interfaces[{first}] between the same elements"
+                raise InputError(f"interfaces[{second}]", problem, "every contact stated once")
+        others.append(second)
+
+
+def _cover(one: Floats, other: Floats) -> bool:
+    """Whether two stated contacts share more than an end or an edge."""
+    size = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in (one, other))
+    reach = tolerances.FACE * size
+    if one.shape[1] == 2:
+        along = (one[1] - one[0]) / np.hypot(*(one[1] - one[0]))
+        off = (other - one[0]) @ np.array([along[1], -along[0]])
+        (low, high), (start, end) = (sorted(((points - one[0]) @ along).tolist()) for points in (one, other))
+        return bool(abs(off).max() <= reach and min(high, end) - max(low, start) > reach)
+    arm = one - one[0]
+    vector = sum((np.cross(a, b) for a, b in pairwise(arm)), start=np.zeros(3))
+    normal = vector / np.linalg.norm(vector)
+    if abs((other - one[0]) @ normal).max() > reach:
+        return False
+    axes = across(normal)
+    regions = [area_of(shapely.Polygon((points - one[0]) @ axes.T)) for points in (one, other)]
+    return bool(intersections(regions[:1], regions[1:])[0].area > reach * size)

@@ -1,0 +1,159 @@
+"""Planar elements cut by cells in one arrangement of lines, so that neighbours share their corners exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+
+from jld_core.arrays import Floats, Ints
+from jld_core.errors import InputError
+from jld_core.geometry import merge_points
+
+_GRID: Final = 1e-13
+"""Grid on which lines are cut, relative to the structure: near the rounding of its coordinates."""
+
+_ON: Final = 1e-10
+"""Distance, relative to the structure, within which a node lies on an outline."""
+
+_ONE: Final = 1e-6
+"""Distance, relative to a cell, within which nodes are one: a line that passes so near to a corner meets it."""
+
+_LOST: Final = 1e-6
+"""Share of an element's area that may be lost or won where nodes become one."""
+
+_Edge = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def split_by_cells(
+    ids: Sequence[str],
+    outlines: Sequence[Floats],
+    fixed: Sequence[Floats],
+    cells: Sequence[shapely.Polygon],
+    size: float,
+) -> list[list[shapely.Polygon]]:
+    """Cut elements along the boundaries of cells.
+
+    Parameters
+    ----------
+    ids : (n,) sequence of str
+        Names of the elements, for complaints.
+    outlines : sequence of (k, 2) arrays
+        Elements that are cut.
+    fixed : sequence of (k, 2) arrays
+        Elements that stay whole and whose corners nodes near them fall on.
+    cells : sequence of shapely polygons
+        Cells that cover all elements.
+    size : float
+        Size of a cell, a length.
+
+    Returns
+    -------
+    list of lists of shapely polygons
+        Parts of each element, in order of the cells and then of place. Parts that touch share their corners exactly.
+
+    Raises
+    ------
+    InputError
+        The parts of an element do not add up to it.
+    """
+    known = np.concatenate([*outlines, *fixed])
+    origin, extent = known.min(axis=0), float(np.ptp(known, axis=0).max())
+    shapes = [shapely.Polygon(outline) for outline in outlines]
+    parts: list[list[tuple[int, shapely.Polygon]]] = [[] for _ in outlines]
+    faces = _faces(outlines, known, cells, origin, extent, size)
+    inside = shapely.point_on_surface(faces)
+    element_tree, cell_tree = shapely.STRtree(shapes), shapely.STRtree(list(cells))
+    cell_of = np.full(len(faces), len(cells), dtype=np.int64)
+    found, cell = cell_tree.query(inside, predicate="intersects")
+    np.minimum.at(cell_of, found, cell)
+    for face, element in zip(*element_tree.query(inside, predicate="within"), strict=True):
+        parts[element].append((int(cell_of[face]), faces[face]))
+    for name, shape, own in zip(ids, shapes, parts, strict=True):
+        if abs(sum(part.area for _, part in own) - shape.area) > _LOST * shape.area:
+            raise InputError(f"element {name!r}", "its cells do not add up to it", "--cell with another size")
+    return [[part for _, part in sorted(own, key=lambda entry: (entry[0], entry[1].bounds))] for own in parts]
+
+
+def _faces(
+    outlines: Sequence[Floats],
+    known: Floats,
+    cells: Sequence[shapely.Polygon],
+    origin: Floats,
+    extent: float,
+    size: float,
+) -> list[shapely.Polygon]:
+    """Faces of the arrangement of all outlines and boundaries of cells."""
+    rings = [shapely.LinearRing(outline - origin) for outline in outlines]
+    borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
+    pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
+    points, owner = shapely.get_coordinates(pieces, return_index=True)
+    node, place = _nodes(points, known - origin, rings, extent, size)
+    follows = np.flatnonzero(owner[1:] == owner[:-1])
+    ends = np.sort(np.column_stack([node[follows], node[follows + 1]]), axis=1)
+    ends = np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
+    exact = np.concatenate([known, place[len(known) :] + origin])
+    return list(shapely.get_parts(shapely.polygonize(shapely.linestrings(exact[ends]))))
+
+
+def _nodes(
+    points: Floats, corners: Floats, rings: Sequence[shapely.LinearRing], extent: float, size: float
+) -> tuple[Ints, Floats]:
+    """(k,) row of the place of each point, and places: corners as they are, then points.
+
+    A node on an outline is never moved off it: points join corners first, then points on outlines, then others.
+    """
+    near = shapely.STRtree(list(rings)).query(shapely.points(points), predicate="dwithin", distance=_ON * extent)[0]
+    on = np.zeros(len(points), dtype=bool)
+    on[near] = True
+    order = np.argsort(~on, kind="stable")
+    every = np.concatenate([corners, points[order]])
+    merged = merge_points(every, _ONE * size)
+    # the first point of each node has its place
+    first = np.full(int(merged.max()) + 1, len(every), dtype=np.int64)
+    np.minimum.at(first, merged, np.arange(len(every)))
+    node = np.empty(len(points), dtype=np.int64)
+    node[order] = first[merged[len(corners) :]]
+    return node, every
+
+
+def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polygon]:
+    """Join parts smaller than an area to the neighbour they share most with; parts share their corners exactly.
+
+    A part stays as it is where every neighbour would have a hole with it, or would be two.
+    """
+    parts, stuck = list(parts), set[bytes]()
+    while len(parts) > 1:
+        small = [part for part in parts if part.area < least and part.wkb not in stuck]
+        if not small:
+            break
+        part = min(small, key=lambda one: (one.area, one.bounds))
+        others = [other for other in parts if other is not part]
+        joined = _joined(part, others)
+        if joined is None:
+            stuck.add(part.wkb)
+            continue
+        index, whole = joined
+        others[index] = whole
+        parts = others
+    return parts
+
+
+def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
+    """Return the neighbour that a part shares the longest edges with, and both together; None where there is none."""
+    edges = _edges(part)
+    lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
+    for index in sorted(range(len(others)), key=lambda k: -lengths[k]):
+        if lengths[index] > 0.0:
+            whole = shapely.get_parts(shapely.coverage_union(others[index], part))
+            if len(whole) == 1 and not whole[0].interiors:
+                return index, whole[0]
+    return None
+
+
+def _edges(part: shapely.Polygon) -> set[_Edge]:
+    points = [tuple(point) for point in shapely.get_coordinates(part.exterior).tolist()]
+    return {(min(a, b), max(a, b)) for a, b in pairwise(points)}
