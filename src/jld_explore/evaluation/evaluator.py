@@ -10,6 +10,7 @@ from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status, relative_width
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.certificates import Proofs, proofs_of
@@ -70,21 +71,25 @@ class Evaluator:
         return self._batch is not None and self._batch.worthwhile
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        waiting: Bits | None = None,
+        deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m), many at once where the kernel can, the others one by one.
 
-        floors: (k,), waiting: see `evaluate`. deadline: time since the epoch, s, after which no further labelling is
-        begun: evaluations are then of the first labellings only. Each depends on its own labelling alone.
+        floors: (k,), waiting: see `evaluate`. deadline: after which no further labelling is begun:
+        evaluations are then of the first labellings only. Each depends on its own labelling alone.
         """
-        if deadline is not None and time.time() >= deadline:
+        if deadline is not None and deadline.passed():
             return []
         known = self._in_lanes(labellings)
         values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
         found: list[Evaluation] = []
         for labels, floor, evaluation in zip(labellings, values, known, strict=True):
             if evaluation is None:
-                if deadline is not None and time.time() >= deadline:
+                if deadline is not None and deadline.passed():
                     break
                 evaluation = self.evaluate(labels, floor, waiting)
             found.append(evaluation)

@@ -26,6 +26,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.lanes import chosen
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
@@ -106,13 +107,13 @@ def evaluate_batch(
     recipe: WorkerSpec,
     number: int,
     labellings: Bits,
-    deadline: float | None = None,
+    deadline: Deadline | None = None,
     floors: Floats | None = None,
     waiting: Bits | None = None,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process, with the evaluator this thread keeps.
 
-    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. floors (k,)
+    labellings: (k, m). deadline: after which no further labelling is begun. floors (k,)
     and waiting (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
     the deadline.
     """
@@ -153,7 +154,7 @@ class Workers:
     def run(
         self,
         labellings: Bits,
-        deadline: float | None = None,
+        deadline: Deadline | None = None,
         floors: Floats | None = None,
         waiting: Bits | None = None,
         *,
@@ -161,7 +162,7 @@ class Workers:
     ) -> Run:
         """Begin to evaluate (k, m) labellings, behind those that were begun before.
 
-        deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and waiting (j, m):
+        deadline: what was not begun by then is left out. floors (k,) and waiting (j, m):
         see `Evaluator.evaluate`. owed: the first labelling is evaluated however late it
         is. With one job, and on a cluster, evaluation waits until results are asked for.
         """
@@ -215,12 +216,16 @@ class Run:
         self,
         workers: Workers,
         labellings: Bits,
-        deadline: float | None,
+        deadline: Deadline | None,
         floors: Floats,
         waiting: Bits | None,
         owed: bool = False,
     ) -> None:
-        self._workers, self._deadline, self._owed = workers, deadline, owed and deadline is not None
+        self._workers, self._deadline, self._owed = (
+            workers,
+            deadline,
+            owed and deadline is not None and deadline.limited,
+        )
         self._labellings, self._floors, self._waiting = labellings, floors, waiting
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.exchange import blocks_csv
 from jld_core.files import whole_file
@@ -99,19 +99,19 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
 
 
 def write_pictures(
-    done: Exploration, ending: str = "png", out: Path | None = None, until: float | None = None
+    done: Exploration, ending: str = "png", out: Path | None = None, deadline: Deadline | None = None
 ) -> tuple[list[Path], list[str]]:
     """Draw the front with its layouts and, where one was found, the best layout, and what else is known.
 
-    ending: "png", "svg" or "pdf". out: folder written into, default the study's own. until: as `time.perf_counter`
-    counts, s; what was not begun by then is left out. Returns what was written and the names of what was left out.
+    ending: "png", "svg" or "pdf". out: folder written into, default the study's own. deadline: what was not begun by
+    then is left out. Returns what was written and the names of what was left out.
     Raises InputError for another ending.
     """
     written, missing = [], []
     for name in PICTURES:
         if name == "best" and done.summary["best_labelling"] is None:
             continue
-        if until is not None and time.perf_counter() >= until:
+        if deadline is not None and deadline.passed():
             missing.append(f"{name}.{ending}")
             continue
         from jld_core.views.figures import save_figure

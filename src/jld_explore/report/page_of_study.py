@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysisResult, governing_result, result_of
 from jld_core.mechanics import require_materials
 from jld_core.models import SolveOptions, limit_analysis, solve_labelling
@@ -36,12 +38,15 @@ SOLVED: Final = 50
 PATIENCE: Final = 1.5
 """Seconds after which no further row is solved for a page: a search with a time limit must end soon after it."""
 
+DEAR: Final = 1.0
+"""Seconds past a deadline that solving the best row may take."""
+
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
 
 
-def study_page(done: Exploration, patience: float = PATIENCE) -> str:
-    """HTML of a finished search, self-contained. patience: seconds for solving what is drawn; the best come first."""
-    return page(study_data(done, patience))
+def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
+    """HTML of a finished search, self-contained. patience, dear: see `study_data`."""
+    return page(study_data(done, patience, dear=dear))
 
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
@@ -62,9 +67,17 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 
 
 def study_data(
-    done: Exploration, patience: float = PATIENCE, kind: str = "report", studio: Mapping[str, Any] | None = None
+    done: Exploration,
+    patience: float = PATIENCE,
+    kind: str = "report",
+    studio: Mapping[str, Any] | None = None,
+    dear: float = math.inf,
 ) -> dict[str, Any]:
-    """The data of the page of a search, as `page_data` has it."""
+    """The data of the page of a search, as `page_data` has it.
+
+    patience: seconds for solving what is drawn; the best come first. dear: seconds above which even the first is left
+    out, by what its evaluation took.
+    """
     rows = chosen_rows(done.results, done.front)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)
@@ -79,7 +92,7 @@ def study_data(
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
         table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),
-        solutions=_solutions(rows, done, patience),
+        solutions=_solutions(rows, done, patience, dear),
         convergence=curves,
         summary=done.summary,
         studio=studio,
@@ -109,12 +122,12 @@ class CaseSolver:
         return governing_result(self.assembly, found) if self.assembly.cases else next(iter(found.values()))
 
 
-def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[int, dict[str, Any]]:
+def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, dict[str, Any]]:
     start = time.perf_counter()
     found: dict[int, dict[str, Any]] = {}
     solver = CaseSolver(done.assembly, done.model)
     for place in _worth(rows, done.front):
-        if found and time.perf_counter() - start > patience:
+        if (found and time.perf_counter() - start > patience) or float(rows["seconds"].iloc[place]) > dear:
             break
         text = str(rows["labelling"].iloc[place])
         rest, labels = cut(done.assembly, text)
@@ -132,18 +145,17 @@ def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
 
 
 def write_report(
-    done: Exploration, out: Path | None = None, patience: float = PATIENCE, until: float | None = None
-) -> Path | None:
+    done: Exploration, out: Path | None = None, patience: float = PATIENCE, deadline: Deadline | None = None
+) -> Path:
     """Write the page of a search into its folder, or into `out`. Returns the file.
 
-    until: as `time.perf_counter` counts, s; nothing is written, and None returned, where that is over.
+    patience: seconds for solving what is drawn, the best first; no more than is left to the deadline.
     """
-    if until is not None:
-        patience = min(patience, until - time.perf_counter())
-        if patience <= 0.0:
-            return None
+    dear = math.inf
+    if deadline is not None and deadline.limited:
+        patience, dear = min(patience, deadline.remaining()), deadline.remaining() + DEAR
     from jld_explore.report.folder import write_text
 
     target = (out or done.folder) / NAME
-    write_text(target, study_page(done, patience))
+    write_text(target, study_page(done, patience, dear))
     return target

@@ -53,7 +53,7 @@ class Lightest(Proving):
     @property
     def working(self) -> bool:
         """See `Driver.working`."""
-        return self._everything is None and not self._done
+        return not self._done if self._everything is None else self._everything.working
 
     @property
     def best(self) -> float | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits
+from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysis, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
@@ -75,7 +75,7 @@ class Proving(Driver):
             proof = self._conflicts, self._passed
             self._hunters = Hunters(self._relaxation, space, self._blocks, self._free, seed, *proof, alone)
         self._waiting = self._none
-        self._deadline: float | None = None
+        self._deadline = Deadline()
         self._heartbeat: Callable[[], None] = lambda: None
 
     @property
@@ -112,10 +112,10 @@ class Proving(Driver):
         if self._hunters is not None:
             self._conflicts.add(self._hunters.close().conflicts)
 
-    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """See `Driver.start`."""
         # what was found last must still be evaluated
-        self._deadline = None if deadline is None else deadline - 0.3
+        self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
         if records is not None and self._everything is None:
             templates = [analysis.template for analysis in self._analyses]
@@ -138,7 +138,7 @@ class Proving(Driver):
 
     @property
     def _late(self) -> bool:
-        return self._deadline is not None and time.perf_counter() >= self._deadline
+        return self._deadline.passed()
 
     def _given(self, limit: int | None) -> Bits:
         """The next of the labellings that wait to be evaluated."""
