@@ -99,6 +99,12 @@ def checkpoint() -> None:
         deadline.check()
 
 
+def time_left() -> float:
+    """Return the seconds left to the enforced deadline; inf where there is none."""
+    deadline = _enforced.get()
+    return math.inf if deadline is None else deadline.remaining()
+
+
 def _at(end: float, started: float) -> Deadline:
     """Make a deadline from times since the epoch, s."""
     ahead = time.time() - time.perf_counter()

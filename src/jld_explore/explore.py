@@ -41,7 +41,11 @@ WRITING: Final = 1.0
 """Seconds that tables and page take at the end of a small search; they are kept back from a time limit."""
 
 OVER: Final = (0.05, 0.5)
-"""How far past a time limit the page may be ready: share of the limit, and seconds. Half of what is promised."""
+"""How far past a time limit the page is ready at the latest: share of the limit, and seconds. A command may end a
+tenth of the limit and 2 s past it; the rest is for busy machines."""
+
+LAST: Final = (0.1, 1.0)
+"""The same for pictures, which are left out where they would be late."""
 
 COUNTING: Final = 0.2
 """Share of the time left in which a space is counted beforehand; one that takes longer counts as large."""
@@ -50,7 +54,8 @@ BOUNDING: Final = 5.0
 """Times that one labelling takes, as expected, in which all of them are bounded at the end; it is left out if late."""
 
 STOPPING: Final = 0.5
-"""Seconds for solving what the page of an interrupted search shows; the best layout is always shown."""
+"""Seconds past the end of a search that a bound on all labellings may take, and past an interrupt the solves of the
+page, which always shows the best layout."""
 
 
 @one_thread()
@@ -128,7 +133,7 @@ def explore(
     if settings.experiment or settings.by_experiment:
         done = _experimented(study, done)
     if settings.pictures:
-        _draw(done, _of_page(deadline, settings), announce)
+        _draw(done, deadline, settings, announce)
     return done
 
 
@@ -180,16 +185,12 @@ def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, d
 
 def _of_search(deadline: Deadline, settings: ExploreSettings) -> Deadline:
     """When the search itself must end, so that tables and page are ready in time."""
-    return deadline.earlier(max(0.0, WRITING - _over(settings))) if deadline.limited else deadline
+    return deadline.earlier(max(0.0, WRITING - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
 
 
-def _of_page(deadline: Deadline, settings: ExploreSettings) -> Deadline:
-    """When the last picture is begun and the last row is solved for the page."""
-    return deadline.earlier(-_over(settings)) if deadline.limited else deadline
-
-
-def _over(settings: ExploreSettings) -> float:
-    return OVER[0] * (settings.seconds or 0.0) + OVER[1]
+def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:
+    """The deadline later by a share of the time limit and some seconds."""
+    return deadline.earlier(-over[0] * (settings.seconds or 0.0) - over[1])
 
 
 def _run(study: Study, deadline: Deadline) -> StopReason:
@@ -217,7 +218,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
             study.folder.rmdir()
         raise _nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        _bound_all(study, sure=deadline.remaining() > BOUNDING * effort_of(study.assembly).seconds)
+        _bound_all(study, sure=BOUNDING * effort_of(study.assembly).seconds < deadline.remaining() + STOPPING)
     return reason
 
 
@@ -229,10 +230,12 @@ def _experimented(study: Study, done: Exploration) -> Exploration:
     return add_experiments(done, study.space, experiments, settings.experiment or DEFAULT, objective)
 
 
-def _draw(done: Exploration, deadline: Deadline, announce: Callable[[str], None] | None) -> None:
+def _draw(
+    done: Exploration, deadline: Deadline, settings: ExploreSettings, announce: Callable[[str], None] | None
+) -> None:
     """Write the page, then the pictures there is time for."""
-    write_report(done, deadline=deadline)
-    missing = write_pictures(done, deadline=deadline)[1]
+    write_report(done, deadline=_later(deadline, settings, OVER))
+    missing = write_pictures(done, deadline=_later(deadline, settings, LAST))[1]
     if missing and announce is not None:
         announce(f"not drawn for lack of time: {', '.join(missing)}; jld plot {done.folder} draws them")
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.deadline import Deadline
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status, relative_width
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.certificates import Proofs, proofs_of
@@ -91,9 +92,22 @@ class Evaluator:
             if evaluation is None:
                 if deadline is not None and deadline.passed():
                     break
-                evaluation = self.evaluate(labels, floor, waiting)
+                evaluation = self._in_time(labels, floor, waiting, deadline)
+            if evaluation is None:
+                break
             found.append(evaluation)
         return found
+
+    def _in_time(
+        self, labels: Bits, floor: float, waiting: Bits | None, deadline: Deadline | None
+    ) -> Evaluation | None:
+        """The evaluation of one labelling; None where a search without dilation was cut short by the deadline."""
+        if deadline is None or self.settings.model.friction == "associative":
+            return self.evaluate(labels, floor, waiting)
+        with suppress(DeadlinePassed), deadline.enforced():
+            found = self.evaluate(labels, floor, waiting)
+            return None if deadline.passed() else found
+        return None
 
     def _in_lanes(self, labellings: Bits) -> list[Evaluation | None]:
         """Evaluations by the kernel, None where it leaves a labelling open."""
@@ -148,11 +162,11 @@ class Evaluator:
 
     def _floor(self, proof: Proof, scale: float, start: float) -> Evaluation:
         """The evaluation by the bound below every λ without dilation: the lowest found closes its bracket."""
-        bound, found = proof.extra["lowest_proven"], float(proof.extra["lowest_found"])
+        bound, found = proof.extra["lowest_proven"], proof.extra["lowest_found"]
         return Evaluation(
             status=Status.UNCERTIFIED if bound is None else Status.COLLAPSE,
             low=math.nan if bound is None else bound,
-            high=found,
+            high=math.nan if found is None else float(found),  # time may be up before anything is found
             associative=proof.associative * scale,
             zero_dilation=math.nan if bound is None else bound,
             settled=BOUND if bound is None else SOLVE,

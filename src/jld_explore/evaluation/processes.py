@@ -25,8 +25,8 @@ from jld_explore.evaluation.undisturbed import undisturbed
 DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
 """What is raised where a worker died or hung."""
 
-GRACE: Final = 2.0
-"""Seconds after a deadline in which evaluations that were begun may end, and busy machines start their workers."""
+GRACE: Final = 0.3
+"""Seconds after a deadline in which evaluations that were begun may end."""
 
 _AHEAD: Final = 2
 """Tasks for each process that are sent ahead; where a worker dies all of them are suspected."""
