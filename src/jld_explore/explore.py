@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -39,6 +40,9 @@ CLASSES: Final = "classes (layouts, those alike by symmetry once)"
 
 WRITING: Final = 1.0
 """Seconds that tables and page take at the end of a small search; they are kept back from a time limit."""
+
+BUSY: Final = 3.0
+"""How many times longer than on an idle machine that may take at the most."""
 
 OVER: Final = (0.05, 0.5)
 """How far past a time limit the page is ready at the latest: share of the limit, and seconds. A command may end a
@@ -185,7 +189,9 @@ def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, d
 
 def _of_search(deadline: Deadline, settings: ExploreSettings) -> Deadline:
     """When the search itself must end, so that tables and page are ready in time."""
-    return deadline.earlier(max(0.0, WRITING - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
+    # a busy machine has shown in what it took to get here, and takes as much longer at the end
+    busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
+    return deadline.earlier(max(0.0, busy * WRITING - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
 
 
 def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -100,11 +101,15 @@ def study_data(
 
 
 class CaseSolver:
-    """Solves labellings of one assembly under each of its load cases, on templates that are built once."""
+    """Solves labellings of one assembly under each of its load cases, on templates that are built once.
+
+    Threads may share it: they take turns.
+    """
 
     def __init__(self, assembly: Assembly, model: SolveOptions | None = None) -> None:
         """model: default associative friction, as `solve` has it."""
         self.assembly, self.model = assembly, model or SolveOptions()
+        self._turn = threading.Lock()  # an analysis holds one solver, which is one thread's at a time
         self._analyses = [limit_analysis(case, self.model, reference=assembly.labels) for case in assembly.by_case]
 
     def solve(self, labels: Bits, stands: bool = False) -> LimitAnalysisResult:
@@ -114,11 +119,12 @@ class CaseSolver:
         """
         require_materials(self.assembly, labels, ~labels)
         found: dict[str, LimitAnalysisResult] = {}
-        for name, analysis in zip(cases_of(self.assembly), self._analyses, strict=True):
-            start = time.perf_counter()
-            proof = solve_labelling(analysis, labels, self.model, stands=stands)
-            elapsed = time.perf_counter() - start
-            found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
+        with self._turn:
+            for name, analysis in zip(cases_of(self.assembly), self._analyses, strict=True):
+                start = time.perf_counter()
+                proof = solve_labelling(analysis, labels, self.model, stands=stands)
+                elapsed = time.perf_counter() - start
+                found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
         return governing_result(self.assembly, found) if self.assembly.cases else next(iter(found.values()))
 
 
