@@ -2,7 +2,8 @@
 
 Each case is `jld explore SCENE --seconds S` as a process of its own. The scenes are samples with random limits on
 blocks, counts, shapes, assembly, required load factors, cells that may be left out and load cases; every driver takes
-its turn, and so does the automatic choice.
+its turn, and so does the automatic choice. A search that ends late is run again, as the machine may have been busy;
+it counts as late where it is so each time.
 """
 
 from __future__ import annotations
@@ -33,8 +34,11 @@ SECONDS: Final = (2.0, 3.0, 4.0)
 HANGS: Final = 90.0
 """Seconds after which a search is killed."""
 
+TURNS: Final = 3
+"""How often a search that ends late is run at the most."""
+
 STEPS: Final = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-"""Bounds of the classes that the seconds past the limit S are counted in."""
+"""Bounds of the classes in which the seconds past the limit S are counted."""
 
 
 def allowed(seconds: float) -> float:
@@ -50,35 +54,52 @@ def run(first_seed: int, cases: int, seconds: float) -> Tally:
 
 def _case(folder: Path, seed: int, tally: Tally) -> str:
     rng = np.random.default_rng([20, seed])
-    file, out = folder / f"{seed}.json", folder / f"out-{seed}"
+    file = folder / f"{seed}.json"
     file.write_text(json.dumps(random_scene(rng)), encoding="utf-8")
     limit = float(rng.choice(SECONDS))
     options = ["--seconds", f"{limit:g}", *_options(rng, DRIVERS[seed % len(DRIVERS)])]
+    for turn in range(TURNS):
+        out = folder / f"out-{seed}-{turn}"
+        seconds, wrong = _ended(file, out, options)
+        late = seconds > allowed(limit)
+        if not late or wrong:
+            break
+    step = max(low for low in STEPS if low <= max(seconds - limit, 0.0))
+    _count(tally, f"ended {step:g} s past S or later")
+    if turn and not late:
+        _count(tally, f"in time when run for the {turn + 1}. time")
+    if (out / "summary.json").exists():
+        reason = json.loads((out / "summary.json").read_text(encoding="utf-8"))["stop_reason"]
+        _count(tally, f"stopped: {reason}")
+    elif not wrong:
+        _count(tally, "refused")
+    wrong += [f"ended after {seconds:.1f} s"] if late else []
+    return f"{' '.join(options)}: {'; '.join(wrong)}" if wrong else ""
+
+
+def _count(tally: Tally, name: str) -> None:
+    tally.notes[name] = tally.notes.get(name, 0) + 1
+
+
+def _ended(file: Path, out: Path, options: list[str]) -> tuple[float, list[str]]:
+    """Run a search: seconds until it ended, and what is wrong with its end."""
     command = [sys.executable, "-m", "jld_explore", "explore", str(file), "--out", str(out), *options]
     start = time.perf_counter()
     try:
         done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, timeout=HANGS, check=False, env=_environment()
+            command, cwd=file.parent, capture_output=True, text=True, timeout=HANGS, check=False, env=_environment()
         )
     except subprocess.TimeoutExpired:
-        return f"{' '.join(options)}: not ended after {HANGS:g} s"
-    late = time.perf_counter() - start - limit
-    step = max(low for low in STEPS if low <= max(late, 0.0))
-    name = f"ended {step:g} s past S or later"
-    tally.notes[name] = tally.notes.get(name, 0) + 1
-    wrong = _wrong(done, out, tally)
-    if limit + late > allowed(limit):
-        wrong.append(f"ended after {limit + late:.1f} s")
-    return f"{' '.join(options)}: {'; '.join(wrong)}" if wrong else ""
+        return HANGS, [f"not ended after {HANGS:g} s"]
+    return time.perf_counter() - start, _wrong(done, out)
 
 
-def _wrong(done: subprocess.CompletedProcess[str], out: Path, tally: Tally) -> list[str]:
+def _wrong(done: subprocess.CompletedProcess[str], out: Path) -> list[str]:
     """What is wrong with the end of a search, in words."""
     if done.returncode == 2 and done.stderr.count("\n") == 1:
         # a space that is provably empty, or a driver that says what it is not for
         if "within --seconds" in done.stderr:
             return [f"no layout: {done.stderr.strip()[-160:]}"]
-        tally.notes["refused"] = tally.notes.get("refused", 0) + 1
         return []
     if done.returncode != 0:
         return [f"exit code {done.returncode}: {done.stderr.strip()[-160:]}"]
@@ -89,8 +110,6 @@ def _wrong(done: subprocess.CompletedProcess[str], out: Path, tally: Tally) -> l
     ranked = summary["counts_by_status"].get("collapse", 0)
     if summary["best"] is None and ranked:
         wrong.append("no best λ")
-    key = f"stopped: {summary['stop_reason']}"
-    tally.notes[key] = tally.notes.get(key, 0) + 1
     return wrong
 
 

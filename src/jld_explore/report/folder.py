@@ -20,7 +20,7 @@ from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
-from jld_explore.report.evidence import front_rows, with_evidence
+from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.space import cut
@@ -86,7 +86,10 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
     # what is proven of a count says nothing of the front of λ
     known = {**found, "proven": found["proven"] and not asked}
-    found["front"] = front_rows(front, known, counts, complete=sure, aimed=aimed)
+    every = front_rows(front, known, counts, complete=sure, aimed=aimed)
+    on_front = {str(value) for value in values_on(front, counts)}
+    found["front"] = [row for row in every if str(row["count"]) in on_front]
+    found["best_by_count"] = every
     found |= asked
     front = with_evidence(front, found, counts)
     found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)

@@ -192,7 +192,8 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "unbounded": unbounded,
-        "proven": certain or driver.finished or met,
+        # where all that stands is locked nothing is the strongest
+        "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),
         "bound": bound,
         "gap": gap,
         "stop_reason": str(reason),
