@@ -19,6 +19,7 @@ from command import command, environment
 from jld_core import InputError, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
 from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
+from jld_core.limit import SolveOptions
 from jld_explore import Driver, ExploreSettings, explore
 from jld_explore.cli.command import main
 from jld_explore.explore import choose_driver
@@ -178,4 +179,14 @@ def test_time_limits_count_from_the_start_of_the_process(tmp_path: Path, monkeyp
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["stop_reason"], summary["evaluated"]) == ("time", 1)
     assert summary["seconds"] > 100.0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_search_without_dilation_that_found_nothing_in_time_ranks_nothing(tmp_path: Path) -> None:
+    """The λ of associative friction is no λ of the objective, and a missing bracket no gap."""
+    model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=0.0)
+    settings = ExploreSettings(driver="random", seconds=0.0, jobs=1, model=model)
+    done = explore(samples.buttress(courses=3), tmp_path / "out", settings)
+    assert (done.summary["counts_by_status"], done.summary["best"]) == ({"uncertified": 1}, None)
+    assert done.summary["gap"] is None
     assert (tmp_path / "out" / "report.html").exists()

@@ -60,7 +60,9 @@ def load_range(
         floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
-        return _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
+        none = _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
+        # where time was up before anything was tried, associative friction decides nothing
+        return none if found.best is not None else replace(none, status=Status.UNCERTIFIED)
     proof = proof_of(associative, analysis, lowest, side.pairs.solves)
     above = proof_of(associative, analysis, highest, side.pairs.solves)
     options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
