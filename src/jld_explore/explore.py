@@ -317,7 +317,9 @@ def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputErr
         wish = "stands at every stage without props" if space.search.assemble == "standing" else "can be laid"
         where = "search.assemble"
         within = "" if seconds is None else f" of {space.laying.refused} that were looked at"
-        remedy = '"translation", with centring' if space.search.assemble == "standing" else "no such limit"
+        aside = space.assembly.dimension == 2 and not space.search.assemble_out_of_plane
+        remedy = "assemble_out_of_plane, or no such limit" if aside else "no such limit"
+        remedy = '"translation", with centring' if space.search.assemble == "standing" else remedy
         problem = f"no layout{within} {wish}"
     else:
         where, problem, remedy = (

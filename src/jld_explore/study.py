@@ -47,7 +47,7 @@ from jld_explore.evaluation import (
 )
 from jld_explore.space import SearchSpace, unpack
 
-ROW: Final = 4e-5
+_ROW: Final = 4e-5
 """Seconds that tables and page take for each labelling on record; they are kept back from a time limit."""
 
 PORTION: Final = 128
@@ -329,7 +329,7 @@ class Study:
     def _count(self, evaluations: list[Evaluation]) -> None:
         self.evaluated += len(evaluations)
         # what is on record must be written too before the time is up
-        self.deadline.end = self._end - ROW * len(self.records)
+        self.deadline.end = self._end - _ROW * len(self.records)
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
         self.keep_bound(self.driver.bound)

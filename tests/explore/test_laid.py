@@ -96,7 +96,7 @@ def test_every_driver_keeps_it(driver: str, tmp_path: Path) -> None:
 
 def test_what_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
     rows = ["####", "#aa#", "#aa#", "####"]
-    with pytest.raises(InputError, match="no labelling satisfies"):
+    with pytest.raises(InputError, match="no layout can be laid; expected assemble_out_of_plane"):
         explore(scene_of(rows, assemble="translation"), tmp_path / "in")
     scene = scene_of(rows, assemble="translation", assemble_out_of_plane=True)
     assert len(explore(scene, tmp_path / "out", ExploreSettings(pictures=False)).results)
