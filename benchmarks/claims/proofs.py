@@ -205,7 +205,7 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
     start = time.perf_counter()
     with _threads_for_processes():
         driver.employ(jobs)
-        driver.start(time.perf_counter() + SECONDS, lambda: None)
+        driver.start(_deadline(), lambda: None)
         try:
             while len(asked := driver.ask(None)):
                 told = evaluator.evaluate_all(asked)
@@ -225,6 +225,15 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
         found.front = {one.count: one.load_factor for one in driver.found.values() if one.count is not None}
         found.front = {count: load for count, load in found.front.items() if not math.isnan(load)}
     return found
+
+
+def _deadline() -> Any:
+    """The time limit of one proof, as the version at hand takes it."""
+    try:
+        from jld_core.deadline import Deadline
+    except ImportError:  # version 0.2 takes seconds of the clock
+        return time.perf_counter() + SECONDS
+    return Deadline(SECONDS)
 
 
 def _stop_and_resume(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 
 
 def main() -> None:
@@ -12,6 +13,7 @@ def main() -> None:
     The matrices of one labelling are small and the cores are for labellings: with as many threads as cores the same
     search took up to 17 times as long on a busy machine. It must be said before numpy is imported.
     """
+    started = time.perf_counter()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     from jld_explore.cli.streams import STOPPED, open_streams, say
@@ -26,7 +28,7 @@ def main() -> None:
         from jld_explore.cli.command import main as command
     except KeyboardInterrupt:  # loading takes a second, in which nothing was begun
         sys.exit(STOPPED)
-    command()
+    command(started)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import joblib
 import numpy as np
 
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.files import whole_file
 from jld_core.limit import SolveOptions, Status
@@ -41,14 +42,14 @@ PORTION: Final = 16
 class Experiments:
     """Experiments on layouts of one assembly, brittle inner faces and no dilation, each run once and kept in a file.
 
-    Every few are on disk before the next are begun. jobs: processes. deadline: as `time.perf_counter` counts, s, after
-    which none is begun.
+    Every few are on disk before the next are begun. jobs: processes. deadline: after which none
+    is begun.
     """
 
     assembly: Assembly
     folder: Path
     jobs: int = 1
-    deadline: float | None = None
+    deadline: Deadline = field(default_factory=Deadline)
     say: Callable[[str], None] | None = None
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
 
@@ -68,7 +69,7 @@ class Experiments:
     @property
     def late(self) -> bool:
         """Is time up?"""
-        return self.deadline is not None and time.perf_counter() >= self.deadline
+        return self.deadline.passed()
 
     def run(self, wanted: list[tuple[str, float]]) -> None:
         """Experiments on layouts with their λ, those that are on record left out."""

@@ -8,7 +8,6 @@ record is told without being evaluated.
 from __future__ import annotations
 
 import platform
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,13 +19,15 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core._version import __version__
+from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.lanes import chosen
 from jld_core.limit import SolveOptions, Status, exceeds, load_floor, relative_width
 from jld_core.models import effort_of
 from jld_core.program import Template
 from jld_core.scene import Scene
-from jld_explore.drivers import Driver
+from jld_explore.drivers import Driver, first_layout
 from jld_explore.evaluation import (
     HANG,
     CertificateEvaluator,
@@ -46,6 +47,9 @@ from jld_explore.evaluation import (
 )
 from jld_explore.space import SearchSpace, unpack
 
+_ROW: Final = 4e-5
+"""Seconds that tables and page take for each labelling on record; they are kept back from a time limit."""
+
 PORTION: Final = 128
 """Labellings asked together at the most where what is known spares solves."""
 
@@ -56,6 +60,13 @@ SMALL: Final = 20_000
 
 _HANGS: Final = 20.0
 """Times of an evaluation, as expected, after which workers without any result are taken to hang."""
+
+
+_FIRST: Final = 0.6
+"""Share of the time left in which a driver must name its first labelling, before one is drawn in its place."""
+
+_LEAST: Final = 1.0
+"""Seconds for the first labelling where the time is up before anything was evaluated."""
 
 
 class StopReason(StrEnum):
@@ -70,7 +81,12 @@ class StopReason(StrEnum):
 
 
 class Interrupted(BaseException):
-    """Raised by the signal handlers of the command line: everything finished is on disk."""
+    """Raised by the signal handlers of the command line: everything finished is on disk.
+
+    done: the Exploration of what was finished, once that is written.
+    """
+
+    done: Any = None
 
 
 @dataclass(frozen=True)
@@ -128,8 +144,8 @@ class Study:
     """One search over labellings of a scene.
 
     scene, assembly, space, driver: they belong together. total: classes there are, where that is known. report: called
-    after every batch. make: makes what evaluates labellings in each worker. started: when its time began, as
-    `time.perf_counter` counts; default now. The same scene, driver, seed and budget give the same rows on record
+    after every batch. make: makes what evaluates labellings in each worker. deadline: when it ends; default: after
+    the seconds of the settings from now on. The same scene, driver, seed and budget give the same rows on record
     whatever `jobs` is.
     """
 
@@ -145,13 +161,14 @@ class Study:
         total: int | None = None,
         report: Callable[[Progress], None] | None = None,
         make: MakeEvaluator = evaluator_of,
-        started: float | None = None,
+        deadline: Deadline | None = None,
     ) -> None:
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
         self._make = make
         self.certificates = self.settings.certificates and self.settings.model.modular
-        self.started = time.perf_counter() if started is None else started
+        self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
+        self._end, self._cut = self.deadline.end, False
         self.evaluated = self.asked = self.solved = 0
         self._best, self._floor = np.nan, load_floor(assembly)
         self.records = self.open_records()
@@ -181,7 +198,7 @@ class Study:
     @property
     def elapsed(self) -> float:
         """Seconds since the study began."""
-        return time.perf_counter() - self.started
+        return self.deadline.elapsed()
 
     @property
     def bound(self) -> float | None:
@@ -235,7 +252,7 @@ class Study:
             workers,
             self.records,
             self.space.group,
-            deadline=self._deadline,
+            deadline=self.deadline,
             front=front,
             proofs=self.certificates,
             report=self._count,
@@ -254,19 +271,19 @@ class Study:
                 self._withdraw_contradicted(restored)
                 driver.restore(rows, restored)
             driver.employ(self.settings.jobs)
-            driver.start(self._deadline, lambda: self._count([]), self.records)
+            driver.start(self.deadline, lambda: self._count([]), self.records)
             while True:
                 # the same number of portions are asked ahead whatever the workers do, so answers come in one order
                 # one labelling is evaluated however late it is by now
-                while not dry and len(waiting) <= driver.ahead and not (self._late and self._begun):
+                while not dry and len(waiting) <= driver.ahead and not (self.deadline.passed() and self._begun):
                     left = None if budget is None else budget - self.asked
                     if left is not None and left <= 0:
                         break
                     if front is not None:  # the sooner answers are known the more they spare
                         left = PORTION if left is None else min(left, PORTION)
-                    labellings = driver.ask(1 if self._late else left)
-                    dry = len(labellings) == 0
-                    if not dry:
+                    labellings = self._asked(left)
+                    dry = self._cut or len(labellings) == 0
+                    if len(labellings):
                         self.asked += len(labellings)
                         waiting.append(evaluator.send(labellings))
                 if not waiting:
@@ -294,7 +311,7 @@ class Study:
             return StopReason.EXHAUSTED
         if self.settings.budget is not None and self.asked >= self.settings.budget:
             return StopReason.BUDGET
-        if not dry:
+        if not dry or self._cut:
             return StopReason.TIME
         if self.driver.finished:
             return StopReason.PROVEN
@@ -306,13 +323,28 @@ class Study:
         # a driver that was still at work came back for lack of time
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
 
-    @property
-    def _deadline(self) -> float | None:
-        return None if self.settings.seconds is None else self.started + self.settings.seconds
+    def _asked(self, limit: int | None) -> Bits:
+        """Labellings (k, m) from the driver; where its time ends first it is not asked again.
 
-    @property
-    def _late(self) -> bool:
-        return self._deadline is not None and time.perf_counter() >= self._deadline
+        A driver that names none in most of the time gives way to one labelling drawn at random, so that there is
+        something to show.
+        """
+        begun = self._begun
+        until = self.deadline if begun else self.deadline.within(_FIRST * self.deadline.remaining())
+        try:
+            with until.enforced():
+                until.check()
+                return self.driver.ask(limit)
+        except DeadlinePassed:
+            self._cut = True
+        none = np.empty((0, len(self.space.fixed)), dtype=bool)
+        if begun:
+            return none
+        try:
+            with Deadline(max(self.deadline.remaining(), _LEAST)).enforced():
+                return first_layout(self.space, self.settings.seed)
+        except DeadlinePassed:
+            return none
 
     @property
     def _begun(self) -> bool:
@@ -321,6 +353,8 @@ class Study:
 
     def _count(self, evaluations: list[Evaluation]) -> None:
         self.evaluated += len(evaluations)
+        # what is on record must be written too before the time is up
+        self.deadline.end = self._end - _ROW * len(self.records)
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
         self._withdraw_contradicted(evaluations)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +15,9 @@ from cases import grid_document
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.deadline import Deadline
 from jld_core.limit import Status
 from jld_core.scene import Scene, parse_scene
-from jld_explore import study as study_module
 from jld_explore.drivers import DRIVERS, Driver, Enumeration, make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings
 from jld_explore.report import tables
@@ -77,12 +78,12 @@ class Table:
         return Evaluation(Status.COLLAPSE, value, value, value)
 
     def evaluate_all(
-        self, labellings: Bits, floors: object = None, waiting: object = None, deadline: float | None = None
+        self, labellings: Bits, floors: object = None, waiting: object = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         """One after the other, up to the deadline."""
         found = []
         for labels in labellings:
-            if deadline is not None and study_module.time.time() >= deadline:
+            if deadline is not None and deadline.passed():
                 break
             found.append(self.evaluate(labels))
         return found
@@ -199,8 +200,8 @@ def test_budget(name: str, tmp_path: Path) -> None:
 def test_time(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is begun after the time is up, here when the clock jumps at the 30th solve."""
     found, clock = case("sizes"), [0.0]
-    monkeypatch.setattr(study_module.time, "perf_counter", lambda: clock[0])
-    monkeypatch.setattr(study_module.time, "time", lambda: clock[0])
+    monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(time, "time", lambda: clock[0])
 
     def jump(calls: int) -> None:
         clock[0] = 100.0 if calls >= 30 else 0.0

@@ -43,6 +43,7 @@ ORDER = [
     [
         "jld_core.shown",
         "jld_core.arrays",
+        "jld_core.deadline",
         "jld_core.errors",
         "jld_core.files",
         "jld_core.memory",

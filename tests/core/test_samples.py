@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -154,3 +155,13 @@ def test_parameters_in_python_are_refused_alike() -> None:
     with pytest.raises(InputError, match="--thickness"):
         samples.arch(thickness=5.0)
     assert json.loads(samples.grid(rows=1).model_dump_json())["name"] == "grid of 8 × 1 cells"
+
+
+@pytest.mark.parametrize("voussoirs", [3, 7, 10, 12])
+def test_a_crown_load_stands_on_the_outline_whatever_the_sizes(voussoirs: int) -> None:
+    """The load hangs from the extrados above the middle: a corner of an even number of chords, or a chord's middle."""
+    for radius, thickness, embrace in itertools.product((0.5, 1.0, 3.0, 7.3), (0.1, 0.3), (60.0, 90.0, 120.0, 180.0)):
+        scene = samples.arch(radius, thickness, embrace, voussoirs, load="crown")
+        outer, half = radius + 0.5 * thickness, math.radians(0.5 * embrace / voussoirs)
+        expected = outer if voussoirs % 2 == 0 else outer * math.cos(half)
+        assert scene.loads.live[0].at == pytest.approx([0.0, expected], abs=1e-12 * radius)

@@ -76,7 +76,9 @@ def test_two_prove_what_one_does(name: str, tmp_path: Path) -> None:
         assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
         assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
         if aim == "front":
-            fronts = [{row["count"]: row["load_factor"] for row in done.summary["front"]} for done in (one, two)]
+            fronts = [
+                {row["count"]: row["load_factor"] for row in done.summary["best_by_count"]} for done in (one, two)
+            ]
             assert fronts[1] == pytest.approx(fronts[0], rel=1e-6)
 
 

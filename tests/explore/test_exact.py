@@ -68,7 +68,7 @@ def test_exact_is_enumeration(name: str, tmp_path: Path) -> None:
     assert found.summary["bound"] <= best * (1.0 + 2e-6)
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("dry_faces")["load_factor"].max()
-    proven = {row["count"]: row for row in found.summary["front"]}
+    proven = {row["count"]: row for row in found.summary["best_by_count"]}
     assert sorted(proven) == sorted(known.index)
     for count, value in known.items():
         assert proven[count]["proven"]
@@ -131,7 +131,7 @@ def test_exact_is_enumeration_in_space(
     )
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("dry_faces")["load_factor"].max()
-    proven = {row["count"]: row for row in found.summary["front"]}
+    proven = {row["count"]: row for row in found.summary["best_by_count"]}
     assert found.summary["proven"] is True
     assert found.summary["conflicts"] > 0
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
@@ -368,8 +368,10 @@ def test_a_front_that_was_enumerated_is_reported(tmp_path: Path) -> None:
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
     table = every.results[every.results["status"] == "collapse"]
     known = table.groupby("blocks")["load_factor"].max()
-    assert {row["count"]: row["load_factor"] for row in found.summary["front"]} == pytest.approx(known.to_dict())
-    assert all(row["proven"] for row in found.summary["front"])
+    assert {row["count"]: row["load_factor"] for row in found.summary["best_by_count"]} == pytest.approx(
+        known.to_dict()
+    )
+    assert all(row["proven"] for row in found.summary["best_by_count"])
 
 
 def test_it_asks_no_more_than_it_may(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import InputError, build_assembly, parse_scene, solve
+from jld_core import InputError, build_assembly, parse_scene, samples, solve
 from jld_core.laying import Layability, laying_order, locked_blocks
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import Enumeration
@@ -95,7 +96,7 @@ def test_every_driver_keeps_it(driver: str, tmp_path: Path) -> None:
 
 def test_what_cannot_be_laid_in_its_plane_is_laid_from_the_side(tmp_path: Path) -> None:
     rows = ["####", "#aa#", "#aa#", "####"]
-    with pytest.raises(InputError, match="no labelling satisfies"):
+    with pytest.raises(InputError, match="no layout can be laid; expected assemble_out_of_plane"):
         explore(scene_of(rows, assemble="translation"), tmp_path / "in")
     scene = scene_of(rows, assemble="translation", assemble_out_of_plane=True)
     assert len(explore(scene, tmp_path / "out", ExploreSettings(pictures=False)).results)
@@ -123,3 +124,30 @@ def test_a_wrong_wish() -> None:
     assert str(caught.value).startswith("search.assemble") or "search.assemble" in str(caught.value)
     assert "translation" in str(caught.value)
     assert solve(build_assembly(scene_of(ARCH, assemble="standing"))).status
+
+
+@pytest.mark.parametrize(
+    ("rows", "sizes"),
+    [(ARCH, [1, 2]), (["aaaa", "a..a", "#..#"], [1, 3]), (["aaa", "aaa", "#.#"], [1, 2]), (HOOKS, [1, 2])],
+)
+def test_building_up_agrees_with_taking_apart(rows: list[str], sizes: list[int]) -> None:
+    """What stands at every stage: laid from the ground with locks that speak for others, and taken apart one by one."""
+    scene = scene_of(rows, assemble="standing", **{**WIDE, "candidates": "all", "block_cells": sizes})
+    assembly = build_assembly(scene)
+    free = scene.model_copy(update={"search": scene.search.model_copy(update={"assemble": None})})
+    labellings = np.concatenate([found for found, _ in Enumeration(search_space(free, assembly)).batches()])
+    labellings = labellings[np.random.default_rng(2).permutation(len(labellings))[:40]]
+    asked = Layability(assembly, "standing", np.ones(len(assembly.interfaces), dtype=bool))
+    orders = [laying_order(assembly, labels, wish="standing") for labels in labellings]
+    assert asked.possible(labellings).tolist() == [bool(order.possible and order.stands) for order in orders]
+
+
+def test_an_arch_that_needs_centring_is_refused_at_once(tmp_path: Path) -> None:
+    """No voussoir past the springing stands before the arch is closed: 1 490 segmentations, none of them laid."""
+    scene = samples.arch()
+    search = scene.search.model_copy(update={"block_cells": [1, 4], "assemble": "standing"})
+    start = time.perf_counter()
+    with pytest.raises(InputError, match="assemble: no layout stands at every stage"):
+        explore(scene.model_copy(update={"search": search}), tmp_path / "out", ExploreSettings(pictures=False))
+    assert time.perf_counter() - start < 30.0
+    assert not (tmp_path / "out").exists()

@@ -87,7 +87,7 @@ def test_fronts_of_cases(tmp_path: Path) -> None:
     found = explore(scene, tmp_path / "exact", settings)
     count = scene.search.front.count
     known = every.results[every.results["status"] == "collapse"].groupby(count)["load_factor"].max()
-    proven = {row["count"]: row["load_factor"] for row in found.summary["front"]}
+    proven = {row["count"]: row["load_factor"] for row in found.summary["best_by_count"]}
     assert found.summary["proven"]
     assert proven == pytest.approx({k: v for k, v in known.items() if k in proven}, rel=1e-5)
     assert set(known.index) <= set(proven)

@@ -17,6 +17,7 @@ from cases import grid_document
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.build import build_assembly
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import parse_scene
@@ -77,8 +78,8 @@ def test_a_deadline_is_kept_inside_batches(jobs: int, monkeypatch: pytest.Monkey
     assembly, _, rows = wall()
     workers = Workers(WorkerSpec.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], quick=jobs > 1)
     try:
-        assert [part for part, found in workers.run(rows, time.time() - 1.0) if found] == []
-        past = time.time() + 0.05
+        assert [part for part, found in workers.run(rows, Deadline(-1.0)) if found] == []
+        past = Deadline(0.05)
         found = [(part, some) for part, some in workers.run(np.concatenate([rows] * 20), past) if some]
         assert 0 < sum(len(some) for _, some in found) < 20 * len(rows)
         assert all(part.stop - part.start == len(some) for part, some in found)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -14,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from command import command, environment
 from jld_core import InputError, build_assembly, parse_scene, solve
 from jld_explore.report import asset_names
 from scenes_of_pages import HOSTILE, small_scene
@@ -225,3 +229,78 @@ def test_bad_materials_are_said_not_solved(local: Local) -> None:
 def test_a_port_that_is_taken_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(InputError, match="cannot be had"):
         server._listener(taken.getsockname()[1])
+
+
+def test_blocks_go_out_while_it_solves(local: Local) -> None:
+    """Layouts are solved and exported side by side: one solver, one thread at a time (16 of 20 failed before)."""
+    asked = letters(local)
+    ended = threading.Event()
+    found: list[tuple[int, Any]] = []
+
+    def solving() -> None:
+        revision = 0
+        while not ended.is_set():
+            revision += 1
+            found.append(local.api("solve", {"page": "side", "revision": revision, "labelling": asked}))
+
+    thread = threading.Thread(target=solving)
+    thread.start()
+    try:
+        exports = [local.api("export", {"format": "vtk", "labelling": asked}) for _ in range(20)]
+    finally:
+        ended.set()
+        thread.join()
+    assert [status for status, _ in exports] == [200] * 20
+    assert {status for status, _ in found} == {200}
+    assert not local.root.exists()
+
+
+def test_a_number_of_thousands_of_digits_is_refused(local: Local) -> None:
+    status, _, text = local.ask(f"/{TOKEN}/api/solve", raw=b'{"revision": ' + b"1" * 5000 + b"}")
+    assert (status, json.loads(text)) == (400, {"error": "request: it is not JSON; expected one JSON object"})
+
+
+def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More on stderr than a pipe holds, and lines on stdout that are no reports."""
+    worker = tmp_path / "worker"
+    code = "import sys; print('a library says hello'); print('3'); sys.stderr.write('warning\\n' * 50_000)"
+    worker.write_text(
+        f"#!{sys.executable}\n{code}\nprint('{{\"done\": 7}}'); sys.stderr.write('the last\\n')\nsys.exit(1)"
+    )
+    worker.chmod(0o755)
+    monkeypatch.setattr("jld_explore.studio.jobs.sys.executable", str(worker))
+    jobs = Jobs(tmp_path / "studio")
+    job = jobs.start("explore", small_scene(), {"seconds": 1.0})
+    until = time.monotonic() + 30.0
+    while job.state == "running" and time.monotonic() < until:
+        time.sleep(0.02)
+    assert (job.state, job.error, job.progress["done"]) == ("failed", "the last", 7)
+
+
+def test_a_studio_that_is_terminated_stops_its_searches(tmp_path: Path) -> None:
+    """SIGTERM: the searches end as by Ctrl-C, with what they found on disk, before the studio does."""
+    scene = tmp_path / "scene.json"
+    document = small_scene(rows=["abcdefgh", "ijklmnop", "abcdefgh", "ijklmnop", "########"])
+    scene.write_text(json.dumps(document))
+    studio = subprocess.Popen(
+        command("studio", scene, "--no-browser"), stdout=subprocess.PIPE, text=True, env=environment()
+    )
+    assert studio.stdout is not None
+    address = studio.stdout.readline().split()[-1]
+    port, token = address.split("/")[2].rpartition(":")[2], address.split("/")[3]
+    labelling = "".join("d" if dry else "i" for dry in build_assembly(parse_scene(document)).labels)
+    asked = {"kind": "explore", "labelling": labelling, "changes": {}, "seconds": 600}
+    connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=30.0)
+    connection.request("POST", f"/{token}/api/start", json.dumps(asked), {"content-type": "application/json"})
+    assert connection.getresponse().status == 200
+    connection.close()
+    results = tmp_path / "scene_studio" / "explore-1" / "results"
+    until = time.monotonic() + 60.0
+    while not (results / "scene.json").exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    studio.send_signal(signal.SIGTERM)
+    assert studio.wait(timeout=30.0) == 130  # as Ctrl-C ends it
+    studio.stdout.close()
+    assert json.loads((results / "summary.json").read_text())["stop_reason"] == "interrupted"
+    assert (results / "report.html").exists()

@@ -33,6 +33,7 @@ from jld_core import (
     parse_scene,
     solve,
 )
+from jld_core.models.zero_dilation.binary_fractions import BinaryFractions
 from jld_core.models.zero_dilation.found import FromEverySide
 from jld_core.models.zero_dilation.search import Scheme
 from jld_core.models.zero_dilation.starts import certified, first_forces
@@ -255,3 +256,27 @@ def test_all_solutions_of_tiny_scenes(seed: int) -> None:
         assert extra["highest_found"] == pytest.approx(most, rel=1e-6, abs=1e-6 * tiny)
     if extra["lowest_proven"] is not None:
         assert extra["lowest_proven"] <= min(lows) * (1.0 + 1e-9)
+
+
+def test_a_structure_without_loops_is_bounded_from_below() -> None:
+    """Two stacked blocks, pushed down on top by λ and aside below by λ: λ = μ (W + λ), so λ = μ W / (1 − μ)."""
+    document = {
+        "elements": [
+            {"id": "low", "polygon": [[0, 0], [2, 0], [2, 3], [0, 3]]},
+            {"id": "top", "polygon": [[0, 3], [2, 3], [2, 4], [0, 4]]},
+            {"id": "ground", "polygon": [[-1, -1], [3, -1], [3, 0], [-1, 0]], "support": True},
+        ],
+        "materials": {"density": 1400, "dry": {"friction_coefficient": 0.2}},
+        "loads": {"live": [{"element": "top", "force": [0, -1]}, {"element": "low", "force": [-1, 0]}]},
+    }
+    result = solve(build_assembly(parse_scene(document)), friction="zero-dilation", range=True)
+    expected = 0.25 * 1400.0 * 9.81 * 8.0
+    assert result.load_factor == pytest.approx(expected, rel=1e-6)
+    assert result.extra["lowest_proven"] == pytest.approx(expected, rel=1e-6)
+    assert result.extra["lowest_proven"] <= expected
+
+
+def test_fractions_of_an_empty_table_keep_its_shape() -> None:
+    for shape in ((0, 3), (3, 0), (2, 3)):
+        assert BinaryFractions.of(np.ones(shape)).floats().shape == shape
+    assert (BinaryFractions.of(np.zeros((0, 2))) @ BinaryFractions.of(np.ones((2, 3)))).floats().shape == (0, 3)

@@ -20,8 +20,8 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import Assembly
 from jld_core.laying.blocks import blocks_of_labelling
 from jld_core.laying.freedom import Bodies, Freedom
-from jld_core.laying.order import GROUP, Wish, emptied, laying_order, locked_blocks
-from jld_core.laying.standing import Standing
+from jld_core.laying.order import GROUP, Wish, built_up, emptied, laying_order, locked_blocks
+from jld_core.laying.standing import Parts, Standing
 
 COUNTED: Final = {"translation": 2000, "standing": 60}
 """Labellings of which it is said within seconds whether they can be laid."""
@@ -48,6 +48,7 @@ class Layability:
     ) -> None:
         self.assembly, self.wish, self.group = assembly, wish, group
         self._bodies = Bodies(assembly, sideways)
+        self._parts = Parts(assembly)
         self._known: dict[bytes, Lock | None] = {}
         self.locks: list[Lock] = []
         faces = assembly.interfaces
@@ -60,6 +61,11 @@ class Layability:
     def counted(self) -> int:
         """Labellings of which it is said within seconds whether they can be laid."""
         return COUNTED[self.wish]
+
+    @property
+    def refused(self) -> int:
+        """How many labellings were found that cannot be laid."""
+        return sum(lock is not None for lock in self._known.values())
 
     def lock(self, labels: Bits) -> Lock | None:
         """Why a labelling (m,) cannot be laid; None where it can."""
@@ -79,18 +85,39 @@ class Layability:
             lock = self._blamed(labels, np.array(members, dtype=np.int64))
             self.locks.append(lock)
             return lock
-        if self.wish == "translation":
-            return None
-        every = np.arange(len(labels))
-        # a stage stands or falls by all that is laid by then: no part of the labelling is known to be enough
-        whole = Lock(every, labels, self.assembly.elements.free)
+        return None if self.wish == "translation" else self._falls(labels)
+
+    def _falls(self, labels: Bits) -> Lock | None:
+        """Why a labelling (m,) that can be laid by translations has no order whose every stage stands; None if one."""
+        every, elements = np.arange(len(labels)), self.assembly.elements
+        whole = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)
-        if not Standing(blocks, labels).stage(np.ones(len(blocks), dtype=bool)).stands:
+        freedom, standing = Freedom(blocks, bodies=self._bodies), Standing(blocks, labels, self._parts)
+        if not standing.stage(np.ones(len(blocks), dtype=bool)).stands:
             return whole
-        laying = laying_order(self.assembly, labels, wish="standing", group=self.group, bodies=self._bodies)
+        heavy = bool(np.linalg.norm(elements.weight[elements.free], axis=1).min() > 0.0)
+        if heavy and not np.any(emptied(freedom, np.ones(len(blocks), dtype=bool), 1) & ~blocks.fixed):
+            built = built_up(freedom, standing)
+            if built.possible:
+                return None
+            if built.possible is False:
+                return self._blamed_for(built.seen, labels)
+        laying = laying_order(
+            self.assembly, labels, wish="standing", group=self.group, bodies=self._bodies, parts=self._parts
+        )
         if laying.possible and laying.stands:
             return None
         return whole
+
+    def _blamed_for(self, seen: Bools, labels: Bits) -> Lock:
+        """The labels of all faces of elements (n,) that were seen in a search that found no order."""
+        faces, free = self.assembly.interfaces, ~self.assembly.elements.support
+        seen = seen & free
+        about = np.flatnonzero(seen[faces.a] | seen[faces.b])
+        lock = Lock(about, labels[about], np.flatnonzero(seen))
+        if len(about) < len(labels):
+            self.locks.append(lock)
+        return lock
 
     def _blamed(self, labels: Bits, members: Ints) -> Lock:
         """The labels that blocks lock one another by."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.deadline import checkpoint
 from jld_core.laying.arcs import Arcs
 from jld_core.laying.blocks import Blocks
 from jld_core.laying.solids import Solids, tangents
@@ -90,6 +91,7 @@ class Freedom:
 
         None where there is none. Out of the plane the direction is the third unit vector.
         """
+        checkpoint()
         if self.sideways:
             return np.array(_SIDEWAYS)
         of = self.blocks.of

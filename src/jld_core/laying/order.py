@@ -15,7 +15,7 @@ from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.laying.blocks import Blocks, blocks_of_labelling
 from jld_core.laying.freedom import Bodies, Freedom
-from jld_core.laying.standing import Stage, Standing
+from jld_core.laying.standing import Parts, Stage, Standing
 
 Wish = Literal["translation", "standing"]
 
@@ -72,16 +72,17 @@ def laying_order(
     sideways: bool = False,
     group: int = GROUP,
     bodies: Bodies | None = None,
+    parts: Parts | None = None,
 ) -> Laying:
     """An order in which the blocks of a labelling can be laid by translations, and how its stages stand.
 
     labels: (m,) True dry. wish: "standing" asks for an order in which every stage stands under its own weight without
     props; "translation" takes any, those that need least props before others. sideways: a planar wall may be laid out
     of its plane. group: blocks moved together at the most where single ones fail. bodies: what is known of the
-    assembly's translations already.
+    assembly's translations already. parts: of stages solved already.
     """
     blocks = blocks_of_labelling(assembly, labels)
-    freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels)
+    freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
     taken, there = _apart(freedom, standing, group)
     if taken is None:
         return Laying(blocks, (), _smallest_lock(freedom, there, group))
@@ -215,6 +216,60 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> list[Mo
         return None
 
     return search(np.ones(len(blocks), dtype=bool), [])
+
+
+@dataclass(frozen=True)
+class Built:
+    """What came of building a labelling up block by block, every stage standing.
+
+    possible: None where the search was ended by its limit, or a stage was not settled. seen: (n,) elements of all
+    blocks that were laid or tried.
+    """
+
+    possible: bool | None
+    seen: Bools
+
+
+def built_up(freedom: Freedom, standing: Standing) -> Built:
+    """Lay single blocks, each where it touches what is laid and the stage stands, depth first, the lowest first.
+
+    It finds an order wherever there is one, if single blocks can be taken away until nothing is left. Whether it
+    does follows from the blocks that were seen alone: a block that touches nothing that is laid cannot stand.
+    """
+    blocks = freedom.blocks
+    failed: set[bytes] = set()
+    tried = blocks.fixed.copy()
+    looked, settled = 0, True
+
+    def search(laid: Bools) -> bool | None:
+        nonlocal looked, settled
+        key = np.packbits(laid).tobytes()
+        if laid.all():
+            return True
+        if key in failed:
+            return False
+        near = laid[blocks.first] != laid[blocks.second]
+        border = np.unique(np.concatenate([blocks.first[near], blocks.second[near]]))
+        moves = [((block,), freedom.bodies.up) for block in border[~laid[border]].tolist()]
+        for move in sorted(moves, key=lambda move: _turn(blocks, laid, move), reverse=True):
+            if looked >= _STAGES:
+                return None
+            looked += 1
+            tried[move[0][0]] = True
+            more = laid.copy()
+            more[move[0][0]] = True
+            stands = standing.stage(more).stands
+            settled &= stands is not None
+            if not stands or freedom.way_out(move[0][0], more) is None:
+                continue
+            found = search(more)
+            if found is not False:
+                return found
+        failed.add(key)
+        return False
+
+    possible = search(blocks.fixed.copy())
+    return Built(possible if possible or settled else None, tried[blocks.of])
 
 
 def _turn(blocks: Blocks, there: Bools, move: Move) -> tuple[float, int]:

@@ -2,17 +2,24 @@
 
 A prop is an upward force, against the weight, on an element, at its centroid or at the ends of its width. The least
 sum of such forces is a conic program over equilibrium and the yield sets of the faces that are laid.
+
+What is laid in parts that do not touch one another stands where each part does, so parts are solved one by one, and
+each is solved once for all labellings of an assembly (`Parts`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.deadline import checkpoint
 from jld_core.geometry import moment_about
 from jld_core.laying.blocks import Blocks
 from jld_core.program import ConicProgram, Template, beginnings, pack
@@ -39,13 +46,21 @@ class Stage:
         return bool(self.props.sum() <= 10.0 * _NONE * self.weight)
 
 
-class Standing:
-    """Stages of one labelling. labels: (m,) True dry."""
+@dataclass(frozen=True)
+class _Part:
+    """What props a part of a stage needs. props: (n,) upward force on each element; error, weight: see `Stage`."""
 
-    def __init__(self, blocks: Blocks, labels: Bits) -> None:
+    props: Floats
+    error: float
+    weight: float
+
+
+class Standing:
+    """Stages of one labelling. labels: (m,) True dry. parts: solved before, of the same assembly; default none."""
+
+    def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
         self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
-        # load cases differ in loads alone, and a stage carries nothing but its weight
-        self.template = Template(blocks.assembly.by_case[0])
+        self.parts = Parts(blocks.assembly) if parts is None else parts
         self._known: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:
@@ -53,20 +68,55 @@ class Standing:
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
         if key not in self._known:
-            self._known[key] = self._solved(laid)
+            found = self.parts.of(laid[self.blocks.of], self.labels)
+            props = np.zeros(len(self.blocks))
+            for part in found:
+                np.add.at(props, self.blocks.of, part.props)
+            error = max((part.error for part in found), default=0.0)
+            self._known[key] = Stage(props, error, sum(part.weight for part in found))
         return self._known[key]
 
-    def _solved(self, laid: Bools) -> Stage:
-        assembly, template = self.blocks.assembly, self.template
+
+class Parts:
+    """Parts of stages of any labelling of one assembly, each solved once."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        self._known: dict[bytes, _Part] = {}
+
+    @cached_property
+    def template(self) -> Template:
+        """The program of a labelling: load cases differ in loads alone, and a stage carries nothing but its weight."""
+        return Template(self.assembly.by_case[0])
+
+    def of(self, here: Bools, labels: Bits) -> list[_Part]:
+        """The parts of what is laid that do not touch one another. here: (n,) elements; labels: (m,) True dry."""
+        faces, support = self.assembly.interfaces, self.assembly.elements.support
+        free = here & ~support
+        joined = np.flatnonzero(free[faces.a] & free[faces.b])
+        ends, count = (faces.a[joined], faces.b[joined]), len(here)
+        link = sp.coo_array((np.ones(len(joined)), ends), shape=(count, count))
+        name = connected_components(link, directed=False)[1]
+        return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
+
+    def _part(self, here: Bools, labels: Bits) -> _Part:
+        faces = self.assembly.interfaces
+        key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
+        if key not in self._known:
+            checkpoint()
+            self._known[key] = self._solved(here, labels)
+        return self._known[key]
+
+    def _solved(self, here: Bools, labels: Bits) -> _Part:
+        assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
-        here = laid[self.blocks.of]
-        props = np.zeros(len(self.blocks))
+        props = np.zeros(len(here))
         free = elements.free
         standing = np.flatnonzero(here[free])
         weight = float(np.linalg.norm(elements.weight[free[standing]], axis=1).sum())
-        if not len(standing) or weight == 0.0:
-            return Stage(props, 0.0, weight)
-        program = template.program(self.labels)
+        if weight == 0.0:
+            return _Part(props, 0.0, weight)
+        program = template.program(labels)
         own = np.zeros((len(free), q))
         own[:, : assembly.dimension] = elements.weight[free]
         weight_of = (own / template.scaling.row).ravel()
@@ -96,13 +146,13 @@ class Standing:
         answer = auxiliary(stated)
         error = _error(stated, answer.point, answer.dual)
         force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
-        np.add.at(props, self.blocks.of[owner], force)
+        np.add.at(props, owner, force)
         relative = template.scaling.force / weight
-        return Stage(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
+        return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints]:
         """Columns of unit props on the equations of the elements that are laid, scaled, and the element of each."""
-        assembly, template = self.blocks.assembly, self.template
+        assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
         total = elements.weight[elements.free].sum(axis=0)
         up = -total / np.linalg.norm(total)

@@ -19,6 +19,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.deadline import checkpoint
 from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, REFUTED, Lanes, ToShrink, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull
@@ -278,6 +279,7 @@ class Relaxation:
         """The same by the other route, one after the other."""
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
+            checkpoint()
             found.append(self._route.solve(self.program(*pair)).dual[:rows])
         answers: list[DualBound | None] = [None] * len(labellings)
         self._weigh_all(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)

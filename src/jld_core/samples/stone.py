@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import shapely
 
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
@@ -106,11 +105,25 @@ def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict
     chosen = min(within or free, key=lambda k: (*(worth(k)[::-1] if not spatial else worth(k)), k))
     top = float(shapes[chosen][:, -1].max())
     if not spatial:
-        # on the outline, straight below the top
-        upright = shapely.LineString([(x, top - 2.0 * np.ptp(shapes[chosen])), (x, top)])
-        top = float(shapely.Polygon(shapes[chosen]).intersection(upright).bounds[3])
+        top = _top_at(shapes[chosen], float(x))
     foot = [float(x), top] if not spatial else [*map(float, shapes[chosen].mean(axis=0)[:2]), top]
     return [{"element": elements[chosen]["id"], "force": [0.0, 0.0, -1.0] if spatial else [0.0, -1.0], "at": foot}]
+
+
+def _top_at(outline: Floats, x: float) -> float:
+    """Return the largest y at which an upright line at x meets a polygon (k, 2).
+
+    Where rounding puts x just beside the polygon, the nearest corner counts.
+    """
+    x = float(np.clip(x, outline[:, 0].min(), outline[:, 0].max()))
+    begin, end = outline, np.roll(outline, -1, axis=0)
+    low, high = np.minimum(begin[:, 0], end[:, 0]), np.maximum(begin[:, 0], end[:, 0])
+    met = (low <= x) & (x <= high)
+    wide = met & (high > low)
+    share = (x - begin[wide, 0]) / (end[wide, 0] - begin[wide, 0])
+    heights = begin[wide, 1] + share * (end[wide, 1] - begin[wide, 1])
+    upright = met & ~wide
+    return float(np.concatenate([heights, begin[upright, 1], end[upright, 1]]).max())
 
 
 def box(name: str, low: Sequence[float], high: Sequence[float], **keys: Any) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import inspect
 import json
 import math
 import os
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +27,7 @@ from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
 from jld_core.tolerances import GAP
-from jld_explore import ExploreSettings, explore
+from jld_explore import Exploration, ExploreSettings, explore
 from jld_explore.cli import exchange, overview, plot, samples
 from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
@@ -45,6 +46,7 @@ from jld_explore.report import (
     write_text,
 )
 from jld_explore.space import SearchSpace, search_space
+from jld_explore.study import Interrupted
 
 _JOBS = 16  # worker processes per core at the most
 
@@ -244,6 +246,7 @@ def _with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
 @app.command(name="explore")
 @_with_driver_options
 def explore_command(
+    context: typer.Context,
     scene: SceneFile,
     out: Annotated[Path, typer.Option(help="Folder for tables and pictures.", show_default=False)],
     driver: Annotated[
@@ -325,8 +328,19 @@ def explore_command(
         cluster=cluster,
         options=own,
     )
-    with ProgressBar(parsed.name) as bar, speaking_of(scene, str(out)):
-        done = explore(parsed, out, settings, report=bar, announce=None if as_json else say)
+    announce = None if as_json else say
+    try:
+        with ProgressBar(parsed.name) as bar, speaking_of(scene, str(out)):
+            done = explore(parsed, out, settings, report=bar, announce=announce, started=context.obj)
+    except Interrupted as stop:
+        if stop.done is not None:
+            _say_found(stop.done, as_json)
+        raise
+    _say_found(done, as_json)
+
+
+def _say_found(done: Exploration, as_json: bool) -> None:
+    """Print what a search found."""
     say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
 
 
@@ -367,9 +381,12 @@ def _top(
     pass
 
 
-def main() -> None:
-    """Entry point: one clear line and an exit code for whatever goes wrong."""
-    run(app)
+def main(started: float | None = None) -> None:
+    """Entry point: one clear line and an exit code for whatever goes wrong.
+
+    started: when the process began, as `time.perf_counter` counts, s; time limits count from then; default now.
+    """
+    run(app, time.perf_counter() if started is None else started)
 
 
 if __name__ == "__main__":

@@ -58,10 +58,13 @@ def complain(line: str) -> NoReturn:
     sys.exit(INPUT)
 
 
-def run(app: typer.Typer) -> None:
-    """Run the command line; whatever goes wrong ends in one clear line and an exit code."""
+def run(app: typer.Typer, started: float) -> None:
+    """Run the command line; whatever goes wrong ends in one clear line and an exit code.
+
+    started: when the process began, as `time.perf_counter` counts, s; commands find it in their context.
+    """
     try:
-        code = app(standalone_mode=False)
+        code = app(standalone_mode=False, obj=started)
     except InputError as error:
         complain(str(error))
     except _UsageError as error:

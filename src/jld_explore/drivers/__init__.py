@@ -20,6 +20,7 @@
 - `check_certifiable`: refuse a proof that has no certificate
 - `conflict_of`: a labelling that is too weak → all that are for the same reason
 - `driver_for`: the driver where none is named
+- `first_layout`: one labelling of a space, as soon as can be
 - `make_driver`: a driver by its name
 - `operators`: how labellings of a space are changed
 - `owners`: the drivers that take an option
@@ -42,6 +43,7 @@ from jld_explore.drivers.exact import (
     conflict_of,
     possible_blocks,
 )
+from jld_explore.drivers.first import first_layout
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.operators import BufferedRandom, Segmentations, operators
 from jld_explore.drivers.registry import DRIVERS, make_driver, owners
@@ -69,6 +71,7 @@ __all__ = [
     "check_certifiable",
     "conflict_of",
     "driver_for",
+    "first_layout",
     "make_driver",
     "operators",
     "owners",

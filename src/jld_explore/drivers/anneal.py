@@ -23,6 +23,7 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
+from jld_core.deadline import checkpoint
 from jld_core.limit import LimitAnalysis, Movements
 from jld_explore.drivers.base import DriverOptions
 from jld_explore.drivers.genetic import Genetic
@@ -141,6 +142,7 @@ class Anneal(Searcher):
         tries = self.size // len(self._chains)
         lacking = dict.fromkeys(standing, tries)
         for _ in range(_TURNS):
+            checkpoint()
             owners = [number for number, count in lacking.items() for _ in range(count)]
             if not owners:
                 break

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from jld_core.arrays import Bits
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace
@@ -123,12 +124,13 @@ class Driver(ABC):
         """Told once before the start: how many processes may help a driver that has work of its own."""
 
     def start(  # noqa: B027 – most ask in no time
-        self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None
+        self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None
     ) -> None:
         """Told once before the first ask: when to come back from a long one, and what to call meanwhile.
 
-        deadline: as `time.perf_counter` counts, s. heartbeat: reports progress; signals are heard when it is called.
-        records: of the study, for what the driver itself must not lose.
+        deadline: of the study, None for none. Once it has passed, loops that call `jld_core.deadline.checkpoint` end in
+        DeadlinePassed, after which the driver is not asked again. heartbeat: reports progress; signals are heard when
+        it is called. records: of the study, for what the driver itself must not lose.
         """
 
     def close(self) -> None:  # noqa: B027

@@ -78,7 +78,8 @@ def what_would_prove(
         return "λ without dilation is not unique, so the best is not proven: the bound is that of associative friction"
     if model.effective_area:
         return "with effective areas nothing is proven of other layouts: the same search without --effective-area is"
-    if open_ones and reason == "exhausted" and whole:
+    by_exact = summary["driver"] == "exact"
+    if open_ones and reason == "exhausted" and (whole or by_exact):
         return f"{open_ones} layouts are uncertified: a wider --gap or another --solver may settle them"
     if finite and reason != "exhausted":
         left = "" if summary["classes"] is None else f", {summary['evaluated']} of {summary['classes']} classes so far"
@@ -87,6 +88,8 @@ def what_would_prove(
         return "where cells may be left out, --driver enumeration proves, where it comes to its end"
     if not model.modular:
         return "the exact driver has no bounds for this model: --driver enumeration proves, where it comes to its end"
+    if by_exact:
+        return None  # it has done what it can
     faces = int(space.candidates.sum())
     reach = "proves the best" if faces <= REACH else "narrows the bound, and may prove the best"
     return f"--driver exact {reach} ({faces} faces may be dry or inner; it is taken unasked up to {REACH})"

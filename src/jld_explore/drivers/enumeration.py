@@ -9,7 +9,6 @@ proportional to what is found.
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Ints
+from jld_core.deadline import Deadline, DeadlinePassed, checkpoint
 from jld_explore.drivers.base import Driver
 from jld_explore.evaluation import Evaluation, Records
 from jld_explore.space import SearchSpace, representatives
@@ -116,8 +116,8 @@ class Enumeration(Driver):
         self._rows = rows or int(np.clip(share, 64, _ROWS))
         # rows looked at together where it takes long to say whether they can be laid, 0 where it is not asked
         self._slowly = 0 if space.laying is None else max(1, space.laying.counted // 4)
-        self._deadline: float | None = None
-        self._ended = False
+        self._deadline: Deadline | None = None
+        self._ended = self._cut = False
         self._portions = self.batches()
         self._held = np.empty((0, len(space.fixed)), dtype=bool)
 
@@ -129,18 +129,25 @@ class Enumeration(Driver):
     def ask(self, limit: int | None = None) -> Bits:
         """The next classes, (k, m), in portions that do not keep evaluation waiting for the whole limit."""
         wanted = PORTION if limit is None else min(limit, PORTION)
-        while len(self._held) < wanted:
-            portion = next(self._portions, None)
+        while len(self._held) < wanted and not self._cut:
+            try:
+                portion = next(self._portions, None)
+            except DeadlinePassed:
+                # a generator that was left does not go on: what it found is all that is named
+                self._cut = True
+                break
             self._ended = portion is None
             if portion is None:
                 break
             self._held = np.concatenate([self._held, portion[0]])
             if self._slowly and (len(self._held) or self._late):
                 break
+        if self._cut and not len(self._held):
+            raise DeadlinePassed
         given, self._held = self._held[:wanted], self._held[wanted:]
         return given
 
-    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """See `Driver.start`."""
         self._deadline = deadline
 
@@ -151,7 +158,7 @@ class Enumeration(Driver):
 
     @property
     def _late(self) -> bool:
-        return self._deadline is not None and time.perf_counter() >= self._deadline
+        return self._deadline is not None and self._deadline.passed()
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         """Nothing to learn: what comes next is settled."""
@@ -203,6 +210,7 @@ class Enumeration(Driver):
         zero, dry = np.zeros(1, dtype=np.int64), self._dry_at_start.reshape(len(self._counted), 1)
         stack = [_Frontier(0, start.astype(name), np.zeros((tall, 1), dtype=bool), zero, dry)]
         while stack:
+            checkpoint()
             frontier = stack.pop()
             if frontier.level == len(self._faces):
                 yield self._complete(frontier)

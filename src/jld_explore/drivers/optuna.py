@@ -24,6 +24,7 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_explore.drivers.base import DriverOptions
@@ -128,7 +129,7 @@ class Optuna(Searcher):
         self._known: dict[bytes, tuple[Evaluation, list[float]]] = {}
         self._waiting: dict[bytes, list[Trial]] = {}
 
-    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """See `Driver.start`: finished trials are copied from here on."""
         if records is not None:
             known = records.header

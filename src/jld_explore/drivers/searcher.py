@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Ints
+from jld_core.deadline import checkpoint
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
 from jld_explore.drivers.operators import BufferedRandom, Operators, operators
@@ -109,6 +110,7 @@ class Searcher(Driver):
         found = self._none
         tries = PATIENCE * max(count, _ROUND)
         while len(found) < count and tries > 0:
+            checkpoint()
             wanted = max(_ROUND, count - len(found))
             tries -= wanted
             admitted = self.register.admit(make(wanted), count - len(found), sure=self.operators.sure)

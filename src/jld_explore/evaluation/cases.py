@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 from functools import cached_property
 from typing import Final
@@ -12,6 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.limit import Known, LimitAnalysis, Status, governing
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
@@ -41,7 +41,11 @@ class CasesEvaluator:
         return all(one.settles for one in self._each)
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        waiting: Bits | None = None,
+        deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of the governing factor.
 
@@ -85,12 +89,12 @@ class CasesEvaluator:
         return sorted(range(len(worth)), key=worth.__getitem__)
 
     def _one_by_one(
-        self, labellings: Bits, floors: Floats | None, waiting: Bits | None, deadline: float | None
+        self, labellings: Bits, floors: Floats | None, waiting: Bits | None, deadline: Deadline | None
     ) -> list[Evaluation]:
         values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
         found: list[Evaluation] = []
         for labels, floor in zip(labellings, values, strict=True):
-            if deadline is not None and time.time() >= deadline:
+            if deadline is not None and deadline.passed():
                 break
             found.append(self.evaluate(labels, floor, waiting))
         return found
@@ -154,7 +158,11 @@ class RobustEvaluator:
         return self._low.settles and self._nominal.settles
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        waiting: Bits | None = None,
+        deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of λ at low values.
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status, relative_width
 from jld_core.models import limit_analysis, solve_labelling
 from jld_explore.evaluation.certificates import Proofs, proofs_of
@@ -70,25 +72,42 @@ class Evaluator:
         return self._batch is not None and self._batch.worthwhile
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        waiting: Bits | None = None,
+        deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m), many at once where the kernel can, the others one by one.
 
-        floors: (k,), waiting: see `evaluate`. deadline: time since the epoch, s, after which no further labelling is
-        begun: evaluations are then of the first labellings only. Each depends on its own labelling alone.
+        floors: (k,), waiting: see `evaluate`. deadline: after which no further labelling is begun:
+        evaluations are then of the first labellings only. Each depends on its own labelling alone.
         """
-        if deadline is not None and time.time() >= deadline:
+        if deadline is not None and deadline.passed():
             return []
         known = self._in_lanes(labellings)
         values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
         found: list[Evaluation] = []
         for labels, floor, evaluation in zip(labellings, values, known, strict=True):
             if evaluation is None:
-                if deadline is not None and time.time() >= deadline:
+                if deadline is not None and deadline.passed():
                     break
-                evaluation = self.evaluate(labels, floor, waiting)
+                evaluation = self._in_time(labels, floor, waiting, deadline)
+            if evaluation is None:
+                break
             found.append(evaluation)
         return found
+
+    def _in_time(
+        self, labels: Bits, floor: float, waiting: Bits | None, deadline: Deadline | None
+    ) -> Evaluation | None:
+        """The evaluation of one labelling; None where a search without dilation was cut short by the deadline."""
+        if deadline is None or self.settings.model.friction == "associative":
+            return self.evaluate(labels, floor, waiting)
+        with suppress(DeadlinePassed), deadline.enforced():
+            found = self.evaluate(labels, floor, waiting)
+            return None if deadline.passed() else found
+        return None
 
     def _in_lanes(self, labellings: Bits) -> list[Evaluation | None]:
         """Evaluations by the kernel, None where it leaves a labelling open."""
@@ -143,11 +162,11 @@ class Evaluator:
 
     def _floor(self, proof: Proof, scale: float, start: float) -> Evaluation:
         """The evaluation by the bound below every λ without dilation: the lowest found closes its bracket."""
-        bound, found = proof.extra["lowest_proven"], float(proof.extra["lowest_found"])
+        bound, found = proof.extra["lowest_proven"], proof.extra["lowest_found"]
         return Evaluation(
             status=Status.UNCERTIFIED if bound is None else Status.COLLAPSE,
             low=math.nan if bound is None else bound,
-            high=found,
+            high=math.nan if found is None else float(found),  # time may be up before anything is found
             associative=proof.associative * scale,
             zero_dilation=math.nan if bound is None else bound,
             settled=BOUND if bound is None else SOLVE,

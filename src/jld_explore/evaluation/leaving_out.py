@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import OrderedDict
 from dataclasses import replace
 from typing import Any, Final
@@ -12,6 +11,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly, without
+from jld_core.deadline import Deadline
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings
@@ -32,7 +32,11 @@ class LeavingOutEvaluator:
         self._made: OrderedDict[bytes, tuple[Any, Any]] = OrderedDict()
 
     def evaluate_all(
-        self, labellings: Bits, floors: Floats | None = None, waiting: Bits | None = None, deadline: float | None = None
+        self,
+        labellings: Bits,
+        floors: Floats | None = None,
+        waiting: Bits | None = None,
+        deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings (k, m + c); arguments as for `Evaluator.evaluate_all`."""
         found: list[Evaluation | None] = [None] * len(labellings)
@@ -40,7 +44,7 @@ class LeavingOutEvaluator:
         for row, labels in enumerate(labellings):
             groups.setdefault(np.packbits(labels[len(self._faces) :]).tobytes(), []).append(row)
         for rows in groups.values():
-            if deadline is not None and time.time() >= deadline:
+            if deadline is not None and deadline.passed():
                 break
             evaluator, kept = self._of(labellings[rows[0]])
             own = None if floors is None else floors[rows]

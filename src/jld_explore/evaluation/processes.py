@@ -19,13 +19,14 @@ from typing import Any, Final
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
 
+from jld_core.deadline import Deadline
 from jld_explore.evaluation.undisturbed import undisturbed
 
 DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
 """What is raised where a worker died or hung."""
 
-GRACE: Final = 2.0
-"""Seconds after a deadline in which evaluations that were begun may end, and busy machines start their workers."""
+GRACE: Final = 0.3
+"""Seconds after a deadline in which evaluations that were begun may end."""
 
 _AHEAD: Final = 2
 """Tasks for each process that are sent ahead; where a worker dies all of them are suspected."""
@@ -68,9 +69,9 @@ class Processes:
 
 
 class Flight:
-    """Tasks of one run, some of them sent ahead. deadline: time since the epoch, s, or None."""
+    """Tasks of one run, some of them sent ahead. deadline: of the run, or None."""
 
-    def __init__(self, processes: Processes, deadline: float | None) -> None:
+    def __init__(self, processes: Processes, deadline: Deadline | None) -> None:
         self._processes, self._deadline = processes, deadline
         self._left: deque[tuple[int, Callable[..., Any], tuple[Any, ...]]] = deque()
         self._flying: dict[Future[Any], int] = {}
@@ -93,10 +94,10 @@ class Flight:
         while self._flying:
             patience = self._processes.hang
             if self._deadline is not None:
-                patience = min(patience, max(self._deadline - time.time(), 0.0) + GRACE)
+                patience = min(patience, self._deadline.remaining() + GRACE)
             finished = wait(self._flying, timeout=patience, return_when=FIRST_COMPLETED).done
             if not finished:
-                if self._deadline is None or time.time() < self._deadline:
+                if self._deadline is None or not self._deadline.passed():
                     raise TimeoutError
                 self.late = True
                 return

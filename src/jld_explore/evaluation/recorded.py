@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -10,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from jld_core.arrays import Bits, Ints
+from jld_core.deadline import Deadline
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.records import Records
@@ -40,7 +40,7 @@ class Evaluating(Protocol):
 class RecordedEvaluator:
     """Workers with a record.
 
-    group: symmetries (g, m), which say how many labellings one stands for. deadline: as `time.perf_counter` counts, s.
+    group: symmetries (g, m), which say how many labellings one stands for. deadline: after which none is begun.
     front: what does not matter is not solved to the end. proofs: evaluations come with what they prove about others.
     report: told what is known, as it comes. solved: how many the workers evaluated.
     """
@@ -51,7 +51,7 @@ class RecordedEvaluator:
         records: Records,
         group: Ints,
         *,
-        deadline: float | None = None,
+        deadline: Deadline | None = None,
         front: IncumbentFront | None = None,
         proofs: bool = False,
         report: Callable[[list[Evaluation]], None] = lambda found: None,
@@ -67,11 +67,10 @@ class RecordedEvaluator:
         missing = _missing(found)
         run = None
         if missing.size:
-            left = None if self._deadline is None else time.time() + self._deadline - time.perf_counter()
             floors = None if self._front is None else self._front.below(labellings[missing])
             # a search that ends for lack of time has something to show at least
             owed, self._empty = self._empty, False
-            run = self._workers.run(labellings[missing], left, floors, waiting, owed=owed)
+            run = self._workers.run(labellings[missing], self._deadline, floors, waiting, owed=owed)
         return Sent(labellings, found, missing, run)
 
     def take(self, sent: Sent) -> list[Evaluation] | None:
@@ -86,7 +85,7 @@ class RecordedEvaluator:
                 for position, evaluation in zip(missing[part].tolist(), evaluations, strict=True):
                     found[position] = evaluation
                 self._report(evaluations)
-                if self._deadline is not None and time.perf_counter() >= self._deadline:
+                if self._deadline is not None and self._deadline.passed():
                     break
         complete = [evaluation for evaluation in found if evaluation is not None]
         return complete if len(complete) == len(found) else None

@@ -26,6 +26,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.lanes import chosen
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
@@ -106,19 +107,28 @@ def evaluate_batch(
     recipe: WorkerSpec,
     number: int,
     labellings: Bits,
-    deadline: float | None = None,
+    deadline: Deadline | None = None,
     floors: Floats | None = None,
     waiting: Bits | None = None,
+    owed: bool = False,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process, with the evaluator this thread keeps.
 
-    labellings: (k, m). deadline: time since the epoch, s, after which no further labelling is begun. floors (k,)
+    labellings: (k, m). deadline: after which no further labelling is begun. floors (k,)
     and waiting (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
-    the deadline.
+    the deadline. owed: all are evaluated, a search without dilation as far as it gets by the deadline.
     """
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    return number, recipe.evaluator().evaluate_all(labellings, floors, waiting, deadline)
+    evaluator = recipe.evaluator()
+    if owed and deadline is not None:
+        try:
+            # what is known of them when time is up is taken
+            with deadline.enforced():
+                return number, evaluator.evaluate_all(labellings, floors, waiting)
+        except DeadlinePassed:
+            deadline = None
+    return number, evaluator.evaluate_all(labellings, floors, waiting, deadline)
 
 
 class Workers:
@@ -153,7 +163,7 @@ class Workers:
     def run(
         self,
         labellings: Bits,
-        deadline: float | None = None,
+        deadline: Deadline | None = None,
         floors: Floats | None = None,
         waiting: Bits | None = None,
         *,
@@ -161,7 +171,7 @@ class Workers:
     ) -> Run:
         """Begin to evaluate (k, m) labellings, behind those that were begun before.
 
-        deadline: time since the epoch, s; what was not begun by then is left out. floors (k,) and waiting (j, m):
+        deadline: what was not begun by then is left out. floors (k,) and waiting (j, m):
         see `Evaluator.evaluate`. owed: the first labelling is evaluated however late it
         is. With one job, and on a cluster, evaluation waits until results are asked for.
         """
@@ -215,12 +225,16 @@ class Run:
         self,
         workers: Workers,
         labellings: Bits,
-        deadline: float | None,
+        deadline: Deadline | None,
         floors: Floats,
         waiting: Bits | None,
         owed: bool = False,
     ) -> None:
-        self._workers, self._deadline, self._owed = workers, deadline, owed and deadline is not None
+        self._workers, self._deadline, self._owed = (
+            workers,
+            deadline,
+            owed and deadline is not None and deadline.limited,
+        )
         self._labellings, self._floors, self._waiting = labellings, floors, waiting
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:
@@ -243,7 +257,8 @@ class Run:
 
     def begin(self, numbers: list[int] | None = None) -> None:
         """Send tasks to the workers; numbers: of those to send, None for all that are not done."""
-        waiting = [number for number in range(len(self._slices)) if number not in self._done]
+        # what is owed is evaluated here, while the workers start
+        waiting = [n for n in range(len(self._slices)) if n not in self._done and not (self._owed and n == 0)]
         numbers = waiting if numbers is None else numbers
         self._workers.begun.append(self)
         if self._workers.outside:
@@ -272,8 +287,8 @@ class Run:
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
         part = self._slices[number]
-        deadline = None if self._owed and number == 0 else self._deadline
-        return self._workers.recipe, number, self._labellings[part], deadline, self._floors[part], self._waiting
+        owed, floors = self._owed and number == 0, self._floors[part]
+        return self._workers.recipe, number, self._labellings[part], self._deadline, floors, self._waiting, owed
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
         for number in numbers:
@@ -290,6 +305,11 @@ class Run:
             for first in range(0, len(tasks), workers.threads):
                 yield from self._joined([result() for result in tasks[first : first + workers.threads]])
             return
+        if self._owed:
+            begun = evaluate_batch(*self._arguments(0))[1]
+            self._done.add(0)
+            self._owed = False
+            yield self._slices[0], begun
         strikes = dict.fromkeys(range(len(self._slices)), 0)
         while len(self._done) < len(self._slices):
             suspects = [number for number, count in strikes.items() if count == 1 and number not in self._done]
@@ -300,13 +320,10 @@ class Run:
                     self.begin()
                 for number, evaluations in self._results or ():
                     self._done.add(number)
-                    self._owed &= not evaluations
                     low = self._slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
                 if isinstance(self._results, Flight) and self._results.late:
                     workers.close()
-                    if self._owed:  # this process is awake, which workers of a busy machine may not be
-                        yield self._slices[0], evaluate_batch(*self._arguments(0))[1]
                     return
                 self._results = None
             except _deaths():

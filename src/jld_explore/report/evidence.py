@@ -22,8 +22,8 @@ COLUMN: Final = "evidence"
 def front_rows(
     front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
-    """`front` of summary.json: count, load_factor, bound, proven and evidence, a row for each value of the count;
-    of two counts `count` is the list of both.
+    """`best_by_count` of summary.json: count, load_factor, bound, proven and evidence for each value of the count that
+    is on the front or that the driver speaks of; of two counts `count` is the list of both.
 
     front: rows of the results that no other row beats. summary: of the study so far, with the driver's own front where
     it has one. complete: every class of the space has its evaluation. aimed: the driver looked for the whole front.
@@ -73,5 +73,9 @@ def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Seque
     """The front with its column, from `front` of a summary; what a summary does not know was merely visited."""
     told = summary.get("front") or []
     known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
-    rows = zip(*(front[name].tolist() for name in counts), strict=True)
-    return front.assign(**{COLUMN: [known.get(str(_value(row)), VISITED) for row in rows]})
+    return front.assign(**{COLUMN: [known.get(str(value), VISITED) for value in values_on(front, counts)]})
+
+
+def values_on(front: pd.DataFrame, counts: Sequence[str]) -> list[Any]:
+    """The count of each row of a front as summary.json has it."""
+    return [_value(row) for row in zip(*(front[name].tolist() for name in counts), strict=True)]

@@ -5,19 +5,22 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import time
+from collections.abc import Callable
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.exchange import blocks_csv
 from jld_core.files import whole_file
+from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve
 from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
 from jld_explore.report import required, tables
 from jld_explore.report.columns import columns, csv_of
-from jld_explore.report.evidence import front_rows, with_evidence
+from jld_explore.report.evidence import front_rows, values_on, with_evidence
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.reading import history_of
 from jld_explore.space import cut
@@ -26,6 +29,9 @@ from jld_explore.study import StopReason, Study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
+_DRAWING: Final = 1.2
+"""Seconds that one picture takes at the most, what it loads included; it is not begun with less left."""
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """What is drawn of a search, in order."""
@@ -80,7 +86,10 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
     # what is proven of a count says nothing of the front of λ
     known = {**found, "proven": found["proven"] and not asked}
-    found["front"] = front_rows(front, known, counts, complete=sure, aimed=aimed)
+    every = front_rows(front, known, counts, complete=sure, aimed=aimed)
+    on_front = {str(value) for value in values_on(front, counts)}
+    found["front"] = [row for row in every if str(row["count"]) in on_front]
+    found["best_by_count"] = every
     found |= asked
     front = with_evidence(front, found, counts)
     found["next"] = what_would_prove(study.space, model, found, whole=study.driver.exhaustive, finite=study.finite)
@@ -99,48 +108,76 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
 
 
 def write_pictures(
-    done: Exploration, ending: str = "png", out: Path | None = None, until: float | None = None
+    done: Exploration, ending: str = "png", out: Path | None = None, deadline: Deadline | None = None
 ) -> tuple[list[Path], list[str]]:
     """Draw the front with its layouts and, where one was found, the best layout, and what else is known.
 
-    ending: "png", "svg" or "pdf". out: folder written into, default the study's own. until: as `time.perf_counter`
-    counts, s; what was not begun by then is left out. Returns what was written and the names of what was left out.
+    ending: "png", "svg" or "pdf". out: folder written into, default the study's own. deadline: what was not begun by
+    then is left out. Returns what was written and the names of what was left out.
     Raises InputError for another ending.
     """
     written, missing = [], []
     for name in PICTURES:
         if name == "best" and done.summary["best_labelling"] is None:
             continue
-        if until is not None and time.perf_counter() >= until:
-            missing.append(f"{name}.{ending}")
-            continue
-        from jld_core.views.figures import save_figure
+        for own, draw in _drawings(name, done).items():
+            if deadline is not None and deadline.remaining() < _DRAWING:
+                missing.append(f"{own}.{ending}")
+                continue
+            from jld_core.views.figures import save_figure
 
-        for own, figure in _drawn(name, done).items():
             path = (out or done.folder) / f"{own}.{ending}"
-            save_figure(figure, path)
+            save_figure(draw(), path)
             written.append(path)
     return written, missing
 
 
-def _drawn(name: str, done: Exploration) -> dict[str, Figure]:
-    """One of PICTURES by its name, with what belongs to it; empty where there is nothing to be drawn."""
+def _drawings(name: str, done: Exploration) -> dict[str, Callable[[], Figure]]:
+    """What draws one of PICTURES, and what belongs to it, by name; empty where there is nothing to be drawn.
+
+    Nothing slow is loaded or solved before something is drawn.
+    """
+    if name == "best":
+        # of several load cases the best picture shows the one that governs, and each has one of its own
+        best = _Best(done)
+        each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(done.assembly.cases, 1)}
+        return {name: best.draw, **each}
+    if name == "convergence" and history_of(done.folder) is None:
+        return {}
+    return {name: partial(_drawn, name, done)}
+
+
+class _Best:
+    """Pictures of the best layout, which is solved once for all of them."""
+
+    def __init__(self, done: Exploration) -> None:
+        self._done = done
+
+    @cached_property
+    def _found(self) -> LimitAnalysisResult:
+        return solve(*cut(self._done.assembly, self._done.summary["best_labelling"]), **vars(self._done.model))
+
+    def draw(self, case: str | None = None) -> Figure:
+        """Draw the layout under one load case, by name; None: the one that governs."""
+        from jld_explore.report import pictures as drawings
+
+        return drawings.plot_best(self._found if case is None else self._found.cases[case])
+
+
+def _drawn(name: str, done: Exploration) -> Figure:
+    """Draw one of PICTURES other than the best layout."""
     from jld_explore.report import pictures as drawings
     from jld_explore.report.pictures_of_three import front_picture
 
     if name == "pareto":
-        return {name: front_picture(done)}
-    if name == "best":
-        found = solve(*cut(done.assembly, done.summary["best_labelling"]), **vars(done.model))
-        # of several load cases the best picture shows the one that governs, and each has one of its own
-        each = {f"best-{number}": drawings.plot_best(one) for number, one in enumerate(found.cases.values(), 1)}
-        return {name: drawings.plot_best(found), **each}
+        return front_picture(done)
     if name == "distribution":
-        return {name: drawings.plot_distribution(done.results)}
+        return drawings.plot_distribution(done.results)
     if name == "dry_frequency":
-        return {name: drawings.plot_dry_frequency(done.results, done.assembly)}
+        return drawings.plot_dry_frequency(done.results, done.assembly)
     history = history_of(done.folder)
-    return {} if history is None else {name: drawings.plot_convergence({str(done.summary["driver"]): history})}
+    assert history is not None
+    return drawings.plot_convergence({str(done.summary["driver"]): history})
 
 
 def write_text(path: Path, text: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,6 +13,7 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysisResult, governing_result, result_of
 from jld_core.mechanics import require_materials
 from jld_core.models import SolveOptions, limit_analysis, solve_labelling
@@ -36,12 +39,15 @@ SOLVED: Final = 50
 PATIENCE: Final = 1.5
 """Seconds after which no further row is solved for a page: a search with a time limit must end soon after it."""
 
+DEAR: Final = 1.0
+"""Seconds past a deadline that solving the best row may take."""
+
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
 
 
-def study_page(done: Exploration, patience: float = PATIENCE) -> str:
-    """HTML of a finished search, self-contained. patience: seconds for solving what is drawn; the best come first."""
-    return page(study_data(done, patience))
+def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
+    """HTML of a finished search, self-contained. patience, dear: see `study_data`."""
+    return page(study_data(done, patience, dear=dear))
 
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
@@ -62,9 +68,17 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 
 
 def study_data(
-    done: Exploration, patience: float = PATIENCE, kind: str = "report", studio: Mapping[str, Any] | None = None
+    done: Exploration,
+    patience: float = PATIENCE,
+    kind: str = "report",
+    studio: Mapping[str, Any] | None = None,
+    dear: float = math.inf,
 ) -> dict[str, Any]:
-    """The data of the page of a search, as `page_data` has it."""
+    """The data of the page of a search, as `page_data` has it.
+
+    patience: seconds for solving what is drawn; the best come first. dear: seconds above which even the first is left
+    out, by what its evaluation took.
+    """
     rows = chosen_rows(done.results, done.front)
     axes = done.scene.search.front.axes
     history = history_of(done.folder)
@@ -79,7 +93,7 @@ def study_data(
         warnings=[str(text) for text in done.summary.get("warnings", [])],
         how=HOW,
         table=table_of(rows, done.front, done.assembly, axes=axes, left_out=left_out),
-        solutions=_solutions(rows, done, patience),
+        solutions=_solutions(rows, done, patience, dear),
         convergence=curves,
         summary=done.summary,
         studio=studio,
@@ -87,11 +101,15 @@ def study_data(
 
 
 class CaseSolver:
-    """Solves labellings of one assembly under each of its load cases, on templates that are built once."""
+    """Solves labellings of one assembly under each of its load cases, on templates that are built once.
+
+    Threads may share it: they take turns.
+    """
 
     def __init__(self, assembly: Assembly, model: SolveOptions | None = None) -> None:
         """model: default associative friction, as `solve` has it."""
         self.assembly, self.model = assembly, model or SolveOptions()
+        self._turn = threading.Lock()  # an analysis holds one solver, which is one thread's at a time
         self._analyses = [limit_analysis(case, self.model, reference=assembly.labels) for case in assembly.by_case]
 
     def solve(self, labels: Bits, stands: bool = False) -> LimitAnalysisResult:
@@ -101,20 +119,21 @@ class CaseSolver:
         """
         require_materials(self.assembly, labels, ~labels)
         found: dict[str, LimitAnalysisResult] = {}
-        for name, analysis in zip(cases_of(self.assembly), self._analyses, strict=True):
-            start = time.perf_counter()
-            proof = solve_labelling(analysis, labels, self.model, stands=stands)
-            elapsed = time.perf_counter() - start
-            found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
+        with self._turn:
+            for name, analysis in zip(cases_of(self.assembly), self._analyses, strict=True):
+                start = time.perf_counter()
+                proof = solve_labelling(analysis, labels, self.model, stands=stands)
+                elapsed = time.perf_counter() - start
+                found[name] = result_of(analysis.template, labels, self.model, proof, elapsed=elapsed)
         return governing_result(self.assembly, found) if self.assembly.cases else next(iter(found.values()))
 
 
-def _solutions(rows: pd.DataFrame, done: Exploration, patience: float) -> dict[int, dict[str, Any]]:
+def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, dict[str, Any]]:
     start = time.perf_counter()
     found: dict[int, dict[str, Any]] = {}
     solver = CaseSolver(done.assembly, done.model)
     for place in _worth(rows, done.front):
-        if found and time.perf_counter() - start > patience:
+        if (found and time.perf_counter() - start > patience) or float(rows["seconds"].iloc[place]) > dear:
             break
         text = str(rows["labelling"].iloc[place])
         rest, labels = cut(done.assembly, text)
@@ -132,18 +151,17 @@ def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
 
 
 def write_report(
-    done: Exploration, out: Path | None = None, patience: float = PATIENCE, until: float | None = None
-) -> Path | None:
+    done: Exploration, out: Path | None = None, patience: float = PATIENCE, deadline: Deadline | None = None
+) -> Path:
     """Write the page of a search into its folder, or into `out`. Returns the file.
 
-    until: as `time.perf_counter` counts, s; nothing is written, and None returned, where that is over.
+    patience: seconds for solving what is drawn, the best first; no more than is left to the deadline.
     """
-    if until is not None:
-        patience = min(patience, until - time.perf_counter())
-        if patience <= 0.0:
-            return None
+    dear = math.inf
+    if deadline is not None and deadline.limited:
+        patience, dear = min(patience, deadline.remaining()), deadline.remaining() + DEAR
     from jld_explore.report.folder import write_text
 
     target = (out or done.folder) / NAME
-    write_text(target, study_page(done, patience))
+    write_text(target, study_page(done, patience, dear))
     return target

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
@@ -185,14 +186,16 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         bound = float(ranked["bracket_hi"].max())
     gap = None
     if best is not None and bound is not None:
-        gap = relative_width(float(ranked["bracket_lo"].max()), bound, load_floor(study.assembly))
+        width = relative_width(float(ranked["bracket_lo"].max()), bound, load_floor(study.assembly))
+        gap = width if math.isfinite(width) else None
     # a search may come upon the bound known before it: then nothing is stronger, though it goes on for its front
     met = dilates and not unbounded and driver.bound is None and not driver.checks and gap is not None and gap <= GAP
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "unbounded": unbounded,
-        "proven": certain or driver.finished or met,
+        # where all that stands is locked nothing is the strongest
+        "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),
         "bound": bound,
         "gap": gap,
         "stop_reason": str(reason),

@@ -15,6 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
+from jld_core.deadline import checkpoint
 from jld_core.geometry import Kinds, Outline, Outlines, reach_of
 
 _SHIFT: Final = 0.37
@@ -66,6 +67,7 @@ class BlockShapes:
         free = ~self.assembly.elements.support
         for k, (value, at) in enumerate(zip(unique.tolist(), where.tolist(), strict=True)):
             if value not in self._place:
+                checkpoint()
                 row, name = divmod(at, count)
                 self._known.append(self._of(np.flatnonzero((blocks[row] == name) & free)))
                 self._place[value] = len(self._known) - 1

@@ -7,6 +7,7 @@ import json
 import re
 import tempfile
 import threading
+from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -28,6 +29,8 @@ KINDS: Final = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
 SECONDS: Final = (1.0, 86_400.0)
 """Least and most seconds of a search begun from the page."""
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")
+PAGES: Final = 64
+"""Open pages whose newest state is remembered."""
 CANDIDATES: Final = "candidates.json"
 
 
@@ -39,28 +42,40 @@ class Answers:
 
     def __init__(self, desk: Desk, jobs: Jobs, root: Path, first: Callable[[], dict[str, Any]]) -> None:
         self.desk, self.jobs, self.root, self._first = desk, jobs, root, first
-        self._newest: dict[str, int] = {}
-        self._turn = threading.Lock()
+        self._newest: OrderedDict[str, int] = OrderedDict()
+        self._counting, self._turn = threading.Lock(), threading.Lock()
 
     def data(self, _: dict[str, Any]) -> dict[str, Any]:
         """The data of the page, and the candidates kept from earlier."""
         kept = self.root / CANDIDATES
-        candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
+        try:
+            candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
+        except ValueError as error:
+            raise InputError(str(kept), f"it is damaged ({error})", "a file as the studio left it, or none") from None
         found = self._first()
         return {**found, "studio": {**(found["studio"] or {}), "candidates": candidates}}
 
     def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
         """The solution of a state of the page, with the number of that state; none where a newer one is asked for."""
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
-        self._newest[page] = max(revision, self._newest.get(page, revision))
+        self._note(page, revision)
         with self._turn:
-            if self._newest[page] > revision:
+            if self._note(page, revision) > revision:
                 return {"revision": revision, "superseded": True}
             return {"revision": revision, **self.desk.solve(asked.get("labelling"), _changes(asked))}
 
+    def _note(self, page: str, revision: int) -> int:
+        """The newest state that a page has asked for, this one taken in."""
+        with self._counting:
+            newest = self._newest[page] = max(revision, self._newest.get(page, revision))
+            self._newest.move_to_end(page)
+            while len(self._newest) > PAGES:
+                self._newest.popitem(last=False)
+            return newest
+
     def list_jobs(self, _: dict[str, Any]) -> dict[str, Any]:
         """All searches."""
-        return {"jobs": [job.told() for job in self.jobs.all.values()]}
+        return {"jobs": [job.told() for job in self.jobs.listed()]}
 
     def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Begin to improve, prove or explore from a state of the page."""
@@ -138,6 +153,18 @@ def _whole(value: object) -> int:
     return value
 
 
+def _asked(body: bytes) -> dict[str, Any]:
+    """The object of a request. Raises InputError for what is none."""
+    try:
+        # ValueError: not JSON, not UTF-8, or a number of thousands of digits
+        asked = json.loads(body or b"{}")
+    except (ValueError, RecursionError):
+        raise InputError("request", "it is not JSON", "one JSON object") from None
+    if not isinstance(asked, dict):
+        raise InputError("request", "it is no JSON object", "an object")
+    return asked
+
+
 def _changes(asked: dict[str, Any]) -> dict[str, Any]:
     changes = asked.get("changes", {})
     if not isinstance(changes, dict):
@@ -151,14 +178,14 @@ def build_app(answers: Answers, token: str, hosts: tuple[str, ...]) -> Guard:
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
             try:
-                asked = json.loads(await request.body() or b"{}") if request.method == "POST" else {}
-                if not isinstance(asked, dict):
-                    raise InputError("request", "it is no JSON object", "an object")
+                asked = _asked(await request.body()) if request.method == "POST" else {}
                 return JSONResponse(await anyio.to_thread.run_sync(call, asked))
             except (InputError, SolverError) as error:
                 return JSONResponse({"error": str(error)}, status_code=400)
-            except (json.JSONDecodeError, UnicodeDecodeError, RecursionError):
-                return JSONResponse({"error": "request: it is not JSON; expected one JSON object"}, status_code=400)
+            except OSError as error:
+                words = f"{error.filename or 'a file'}: {error.strerror or error}"
+                line = f"{words}; expected a place that can be read and written"
+                return JSONResponse({"error": line}, status_code=500)
 
         return answer
 

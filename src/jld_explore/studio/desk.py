@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections import OrderedDict
 from collections.abc import Mapping
@@ -37,12 +38,13 @@ class Setup:
 
 
 class Desk:
-    """Solves labellings of one scene under changing materials and loads, for one page."""
+    """Solves labellings of one scene under changing materials and loads, for one page, in any thread."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
         self._kept: OrderedDict[str, Setup] = OrderedDict()
+        self._turn = threading.RLock()
         self._geometry = build_geometry(scene)
         self._first: Setup | None = None
         self._first = self.setup({})
@@ -53,15 +55,16 @@ class Desk:
             if key not in CHANGEABLE:
                 raise InputError(key, "the studio does not change it", " or ".join(CHANGEABLE))
         name = json.dumps(changes, sort_keys=True)
-        if name in self._kept:
-            self._kept.move_to_end(name)
-            return self._kept[name]
-        scene = parse_scene({**self.document, **changes}) if changes else self.scene
-        assembly = build_assembly(scene, self._geometry)
-        made = self._kept[name] = Setup(scene, assembly, self._space(scene, assembly), CaseSolver(assembly))
-        while len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
-        return made
+        with self._turn:
+            if name in self._kept:
+                self._kept.move_to_end(name)
+                return self._kept[name]
+            scene = parse_scene({**self.document, **changes}) if changes else self.scene
+            assembly = build_assembly(scene, self._geometry)
+            made = self._kept[name] = Setup(scene, assembly, self._space(scene, assembly), CaseSolver(assembly))
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+            return made
 
     def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
         """What a search would admit. Friction, strengths and loads have no part in that, weights have."""

@@ -6,12 +6,14 @@ import json
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import IO, Any, Final, Literal
 
 from jld_core.errors import InputError
 from jld_explore.report import write_text
@@ -61,10 +63,11 @@ class Job:
 
 
 class Jobs:
-    """All searches of one opened folder, those of earlier sessions too."""
+    """All searches of one opened folder, those of earlier sessions too; any thread may ask."""
 
     def __init__(self, root: Path, study: Path | None = None) -> None:
         self.root = root
+        self._turn = threading.RLock()
         self.all: dict[str, Job] = {}
         if study is not None:
             self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
@@ -75,33 +78,41 @@ class Jobs:
 
     def start(self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any]) -> Job:
         """Begin a search of a scene. Raises InputError where too many are running."""
-        self._room()
-        number = 1
-        while (self.root / f"{kind}-{number}").exists():
-            number += 1
-        folder = self.root / f"{kind}-{number}"
-        folder.mkdir(parents=True)
-        write_text(folder / "scene.json", json.dumps(scene, indent=1))
-        job = self.all[folder.name] = Job(folder.name, kind, folder, dict(orders))
-        self._launch(job)
-        return job
+        with self._turn:
+            self._room()
+            number = 1
+            while (self.root / f"{kind}-{number}").exists():
+                number += 1
+            folder = self.root / f"{kind}-{number}"
+            folder.mkdir(parents=True)
+            write_text(folder / "scene.json", json.dumps(scene, indent=1))
+            job = self.all[folder.name] = Job(folder.name, kind, folder, dict(orders))
+            self._launch(job)
+            return job
 
     def resume(self, name: str) -> Job:
         """Go on with a search. Raises InputError where it runs, or too many do."""
-        job = self.find(name)
-        if job.state in ("running", "stopping"):
-            raise InputError(name, "it is running", "a search that was stopped")
-        self._room()
-        self._launch(job)
-        return job
+        with self._turn:
+            job = self.find(name)
+            if job.state in ("running", "stopping"):
+                raise InputError(name, "it is running", "a search that was stopped")
+            self._room()
+            self._launch(job)
+            return job
 
     def stop(self, name: str) -> Job:
         """Ask a search to stop; what it has finished is on disk."""
-        job = self.find(name)
-        if job.process is not None and job.state == "running":
-            job.state = "stopping"
-            job.process.send_signal(signal.SIGTERM)
-        return job
+        with self._turn:
+            job = self.find(name)
+            if job.process is not None and job.state == "running":
+                job.state = "stopping"
+                job.process.send_signal(signal.SIGTERM)
+            return job
+
+    def listed(self) -> list[Job]:
+        """All searches, in the order they were begun."""
+        with self._turn:
+            return list(self.all.values())
 
     def find(self, name: str) -> Job:
         """A search by its name. Raises InputError for none."""
@@ -111,14 +122,15 @@ class Jobs:
 
     def close(self) -> None:
         """Stop all that run, and wait for them."""
-        for job in self.all.values():
+        for job in self.listed():
             self.stop(job.name)
-        for job in self.all.values():
+        for job in self.listed():
             if job.process is not None:
                 try:
                     job.process.wait(timeout=10.0)
                 except subprocess.TimeoutExpired:
                     job.process.kill()
+                    job.process.wait()
 
     def _room(self) -> None:
         if sum(job.state in ("running", "stopping") for job in self.all.values()) >= MOST:
@@ -133,26 +145,37 @@ class Jobs:
         orders = json.dumps({**job.orders, "resume": resume})
         command = [sys.executable, "-m", "jld_explore.studio.worker", str(scene), str(job.results), orders]
         job.state, job.error = "running", ""
+        # a file, as a pipe that nobody reads while stdout is read fills up and halts the worker
+        words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
         job.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, encoding="utf-8", errors="replace"
         )
-        threading.Thread(target=self._listen, args=(job, told), daemon=True).start()
+        threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True).start()
 
-    def _listen(self, job: Job, told: dict[str, Any]) -> None:
-        process = job.process
-        assert process is not None
+    def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
         assert process.stdout is not None
-        assert process.stderr is not None
-        for line in process.stdout:
-            job.progress = {**json.loads(line), "at": time.time()}
-        words = process.stderr.read().strip().splitlines()
-        process.stdout.close()
-        process.stderr.close()
-        code = process.wait()
-        job.state = "done" if code == 0 else "stopped" if code == 3 else "failed"
-        job.error = words[-1][:300] if code not in (0, 3) and words else ""
+        with process.stdout, words:
+            for line in process.stdout:
+                progress = _progress_of(line)
+                if progress is not None:
+                    job.progress = {**progress, "at": time.time()}
+            code = process.wait()
+            words.seek(0)
+            last = deque((line.strip() for line in words if line.strip()), maxlen=1)
+        with self._turn:
+            job.error = last[0][:300] if code not in (0, 3) and last else ""
+            job.state = "done" if code == 0 else "stopped" if code == 3 else "failed"
         if job.kind != "study":
             write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+
+
+def _progress_of(line: str) -> dict[str, Any] | None:
+    """A report of a worker; None for a line of another kind, as a library may print."""
+    try:
+        told = json.loads(line)
+    except ValueError:
+        return None
+    return told if isinstance(told, dict) else None
 
 
 def _orders_of(study: Path) -> dict[str, Any]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import secrets
+import signal
 import socket
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +61,29 @@ def open_studio(source: Path | None, port: int, announce: Callable[[str], None],
 
         webbrowser.open(address)
     try:
-        server.run(sockets=[listener])
+        with _interrupting(signal.SIGTERM):
+            server.run(sockets=[listener])
     finally:
         jobs.close()
         listener.close()
+
+
+@contextmanager
+def _interrupting(number: int) -> Iterator[None]:
+    """Let a signal end this process as Ctrl-C does, with all that is to be closed; in the main thread alone."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_: int, __: object) -> None:
+        raise KeyboardInterrupt
+
+    # uvicorn shuts down at the signal and then raises it again, for whoever handled it before
+    before = signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
 
 
 def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:

@@ -62,12 +62,11 @@ class BinaryFractions:
     def floats(self) -> Floats:
         """Doubles next to them, to 15 digits."""
         drop = max(self.scale - 300, 0)
-        return np.array(
-            [
-                [math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in row]
-                for row in self.values
-            ]
-        )
+        doubles = [
+            math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in self.values.flat
+        ]
+        # a table without rows keeps its number of columns: structures without loops have such tables
+        return np.array(doubles, dtype=float).reshape(self.values.shape)
 
 
 def cut(table: Floats, bits: int = BITS) -> Floats:

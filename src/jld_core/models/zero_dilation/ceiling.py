@@ -11,6 +11,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Floats
+from jld_core.deadline import time_left
 
 PATIENT: Final = 600.0
 """Seconds of processor time from which products are tried on any number of faces."""
@@ -61,8 +62,8 @@ class Ceiling:
 
     @property
     def left(self) -> float:
-        """Seconds of processor time."""
-        return self._seconds - self.spent
+        """Seconds of processor time, no more than are left to the deadline of the command."""
+        return min(self._seconds - self.spent, time_left())
 
     @property
     def unit(self) -> float:

@@ -22,6 +22,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from jld_core.arrays import Bools, Floats
+from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.products import (
@@ -86,6 +87,7 @@ class Certifier:
         proven, slack = -math.inf, self.slack
         last, least, idle = math.inf, math.inf, 0
         for _ in range(_ROUNDS):
+            checkpoint()
             rest = self._settled(over, live, bound, slack)
             charge = (float(self.size @ (abs(rest) @ self.reach)) + self._missed(over)) * (1.0 + 1e-9) + _NIL
             if charge <= slack:

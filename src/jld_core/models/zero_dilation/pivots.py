@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
+from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.solvers import LinearRows
 
@@ -68,6 +69,7 @@ class Pivots:
         rng, count, last = np.random.default_rng(seed), len(self.modes.constants), np.inf
         every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
         for _ in range(_ROUNDS):
+            checkpoint()
             slack = np.maximum(self.modes.of(point[:-1]), 0.0)
             weights = slack * (1.0 + _UNEVEN[0] * rng.random(count)) + _UNEVEN[1] * rng.random(count)
             z = self.mechanism(every, weights)
@@ -105,6 +107,7 @@ class Pivots:
             return None
         idle = 0
         while idle < tries:
+            checkpoint()
             z = self.mechanism(closed, rng.exponential(size=count))
             found = None if z is None else self.forces(z > _MOVING, goal)
             if z is None or found is None:
@@ -132,6 +135,7 @@ class Pivots:
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
         none, goal = np.zeros(count, dtype=bool), np.append(np.zeros(columns), 1.0)
         for draw in range(draws):
+            checkpoint()
             weights = rng.exponential(size=count)
             if draw % 2:
                 # states of much pressure on some faces and little on others
@@ -156,6 +160,7 @@ class Pivots:
         goal = np.append(np.zeros(len(point) - 1), -1.0)
         closed, path, missed = self._start(point, rng), [point], 0
         for _ in range(legs):
+            checkpoint()
             z = None if closed is None else self.mechanism(closed, rng.exponential(size=len(self.modes.constants)))
             found = None if z is None else self.forces(z > _MOVING, goal)
             if found is not None and found[-1] > path[-1][-1] + 1e-6 * abs(path[-1][-1]):

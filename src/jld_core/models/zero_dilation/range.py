@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
+from jld_core.deadline import DeadlinePassed
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
 from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation.floor import FloorSearch
@@ -52,11 +54,15 @@ def load_range(
         scheme = replace(scheme, alpha=0.0)
     side = FromEverySide(analysis, labels, scheme, associative)
     unit = analysis.template.scaling.load
-    found = side.search(enough=enough / unit)
-    floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
+    found, floor = side.found, None
+    with suppress(DeadlinePassed):  # what was found by then stands
+        side.search(enough=enough / unit)
+        floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
-        return _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
+        none = _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
+        # where time was up before anything was tried, associative friction decides nothing
+        return none if found.best is not None else replace(none, status=Status.UNCERTIFIED)
     proof = proof_of(associative, analysis, lowest, side.pairs.solves)
     above = proof_of(associative, analysis, highest, side.pairs.solves)
     options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)

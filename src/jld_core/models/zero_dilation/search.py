@@ -11,6 +11,7 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
+from jld_core.deadline import checkpoint
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_floor
 from jld_core.mechanics import EffectiveAreas, PrescribedFriction
@@ -298,6 +299,7 @@ class PairSearch:
         while True:
             if held is None:
                 for step in range(scheme.block + 1):
+                    checkpoint()
                     raw = self.step_from(forces, alpha if step < scheme.block else 0.0)
                     if not abs(raw.point).max() < _LOST:
                         dual = dual if dual.size else np.zeros_like(raw.dual)
@@ -325,6 +327,7 @@ class PairSearch:
         """Match the same velocities until the state is admissible under the effective areas of its own forces."""
         tries = 0
         while self.solves < self.end - 2:
+            checkpoint()
             tries += 1
             own, areas, _ = under_own_areas(self.prover(self.shared), state, self.labels)
             if own.admissible:

@@ -21,7 +21,6 @@ are too many to be listed) are enumerated, which proves the same.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
@@ -143,7 +142,9 @@ class Exact(Proving):
     @property
     def working(self) -> bool:
         """See `Driver.working`."""
-        return self._everything is None and bool(self._targets) and not self._given_up
+        if self._everything is not None:
+            return self._everything.working
+        return bool(self._targets) and not self._given_up
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
         """See `Driver.facts`: what the proof took, and the front where that was aimed at."""
@@ -300,7 +301,7 @@ class Exact(Proving):
         low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
         if narrowing is None or not math.isfinite(high) or not narrowing.due(self.relaxations, low):
             return False
-        left = math.inf if self._deadline is None else self._deadline - time.perf_counter()
+        left = self._deadline.remaining()
         found = narrowing.narrow(low, high, left, self._late_after_heartbeat)
         self._state.add_conflicts(found.conflicts)
         self._bound_all(found.bound, Evidence.BLOCKS)

@@ -54,7 +54,9 @@ class Lightest(Proving):
     @property
     def working(self) -> bool:
         """See `Driver.working`."""
-        return self._everything is None and not self._done and not self._given_up
+        if self._everything is not None:
+            return self._everything.working
+        return not self._done and not self._given_up
 
     @property
     def best(self) -> float | None:

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from jld_core.arrays import Bits, Floats
+from jld_core.deadline import Deadline
 from jld_core.limit import LimitAnalysis, relaxation_of
 from jld_explore.drivers.base import Aim, Driver, DriverOptions
 from jld_explore.drivers.enumeration import Enumeration
@@ -76,7 +77,7 @@ class Proving(Driver):
         self._waiting = self._none
         self._proof_check: ProofCheck | None = None
         self._contradictions: list[str] = []
-        self._deadline: float | None = None
+        self._deadline = Deadline()
         self._heartbeat: Callable[[], None] = lambda: None
         self._began_at = time.perf_counter()
 
@@ -155,10 +156,10 @@ class Proving(Driver):
             self._hunters.close()
             self._state.conflicts.save()
 
-    def start(self, deadline: float | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
+    def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
         """See `Driver.start`."""
         # what was found last must still be evaluated
-        self._deadline = None if deadline is None else deadline - 0.3
+        self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
         self._began_at = time.perf_counter()
         if records is not None and self._everything is None:
@@ -179,7 +180,7 @@ class Proving(Driver):
 
     @property
     def _late(self) -> bool:
-        return self._deadline is not None and time.perf_counter() >= self._deadline
+        return self._deadline.passed()
 
     def _given(self, limit: int | None) -> Bits:
         """The next of the labellings that wait to be evaluated."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.deadline import checkpoint
 from jld_core.lanes import Joining
 from jld_explore.drivers.operators.atom_graph import AtomGraph, PartLimits
 from jld_explore.space import SearchSpace, blocks_of
@@ -178,6 +179,7 @@ class Batches:
                 break
             forest.join(rows, a[rows], b[rows], small_only=False)
         for _ in range(_ROUNDS):
+            checkpoint()
             lacking = np.flatnonzero(forest.lacking)
             if not len(lacking):
                 break

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from math import inf
 
+from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, PartLimits, Parts, Seams
 from jld_explore.drivers.operators.cutting import Cutter
 
@@ -32,6 +33,7 @@ class Repair:
         """
         groups = Groups(self.graph, self.cutter, part, doubtful)
         for _ in range(6 + len(self.graph) // 2):
+            checkpoint()
             bad = groups.bad()
             if bad is not None:
                 if not self._mend(groups, bad, rng):
@@ -65,6 +67,7 @@ class Repair:
                     return True
         region = [bad]
         for _ in range(_TRIES):
+            checkpoint()
             if self._recut(groups, region, rng, lambda pieces: True):
                 return True
             around = groups.around(region)
@@ -79,6 +82,7 @@ class Repair:
         """Cut the union of some parts anew into allowed parts that are wanted."""
         members = [a for name in region for a in groups[name]]
         for _ in range(_TRIES):
+            checkpoint()
             pieces = self.cutter.cut(members, rng, rng.real())
             if pieces is None or not all(self.cutter.enough(piece) for piece in pieces):
                 continue

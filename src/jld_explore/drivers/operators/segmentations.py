@@ -16,6 +16,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from jld_core.arrays import Bits, Ints
+from jld_core.deadline import checkpoint
 from jld_explore.drivers.operators.atom_graph import BufferedRandom, Parts, atom_graph, limits_of
 from jld_explore.drivers.operators.batches import NEAR, Batches
 from jld_explore.drivers.operators.cutting import Cutter
@@ -117,6 +118,7 @@ class Segmentations:
             found = self._batches.draw(_SPARE * count, rng.generator)
             if len(found) >= _RARE * _SPARE * count:
                 for _ in range(_ROUNDS):
+                    checkpoint()
                     if len(found) >= count:
                         break
                     found = np.concatenate([found, self._batches.draw(_SPARE * count, rng.generator)])
@@ -184,6 +186,7 @@ class Segmentations:
     def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
         pieces = None
         for tries in range(_TREES):
+            checkpoint()
             if tries:  # no cuts of that tree are allowed: others, ever farther from these keys, may have some
                 keys = [0.7 * key + 0.3 * rng.real() for key in keys]
             pairs = zip(keys, self.graph.pairs, strict=True)

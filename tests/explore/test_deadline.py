@@ -1,0 +1,192 @@
+"""One clock for all phases: the deadline itself, and searches that would run on without it."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.claims import time_limits
+
+from command import command, environment
+from jld_core import InputError, build_assembly, parse_scene, samples
+from jld_core.arrays import Bits
+from jld_core.deadline import Deadline, DeadlinePassed, checkpoint, time_left
+from jld_core.limit import SolveOptions
+from jld_explore import Driver, ExploreSettings, explore
+from jld_explore.cli.command import main
+from jld_explore.explore import choose_driver
+from jld_explore.space import search_space
+
+
+def test_a_deadline_counts_from_its_start() -> None:
+    now = time.perf_counter()
+    one = Deadline(10.0, now - 4.0)
+    assert one.remaining() == pytest.approx(6.0, abs=0.1)
+    assert one.elapsed() == pytest.approx(4.0, abs=0.1)
+    assert one.earlier(1.0).end == one.end - 1.0
+    assert one.within(100.0).end == one.end
+    assert one.within(1.0).remaining() == pytest.approx(1.0, abs=0.1)
+    assert one.limited
+    assert not one.passed()
+    assert Deadline(1.0, now - 2.0).passed()
+    assert Deadline(1.0, now - 2.0).remaining() == 0.0
+    never = Deadline()
+    assert (never.limited, never.passed(), never.remaining()) == (False, False, float("inf"))
+    assert not never.earlier(5.0).limited
+
+
+def test_a_deadline_keeps_its_distance_to_the_time_of_day() -> None:
+    one = Deadline(10.0)
+    sent: Deadline = pickle.loads(pickle.dumps(one))
+    assert sent.end == pytest.approx(one.end, abs=1e-3)
+    assert sent.started == pytest.approx(one.started, abs=1e-3)
+    assert not pickle.loads(pickle.dumps(Deadline())).limited
+
+
+def test_an_enforced_deadline_ends_loops_of_its_thread_alone() -> None:
+    past, future = Deadline(0.0), Deadline(100.0)
+    checkpoint()
+    assert time_left() == float("inf")
+    with future.enforced():
+        checkpoint()
+        assert 90.0 < time_left() <= 100.0
+        with pytest.raises(DeadlinePassed), past.enforced():
+            checkpoint()
+        with past.enforced():
+            elsewhere: list[float] = []
+            thread = threading.Thread(target=lambda: elsewhere.append(time_left()))
+            thread.start()
+            thread.join()
+            # the outer one ends what is inside, however late the inner one is
+            with future.enforced(), pytest.raises(DeadlinePassed):
+                checkpoint()
+        assert elsewhere == [float("inf")]
+        checkpoint()
+    checkpoint()
+
+
+def hidden(cases: int = 10) -> Any:
+    """48 cells, shapes of at most three kinds and ten load cases: few of very many segmentations, late to be found."""
+    document = samples.grid(columns=8, rows=6).model_dump(mode="json", exclude_defaults=True, by_alias=True)
+    document["search"] = {"shapes": [None, 3], "block_cells": [1, 4]}
+    tilts = np.random.default_rng(1).normal(size=cases)
+    live = [[{"body": [1.0, float(tilt)]}] for tilt in tilts]
+    document["loads"] = {"cases": [{"name": f"case {k}", "live": one} for k, one in enumerate(live)]}
+    return parse_scene(document)
+
+
+def test_counting_a_space_knows_the_clock() -> None:
+    """It took 150 s in 0.2, whatever --seconds said."""
+    scene = hidden()
+    space = search_space(scene, build_assembly(scene))
+    start = time.perf_counter()
+    driver, known = choose_driver(space, ExploreSettings(seconds=2.0), Deadline(2.0))
+    assert time.perf_counter() - start < 2.0
+    assert (driver.name, known) == ("genetic", None)
+
+
+@pytest.mark.parametrize("driver", ["enumeration", "exact"])
+def test_a_driver_that_names_nothing_gives_way_to_one_layout(driver: str, tmp_path: Path) -> None:
+    start = time.perf_counter()
+    done = explore(hidden(), tmp_path / "out", ExploreSettings(driver=driver, seconds=2.0, jobs=1, pictures=False))
+    assert time.perf_counter() - start < 8.0  # 2 s, tables, and a busy machine
+    assert (done.summary["stop_reason"], done.summary["proven"], len(done.results)) == ("time", False, 1)
+    assert done.summary["best"] > 0.0
+
+
+class Stubborn(Driver):
+    """A driver that never names a labelling, and asks for the time now and then."""
+
+    name = "stubborn"
+
+    def ask(self, limit: int | None = None) -> Bits:
+        """Go on for ever."""
+        while True:
+            checkpoint()
+            time.sleep(0.01)
+
+    def tell(self, labellings: Bits, evaluations: object) -> None:
+        """Nothing to learn."""
+
+
+def test_a_driver_of_ones_own_is_ended_as_well(tmp_path: Path) -> None:
+    scene = samples.grid(columns=3, rows=2)
+    driver = Stubborn(search_space(scene, build_assembly(scene)))
+    settings = ExploreSettings(driver=driver, seconds=1.0, jobs=1, small=0, pictures=False)
+    done = explore(scene, tmp_path / "out", settings)
+    assert (done.summary["stop_reason"], len(done.results)) == ("time", 1)
+
+
+def test_nothing_found_in_time_is_one_line_and_no_folder(tmp_path: Path) -> None:
+    """No layout of a long arch stands while it is laid; there are too many to see that in the time."""
+    scene = samples.arch(voussoirs=60)
+    search = scene.search.model_copy(update={"block_cells": [1, 5], "assemble": "standing"})
+    settings = ExploreSettings(driver="genetic", seconds=1.5, jobs=1)
+    with pytest.raises(InputError, match=r"search(.assemble)?: no layout .* within --seconds 1.5"):
+        explore(scene.model_copy(update={"search": search}), tmp_path / "out", settings)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupted_search_leaves_its_page_and_says_the_best(tmp_path: Path) -> None:
+    """C10: the page was missing after Ctrl-C, and the best λ was not printed."""
+    file = tmp_path / "scene.json"
+    file.write_text(samples.grid(columns=8, rows=6).model_dump_json(exclude_defaults=True, by_alias=True))
+    out = tmp_path / "out"
+    search = subprocess.Popen(
+        command("explore", file, "--out", out, "--driver", "random"),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
+    )  # fmt: skip
+    until = time.monotonic() + 60.0
+    while not (out / "scene.json").exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(1.0)
+    search.send_signal(signal.SIGINT)
+    said, warned = search.communicate(timeout=60.0)
+    assert search.returncode == 3
+    best = json.loads((out / "summary.json").read_text())["best"]
+    assert f"best λ       {best:.9g}" in said
+    assert warned.endswith("go on with --resume\n")
+    assert (out / "report.html").exists()
+
+
+def test_a_small_share_of_the_claim_that_time_limits_are_kept() -> None:
+    """The claim itself is tested on 200 scenes by `python -m benchmarks.claims time_limits`."""
+    assert time_limits.run(16, 3, 60.0).disagreements == []
+
+
+def test_time_limits_count_from_the_start_of_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that took 100 s to start has no time left for a search of 50 s."""
+    file = tmp_path / "scene.json"
+    file.write_text(samples.grid(columns=8, rows=6).model_dump_json(exclude_defaults=True, by_alias=True))
+    arguments = ["explore", str(file), "--out", str(tmp_path / "out"), "--seconds", "50", "--jobs", "1", "--json"]
+    monkeypatch.setattr("sys.argv", ["jld", *arguments])
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(SystemExit) as end:
+            main(time.perf_counter() - 100.0)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert end.value.code == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (summary["stop_reason"], summary["evaluated"]) == ("time", 1)
+    assert summary["seconds"] > 100.0
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_a_search_without_dilation_that_found_nothing_in_time_ranks_nothing(tmp_path: Path) -> None:
+    """The λ of associative friction is no λ of the objective, and a missing bracket no gap."""
+    model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=0.0)
+    settings = ExploreSettings(driver="random", seconds=0.0, jobs=1, model=model)
+    done = explore(samples.buttress(courses=3), tmp_path / "out", settings)
+    assert (done.summary["counts_by_status"], done.summary["best"]) == ({"uncertified": 1}, None)
+    assert done.summary["gap"] is None
+    assert (tmp_path / "out" / "report.html").exists()
