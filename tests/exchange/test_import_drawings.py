@@ -367,6 +367,8 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
         ("a.csv", "id,x,y\na,0,0\na,1,0\n", ["'a'", "2 corners"]),
         ("a.csv", "id,x,y\na,0,0\na,1,0\na,1,1\n", ["no support", "--support lowest"]),
         ("a.csv", "", ["empty"]),
+        ("a.csv", "id,x,y\na,0,0\n" + "b" * 140_000 + ",1,2\n", ["line 3", "no row"]),
+        ("a.csv", "c" * 140_000 + ",x,y\na,0,0\n", ["line 1", "no row"]),
         ("a.csv", b"id,x,y\na,\xff\xfe,1\n", ["UTF-8"]),
         ("a.svg", "<svg", ["no SVG"]),
         ("a.svg", SVG.format("<path d='M 0 0 L nan 1 L 1 1 z'/>"), ["a.svg"]),

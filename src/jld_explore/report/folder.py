@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from jld_core.errors import InputError
 from jld_core.exchange import blocks_csv
-from jld_core.files import whole_file
+from jld_core.files import require_writable, whole_file
 from jld_core.models import solve
 from jld_explore.drivers import what_would_prove
 from jld_explore.evaluation import RECORDS_FILE
@@ -29,6 +29,14 @@ if TYPE_CHECKING:
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """What is drawn of a search, in order."""
+
+_TABLES: Final = ("results", "pareto", "faces", "blocks", "convergence", "experiments")
+RESERVED: Final = frozenset(
+    [RECORDS_FILE, "scene.json", "summary.json", "columns.json", "results.parquet", "report.html"]
+    + [f"{name}.csv" for name in _TABLES]
+    + [f"{name}.png" for name in PICTURES]
+)
+"""Files of a results folder, which nothing else may be written to."""
 
 
 def check_folder(folder: Path, resume: bool) -> None:
@@ -55,6 +63,33 @@ def check_writable(folder: Path) -> None:
         raise InputError(str(there), "it is a file", "a folder for the results")
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(str(there), "it is not writable", "a folder that results may be written into")
+
+
+def check_certificate_file(path: Path, folder: Path) -> None:
+    """Check that a certificate can be written where it is asked for.
+
+    Parameters
+    ----------
+    path : Path
+        File that the certificate will be written to; it and its folder need not exist.
+    folder : Path
+        Results folder of the search.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, or is one that the search itself writes. Nothing stays on disk then.
+    """
+    option, expected = "--certificate", "a file in a folder that can be written into"
+    place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
+    if place == results or path.is_dir():
+        raise InputError(option, f"{path} is a folder", "a file")
+    if place.parent == results and place.name in RESERVED:
+        raise InputError(option, f"the search writes {path} itself", "another name")
+    try:
+        require_writable(place)
+    except OSError as error:
+        raise InputError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
 def write_tables(study: Study, reason: StopReason) -> Exploration:
