@@ -59,8 +59,10 @@ def _judged(path: Path, folder: Path, is_whole: bool, tally: Tally) -> str:
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     _count(tally, "accepted")
-    if not math.isfinite(claim.bound):
-        return f"the bound {claim.bound} is accepted"
+    if not isinstance(claim.bound, int | float) or not math.isfinite(claim.bound):
+        return f"the bound {claim.bound!r} is accepted"
+    if not isinstance(claim.load_factor, int | float | None):
+        return f"the found load factor {claim.load_factor!r} is accepted"
     if claim.load_factor is not None and not claim.load_factor <= claim.bound:
         return f"a found load factor {claim.load_factor} above the bound {claim.bound} is accepted"
     try:
