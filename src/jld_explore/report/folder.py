@@ -30,11 +30,12 @@ if TYPE_CHECKING:
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """What is drawn of a search, in order."""
 
-_TABLES: Final = ("results", "pareto", "faces", "blocks", "convergence", "experiments")
 RESERVED: Final = frozenset(
-    [RECORDS_FILE, "scene.json", "summary.json", "columns.json", "results.parquet", "report.html"]
-    + [f"{name}.csv" for name in _TABLES]
-    + [f"{name}.png" for name in PICTURES]
+    [
+        *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
+        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE),
+        *(f"{name}.png" for name in PICTURES),
+    ]
 )
 """Files of a results folder, which nothing else may be written to."""
 
