@@ -101,6 +101,27 @@ MEANINGS: Final[dict[type[BaseModel], dict[str, Meaning]]] = {
         ),
         "dry": Meaning("", "Joints between blocks; needed where a face can be dry."),
         "inner": Meaning("", "Crack planes inside blocks; needed where a face can be inner."),
+        "faces": Meaning("", "Values of the faces between two elements, in the place of those above."),
+    },
+    schema.FaceMaterial: {
+        "between": Meaning(
+            "", "Ids of two elements that touch; the entry is for all their faces, one entry for each pair."
+        ),
+        "dry": Meaning("", "Values as joints; what is left out is that of `materials.dry`."),
+        "inner": Meaning("", "Values as crack planes; what is left out is that of `materials.inner`."),
+    },
+    schema.DryFace: {
+        "friction_angle": _ANGLE,
+        "friction_coefficient": _FRICTION,
+        "compressive_strength": _CRUSHING,
+        "cohesion": _COHESION,
+    },
+    schema.InnerFace: {
+        "tensile_strength": _TENSILE,
+        "shear_strength": _SHEAR,
+        "compressive_strength": _CRUSHING,
+        "friction_angle": Meaning("degrees", "Angle of friction of cracks."),
+        "friction_coefficient": Meaning("", "μ of cracks; σt is at most τ/μ."),
     },
     schema.Dry: {
         "friction_angle": Meaning("degrees", "Angle of friction; exactly one of this and `friction_coefficient`."),

@@ -13,7 +13,13 @@ from typing import Final
 
 from benchmarks.claims.tally import Family, Tally, run_cases
 
-FAMILIES: Final[dict[str, int]] = {"geometry": 3000, "laying": 1000, "proofs": 3000, "time_limits": 200}
+FAMILIES: Final[dict[str, int]] = {
+    "certificates": 300,
+    "geometry": 3000,
+    "laying": 1000,
+    "proofs": 3000,
+    "time_limits": 200,
+}
 """Module of this package → number of cases of a whole run."""
 
 __all__ = ["FAMILIES", "Family", "Tally", "run_cases"]

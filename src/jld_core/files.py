@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import re
 from collections.abc import Iterator
@@ -18,6 +19,39 @@ def printable(text: str) -> str:
     return _UNPRINTABLE.sub(" ", text)
 
 
+def require_writable(path: Path) -> None:
+    """Check that `whole_file` can write a file, by writing: permissions do not tell of every file system.
+
+    Parameters
+    ----------
+    path : Path
+        File to be written later; neither it nor its folder need exist. Nothing that was not there stays.
+
+    Raises
+    ------
+    OSError
+        The file or its folder cannot be written.
+    """
+    path = Path(os.path.realpath(path))
+    missing = list(itertools.takewhile(lambda parent: not parent.exists(), path.parents))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        fresh = _fresh(path)
+        fresh.open("xb").close()
+        fresh.unlink()
+    finally:
+        for parent in missing:
+            if parent.is_dir():
+                parent.rmdir()
+
+
+def _fresh(path: Path) -> Path:
+    """Return the name under which a file is written first. Raises OSError where the path is no file."""
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file that can be written anew", str(path))
+    return path.with_name(f"{path.name}.{os.getpid()}.new")  # two processes may write the same file
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """A name to write under, which becomes the file's once all is written; where that fails nothing stays.
@@ -25,9 +59,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     A link stays, and what it points to is written. Raises OSError with the name of the file.
     """
     path = Path(os.path.realpath(path))
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "it is no file that can be written anew", str(path))
-    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")  # two processes may write the same file
+    fresh = _fresh(path)
     try:
         yield fresh
         os.replace(fresh, path)

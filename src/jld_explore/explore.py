@@ -31,7 +31,15 @@ from jld_explore.drivers import (
 )
 from jld_explore.evaluation import LeavingOutEvaluator, MakeEvaluator, evaluator_of, on_cluster
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
-from jld_explore.report import Exploration, check_folder, write_pictures, write_report, write_tables, write_text
+from jld_explore.report import (
+    Exploration,
+    check_certificate_file,
+    check_folder,
+    write_pictures,
+    write_report,
+    write_tables,
+    write_text,
+)
 from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import ExploreSettings, Interrupted, Progress, StopReason, Study
 
@@ -96,6 +104,8 @@ def explore(
                 started=deadline.started,
             )
     check_folder(folder, settings.resume)
+    if settings.certificate is not None:
+        check_certificate_file(settings.certificate, folder)
     if driver is not None:
         settings = replace(settings, driver=driver)
     assembly = build_robust(scene) if settings.robust else build_assembly(scene)

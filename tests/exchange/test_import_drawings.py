@@ -353,6 +353,24 @@ def test_hostile_dxf(
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # KiB
 
 
+@pytest.mark.parametrize(
+    ("text", "force"),
+    [("10 kN", [0.0, -1e4]), ("F1 = 10 kN", [0.0, -1e4]), ("1 t", [0.0, -9810.0]), ("2,5 kN; 1 kN", [2500.0, 1000.0])],
+)
+def test_a_force_is_read_with_its_unit_and_told(text: str, force: list[float], tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    shapes = '<g id="support"><rect y="1" width="1" height="1"/></g><rect id="b" width="1" height="1"/>'
+    path.write_text(SVG.format(f'{shapes}<g id="loads"><text x=".5" y="0">{text}</text></g>'))
+    found = import_file(path)
+    (load,) = found.document["loads"]["live"]
+    assert load["force"] == pytest.approx(force)
+    (told,) = [line for line in found.report.found if "force" in line]
+    assert f" N on element {load['element']!r} at (0.5, 0), {text!r}" in told
+    path.write_text(SVG.format(f'{shapes}<g id="loads"><text x=".5" y="0">10 kN/m</text></g>'))
+    with pytest.raises(InputError, match=r"'10 kN/m': 10 kN/m is a load per length"):
+        import_file(path)
+
+
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
 
 
@@ -367,6 +385,8 @@ SVG = '<svg xmlns="http://www.w3.org/2000/svg">{}</svg>'
         ("a.csv", "id,x,y\na,0,0\na,1,0\n", ["'a'", "2 corners"]),
         ("a.csv", "id,x,y\na,0,0\na,1,0\na,1,1\n", ["no support", "--support lowest"]),
         ("a.csv", "", ["empty"]),
+        ("a.csv", "id,x,y\na,0,0\n" + "b" * 140_000 + ",1,2\n", ["line 3", "no row"]),
+        ("a.csv", "c" * 140_000 + ",x,y\na,0,0\n", ["line 1", "no row"]),
         ("a.csv", b"id,x,y\na,\xff\xfe,1\n", ["UTF-8"]),
         ("a.svg", "<svg", ["no SVG"]),
         ("a.svg", SVG.format("<path d='M 0 0 L nan 1 L 1 1 z'/>"), ["a.svg"]),

@@ -173,6 +173,20 @@ def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> Non
             Records(tmp_path, HEADER, FACES)
 
 
+def test_an_empty_record_is_no_beginning(tmp_path: Path) -> None:
+    (tmp_path / RECORDS_FILE).touch()
+    with pytest.raises(InputError, match="it is empty"):
+        Records(tmp_path, HEADER, FACES)
+    assert (tmp_path / RECORDS_FILE).stat().st_size == 0
+    (tmp_path / RECORDS_FILE).unlink()
+    filled(tmp_path)
+    (tmp_path / "scene.json").write_text("{}")
+    (tmp_path / RECORDS_FILE).unlink()
+    sqlite3.connect(tmp_path / RECORDS_FILE).execute("PRAGMA journal_mode=WAL")
+    with pytest.raises(InputError, match="no tables"):
+        Records(tmp_path, HEADER, FACES)
+
+
 def test_one_process_at_a_time(tmp_path: Path) -> None:
     records = Records(tmp_path, HEADER, FACES)
     with pytest.raises(InputError, match="another process is at work in it") as error:
@@ -266,6 +280,23 @@ def test_proofs_come_back(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it is damaged"):
         records.proofs(labels[1])
     records.close()
+
+
+def test_a_proof_of_minus_zero_comes_back(tmp_path: Path) -> None:
+    """SQLite keeps no sign of a zero, and the checksum must not tell the two apart."""
+    faces = np.zeros(FACES, dtype=bool)
+    costs = np.full(FACES, -0.0)
+    proofs = Proofs((Forces(-0.0, ~faces, faces),), (Mechanism(-0.0, costs, costs, falls=False),))
+    records = Records(tmp_path, HEADER, FACES)
+    records.append(faces[None], [1], [Evaluation(Status.COLLAPSE, 0.0, 0.0, 0.0, proofs=proofs)])
+    records.add_conflict(~faces, faces, -0.0)
+    records.keep_bound(-0.0)
+    records.close()
+    again = Records(tmp_path, HEADER, FACES)
+    found = again.proofs(faces)
+    assert (found.forces[0].load, found.mechanisms[0].constant, again.bound) == (0.0, 0.0, 0.0)
+    again.conflicts("key")
+    again.close()
 
 
 def test_conflicts_are_those_of_one_proof(tmp_path: Path) -> None:

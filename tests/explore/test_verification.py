@@ -6,6 +6,7 @@ import ast
 import hashlib
 import itertools
 import json
+import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
@@ -329,6 +330,57 @@ def test_what_was_tampered_with_is_refused(
     with pytest.raises(InputError) as complaint:
         verify(rewritten(lines, tmp_path / "harmed.jld"))
     assert "\n" not in str(complaint.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("bound", float("nan"), "no finite number"),
+        ("bound", float("inf"), "no finite number"),
+        ("bound", float("-inf"), "no finite number"),
+        ("bound", 10**400, "no finite number"),
+        ("bound", True, "no finite number"),
+        ("bound", "1", "no finite number"),
+        ("load_factor", float("nan"), "no finite number"),
+        ("load_factor", 1e9, "above its own bound"),
+        ("load_factor", None, "one is null"),
+        ("labelling", "dx", "letters d and i"),
+        ("labelling", "d", "has 1 letters"),
+        ("labelling", 5, "letters d and i"),
+        ("made_by", 5, "no text"),
+        ("jld certificate", 2, "version 2"),
+        ("jld certificate", 1.0, "version 1.0"),
+        ("more", 1, "'more'"),
+    ],
+)
+def test_a_claim_that_is_none_is_refused(
+    key: str, value: object, words: str, proof: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    lines = [{**proof[0], key: value}, *proof[1:]]
+    with pytest.raises(InputError) as complaint:
+        verify(rewritten(lines, tmp_path / "claim.jld"))
+    assert words in str(complaint.value)
+    assert "\n" not in str(complaint.value)
+
+
+def test_a_bound_in_whole_numbers_is_a_bound(proof: list[dict[str, Any]], tmp_path: Path) -> None:
+    lines = [{**proof[0], "bound": math.ceil(proof[0]["bound"])}, *proof[1:]]
+    assert verify(rewritten(lines, tmp_path / "whole.jld")).claim.bound == lines[0]["bound"]
+
+
+def test_a_labelling_with_a_label_that_is_fixed_is_refused(proof: list[dict[str, Any]], tmp_path: Path) -> None:
+    labelling = "".join("i" for _ in proof[0]["labelling"])
+    with pytest.raises(InputError, match=r"letter .* is 'i'"):
+        verify(rewritten([{**proof[0], "labelling": labelling}, *proof[1:]], tmp_path / "fixed.jld"))
+
+
+@pytest.mark.parametrize("place", ["file/proof.jld", "out", "out/summary.json", "x" * 250])
+def test_a_file_that_cannot_be_written_is_refused_before_the_search(place: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    settings = ExploreSettings(pictures=False, driver="exact", certificate=tmp_path / place)
+    with pytest.raises(InputError, match="--certificate"):
+        explore(parse_scene(SCENES["weak"]), tmp_path / "out", settings)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_refusals_are_one_line(

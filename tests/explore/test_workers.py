@@ -197,3 +197,23 @@ def test_a_cluster_that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest.M
             explore(scene, tmp_path / "out", ExploreSettings(pictures=False, cluster=url))
         assert "\n" not in str(complaint.value)
         assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+    try:
+        monkeypatch.setattr("jld_explore.evaluation.cluster.__version__", "0.0.1")
+        settings = ExploreSettings(pictures=False, cluster=cluster.scheduler_address)
+        with pytest.raises(InputError, match=r"has jld .*expected jld 0\.0\.1"):
+            explore(parse_scene(grid_document(["aa", "##"])), tmp_path / "out", settings)
+        assert not (tmp_path / "out").exists()
+    finally:
+        cluster.close()
+
+
+def test_a_task_for_another_version_is_refused() -> None:
+    spec = WorkerSpec(b"", "of no evaluator", 0, "0.0.1")
+    with pytest.raises(InputError, match=r"expected jld 0\.0\.1"):
+        spec.evaluator()

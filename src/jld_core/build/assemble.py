@@ -16,7 +16,7 @@ from jld_core.build.plausibility import implausible
 from jld_core.build.spatial import spatial_geometry
 from jld_core.errors import InputError
 from jld_core.linalg import components
-from jld_core.scene import BodyLoad, Contact, PointLoad, Scene, at_low
+from jld_core.scene import BodyLoad, Contact, FaceMaterial, PointLoad, Scene, at_low
 
 LABELS = {"dry": DRY, "inner": INNER}
 
@@ -57,7 +57,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         units=(scene.units.length, scene.units.force),
         elements=elements,
         interfaces=interfaces,
-        strengths=materials.strengths(scene.materials, given),
+        strengths=materials.strengths(scene.materials, given, _face_materials(scene, elements, interfaces)),
         dead=cases[0].dead,
         live=cases[0].live,
         labels=_own_labels(scene, elements, interfaces, given),
@@ -67,6 +67,19 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
         touching=geometry.touching,
     )
     return replace(assembly, warnings=(*geometry.warnings, *implausible(scene, assembly)))
+
+
+def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
+    """Return per interface the entry of "materials.faces" for its two elements, None where there is none."""
+    found: list[FaceMaterial | None] = [None] * len(interfaces)
+    for position, entry in enumerate(scene.materials.faces):
+        where = f"materials.faces[{position}].between"
+        chosen = faces_of_pairs([entry.between], elements, interfaces, where)
+        for face in np.flatnonzero(chosen).tolist():
+            if found[face] is not None:
+                raise InputError(where, f"{' and '.join(entry.between)} stand there twice", "one entry for each pair")
+            found[face] = entry
+    return found
 
 
 def _check_paths(geometry: Geometry) -> None:

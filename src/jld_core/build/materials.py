@@ -9,7 +9,18 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Strengths
 from jld_core.errors import InputError
-from jld_core.scene import Contact, Dry, Element, Inner, Materials, Scene, lies_within_apex
+from jld_core.scene import (
+    Contact,
+    Dry,
+    DryFace,
+    Element,
+    FaceMaterial,
+    Inner,
+    InnerFace,
+    Materials,
+    Scene,
+    lies_within_apex,
+)
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:
@@ -59,10 +70,28 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
     return (density or 0.0) * volume * gravity * direction
 
 
-def strengths(materials: Materials, contacts: list[Contact | None]) -> Strengths:
+def _of_face(face: FaceMaterial) -> dict[str, float]:
+    """Return the values that an entry of "materials.faces" states, by the names of `Strengths`."""
+    dry, inner = face.dry or DryFace(), face.inner or InnerFace()
+    given = {
+        "friction": _coefficient(dry.friction_coefficient, dry.friction_angle),
+        "tension": inner.tensile_strength,
+        "shear": inner.shear_strength,
+        "crush_dry": dry.compressive_strength,
+        "crush_inner": inner.compressive_strength,
+        "cohesion": dry.cohesion,
+        "inner_friction": _coefficient(inner.friction_coefficient, inner.friction_angle),
+    }
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def strengths(
+    materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
+) -> Strengths:
     """What each interface would be made of under either label, (m,) arrays, NaN where not named.
 
-    contacts: per interface the scene's own entry with its overriding keys, or None.
+    contacts: per interface the scene's own entry with its overriding keys, or None. faces: per interface the entry of
+    "materials.faces" for its two elements, which the keys of a contact override, or None.
     Raises InputError for an interface whose own keys put its tensile strength beyond the apex of its friction.
     """
     dry, inner = materials.dry, materials.inner
@@ -77,8 +106,12 @@ def strengths(materials: Materials, contacts: list[Contact | None]) -> Strengths
     }
     absent = {"crush_dry": math.inf, "crush_inner": math.inf, "cohesion": 0.0, "inner_friction": 0.0}
     rows = []
-    for contact in contacts:
+    for contact, face in zip(contacts, faces or [None] * len(contacts), strict=True):
         own = dict(usual)
+        if face is not None:
+            own |= _of_face(face)
+            where = f"materials.faces of {'–'.join(face.between)}"
+            lies_within_apex(own["tension"], own["shear"], own["inner_friction"], where)
         if contact is not None:
             inner_friction = _coefficient(contact.inner_friction_coefficient, contact.inner_friction_angle)
             given = {

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import shapely
@@ -11,50 +10,38 @@ import shapely
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 from jld_core.exchange.drawn import Cell, Drawing, Mark
-from jld_core.exchange.options import ImportOptions, Notes, several
+from jld_core.exchange.forces import WrittenForce, parse_force
+from jld_core.exchange.options import ImportOptions, Notes
 from jld_core.exchange.paths import Path
-
-_NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def drawn_loads(
     paths: list[Path], marks: list[Mark], cells: list[Cell], options: ImportOptions, drawing: Drawing, notes: Notes
 ) -> dict[str, Any]:
     """Forces: arrows along lines, or points and texts; their sizes from texts, 1 where there is none."""
-    loads: dict[str, Any] = {"live": [], "dead": []}
-    shapes = [shapely.Polygon(cell.points) for cell in cells]
+    entries: dict[str, list[dict[str, Any]]] = {"live": [], "dead": []}
+    unit = str(drawing.facts.get("units", {}).get("force", "N"))
+    structure = _Structure(cells, [shapely.Polygon(cell.points) for cell in cells])
     for role, key in (("load", "live"), ("dead", "dead")):
         texts = [mark for mark in marks if options.role(mark.layer) == role and mark.text]
         bare = [mark for mark in marks if options.role(mark.layer) == role and not mark.text]
         arrows = [path for path in paths if options.role(path.layer) == role and len(path.points) > 1]
-        taken: set[int] = set()
-        for path in arrows:
-            start, end = path.points[0, :2], path.points[-1, :2]
-            length = float(np.hypot(*(end - start)))
-            if length == 0.0:
-                notes.skip("loads", 1, "a line without length")
-                continue
-            number = _nearest(texts, 0.5 * (start + end), start, end, taken)
-            size = 1.0
-            if number is None:
-                notes.assumed.append(f"a force of 1 along a line on layer {path.layer}: it has no text")
-            else:
-                taken.add(number)
-                size = _numbers(texts[number])[0]
-            _apply(loads[key], cells, shapes, end, (size * (end - start) / length).tolist())
+        drawn, taken = _of_arrows(arrows, texts, unit, notes)
         for number, mark in enumerate(texts):
             if number not in taken:
-                values = _numbers(mark)
-                force = values[:2] if len(values) > 1 else [0.0, -values[0]]
-                _apply(loads[key], cells, shapes, np.array(mark.at), force)
+                written = _written(mark, unit, notes)
+                force = written.values if written.components else (0.0, -written.values[0])
+                drawn.append((np.array(mark.at), force, repr(mark.text)))
+        for at, values, source in drawn:
+            entry = structure.entry(at, values)
+            entries[key].append(entry)
+            notes.found.append(f"{key} force {_told(entry, unit)}, {source}")
         for mark in bare:
             notes.skip("loads", 1, f"a point on layer {mark.layer} without a text that says its force")
+    loads: dict[str, Any] = dict(entries)
     bodies = {key: list(drawing.facts.get("loads", {}).get(key, [])) for key in loads}
     for key in loads:
-        drawn = len(loads[key])
         loads[key] += bodies[key]
-        if drawn:
-            notes.found.append(f"{several(drawn, key + ' force')}")
     found = {key: value for key, value in loads.items() if value}
     cases = drawing.facts.get("loads", {}).get("cases")
     return {**found, "cases": cases} if cases and "live" not in found else found
@@ -68,18 +55,62 @@ def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, take
     return min(close)[1] if close else None
 
 
-def _numbers(mark: Mark) -> list[float]:
-    found = [float(text) for text in _NUMBER.findall(mark.text or "")]
-    if not found or not all(np.isfinite(found)):
-        raise InputError(f"layer {mark.layer!r}", f"the text {mark.text!r} is no force", "a number, or two as fx,fy")
-    return found
+def _of_arrows(
+    arrows: list[Path], texts: list[Mark], unit: str, notes: Notes
+) -> tuple[list[tuple[Floats, tuple[float, ...], str]], set[int]]:
+    """Return place, force and source of every arrow, and the numbers of the texts that belong to arrows."""
+    found: list[tuple[Floats, tuple[float, ...], str]] = []
+    taken: set[int] = set()
+    for path in arrows:
+        start, end = path.points[0, :2], path.points[-1, :2]
+        length = float(np.hypot(*(end - start)))
+        if length == 0.0:
+            notes.skip("loads", 1, "a line without length")
+            continue
+        number = _nearest(texts, 0.5 * (start + end), start, end, taken)
+        size, source = 1.0, "an arrow without a text"
+        if number is None:
+            notes.assumed.append(f"a force of 1 {unit} along a line on layer {path.layer}: it has no text")
+        else:
+            taken.add(number)
+            mark = texts[number]
+            written = _written(mark, unit, notes)
+            if written.components:
+                problem = f"the text {mark.text!r} beside an arrow states components"
+                raise InputError(f"layer {mark.layer!r}", problem, "the size alone: the arrow is the direction")
+            size, source = written.values[0], f"{mark.text!r} along an arrow"
+        found.append((end, tuple((size * (end - start) / length).tolist()), source))
+    return found, taken
 
 
-def _apply(
-    entries: list[dict[str, Any]], cells: list[Cell], shapes: list[shapely.Polygon], at: Floats, force: list[float]
-) -> None:
-    """A force on the free element it touches; of several that of the least number."""
-    point = shapely.Point(at)
-    free = [k for k, cell in enumerate(cells) if not cell.support]
-    chosen = min(free, key=lambda k: (round(shapes[k].distance(point), 12), k))
-    entries.append({"element": cells[chosen].name, "force": [float(f) for f in force], "at": [float(v) for v in at]})
+def _written(mark: Mark, unit: str, notes: Notes) -> WrittenForce:
+    """Parse the text of a mark; say where a force has no unit. Raises InputError for a text that is no force."""
+    try:
+        written = parse_force(mark.text or "", unit)
+    except InputError as error:
+        raise error.within(f"layer {mark.layer!r}") from None
+    if not written.has_unit:
+        notes.assumed.append(f"the text {mark.text!r} is in {unit}: it names no unit")
+    return written
+
+
+def _told(entry: dict[str, Any], unit: str) -> str:
+    """Return a force with its unit, element and place."""
+    force, at = (", ".join(f"{value:.9g}" for value in entry[key]) for key in ("force", "at"))
+    return f"({force}) {unit} on element {entry['element']!r} at ({at})"
+
+
+class _Structure:
+    """Cells, and which of them a force acts on."""
+
+    def __init__(self, cells: list[Cell], shapes: list[shapely.Polygon]) -> None:
+        self._cells, self._shapes = cells, shapes
+        self._free = [k for k, cell in enumerate(cells) if not cell.support]
+
+    def entry(self, at: Floats, force: tuple[float, ...]) -> dict[str, Any]:
+        """Return the load of a force on the free element nearest to its place, the first of several."""
+        point = shapely.Point(at)
+        chosen = min(self._free, key=lambda k: (round(self._shapes[k].distance(point), 12), k))
+        name = self._cells[chosen].name
+        # a negative zero is a zero to people
+        return {"element": name, "force": [float(f) + 0.0 for f in force], "at": [float(v) + 0.0 for v in at]}

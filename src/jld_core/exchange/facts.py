@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.assembly import Assembly
+from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 
@@ -28,6 +29,8 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
     so its vectors (x, y) become (x, 0, y) and places lie in the middle of the thickness.
     """
     document = document_of(layout)
+    if layout.scene.materials.faces:
+        raise InputError("materials.faces", "a file of this kind has no place for them", "a scene without them")
     facts: dict[str, Any] = {key: document[key] for key in _SCENE if key in document}
     lift = spatial and layout.assembly.dimension == 2
     if lift and isinstance(document["materials"].get("gravity"), list):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator
 from pathlib import Path as File
 from typing import Final
 
@@ -19,6 +20,19 @@ _COLUMNS: Final = ("id", "x", "y", "layer", "support")
 _TRUE: Final = ("1", "true", "yes")
 
 
+def _rows(text: str, mark: str) -> Iterator[list[str]]:
+    """Yield the rows of a text. Raises InputError for a line that is no row, with its number."""
+    reader = csv.reader(io.StringIO(text), delimiter=mark)
+    while True:
+        try:
+            row = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            raise InputError(f"line {reader.line_num}", f"it is no row ({error})", "a name and numbers") from None
+        yield row
+
+
 def read_csv(path: File, notes: Notes) -> Drawing:
     """Polygons of a CSV file, separated by commas, semicolons or tabs.
 
@@ -27,7 +41,7 @@ def read_csv(path: File, notes: Notes) -> Drawing:
     text = text_of(path)
     first = text.splitlines()[0]
     mark = max(",;\t", key=first.count)
-    rows = csv.reader(io.StringIO(text), delimiter=mark)
+    rows = _rows(text, mark)
     head = [name.strip().casefold() for name in next(rows)]
     missing = [name for name in ("id", "x", "y") if name not in head]
     unknown = [name for name in head if name not in _COLUMNS]

@@ -121,7 +121,7 @@ class _Reader:
         force = [text for tag, text in attributes if tag in ("force", "f", "load")]
         parts = dict(attributes)
         if "fx" in parts or "fy" in parts:
-            force = [f"{parts.get('fx', '0')},{parts.get('fy', '0')}"]
+            force = ["; ".join(f"{tag} = {parts[tag]}" for tag in ("fx", "fy") if tag in parts)]
         if self.options.role(layer) in ("load", "dead"):
             self.marks.append(Mark((at.x, at.y), layer, force[0] if force else None))
             return

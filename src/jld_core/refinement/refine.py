@@ -87,6 +87,8 @@ def _check(scene: Scene, cell: tuple[float, ...], kind: str, by: str | None, cen
         raise InputError("--centre", f"{centre[0]:g},{centre[1]:g} is no point", "x,y")
     if scene.interfaces is not None:
         raise InputError("interfaces", "they are given by hand", "a scene whose interfaces are found")
+    if scene.materials.faces:
+        raise InputError("materials.faces", "they name elements that are split", "a scene without them")
     if scene.materials.inner is None:
         raise InputError("materials.inner", "missing, and cells are joined by inner faces", "strengths of the material")
 

@@ -3,9 +3,12 @@
 - `BodyLoad`: weight times a vector on all elements
 - `Contact`: an interface given by hand
 - `Dry`: material of joints
+- `DryFace`: its values for the faces between two elements
 - `Element`: one rigid element
+- `FaceMaterial`: material of the faces between two elements
 - `Grid`: planar cells
 - `Inner`: material of crack planes
+- `InnerFace`: its values for the faces between two elements
 - `Materials`: weights and strengths
 - `PointLoad`: a force on one element
 - `Scene`: a scene file, validated
@@ -23,9 +26,12 @@ from jld_core.scene.schema import (
     BodyLoad,
     Contact,
     Dry,
+    DryFace,
     Element,
+    FaceMaterial,
     Grid,
     Inner,
+    InnerFace,
     Materials,
     PointLoad,
     Scene,
@@ -37,9 +43,12 @@ __all__ = [
     "BodyLoad",
     "Contact",
     "Dry",
+    "DryFace",
     "Element",
+    "FaceMaterial",
     "Grid",
     "Inner",
+    "InnerFace",
     "Materials",
     "PointLoad",
     "Scene",

@@ -151,11 +151,60 @@ class Inner(Part):
         return self
 
 
+class DryFace(Part):
+    """Values of a joint that override "materials.dry" for the faces between two elements."""
+
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    cohesion: Value | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        _at_most_one_friction(self.friction_angle, self.friction_coefficient)
+        return self
+
+
+class InnerFace(Part):
+    """Values of a crack plane that override "materials.inner" for the faces between two elements."""
+
+    tensile_strength: Value | None = None
+    shear_strength: Value | None = None
+    compressive_strength: PositiveValue | None = None
+    friction_angle: Angle | None = None
+    friction_coefficient: Value | None = None
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Self:
+        _at_most_one_friction(self.friction_angle, self.friction_coefficient)
+        return self
+
+
+def _at_most_one_friction(angle: float | None, coefficient: float | None) -> None:
+    if angle is not None and coefficient is not None:
+        raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
+
+
+class FaceMaterial(Part):
+    """Material of all faces between two elements; what is left out is that of "materials"."""
+
+    between: Annotated[Pair, Field(description="[id, id] of two elements that touch")]
+    dry: DryFace | None = None
+    inner: InnerFace | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.dry is None and self.inner is None:
+            raise InputError("", "it states no value", '"dry", "inner" or both')
+        return self
+
+
 class Materials(Part):
     density: NonNegative | None = None
     gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
     dry: Dry | None = None
     inner: Inner | None = None
+    faces: list[FaceMaterial] = []
 
 
 class PointLoad(Part):

@@ -294,9 +294,6 @@ def explore_command(
     most = _JOBS * (os.cpu_count() or 1)
     check_folder(out, resume)
     if certificate is not None:
-        check_writable(certificate.parent)
-        if certificate.is_dir():
-            raise InputError("--certificate", f"{certificate} is a folder", "a file")
         refuse_itself(scene, certificate)
     if jobs is not None and jobs > most:
         raise InputError("--jobs", f"{jobs} processes would starve one another", f"at most {most} on this machine")

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import joblib
 
+from jld_core import __version__
 from jld_core.errors import InputError
 
 _ANSWER: Final = 10.0
@@ -47,10 +48,21 @@ def on_cluster(url: str | None) -> Iterator[None]:
         except TimeoutError:
             problem = f"the scheduler at {url!r} has no workers"
             raise InputError("--cluster", problem, f"at least one within {_WORKERS:g} s: dask worker URL") from None
+        _require_version(client)
         with joblib.parallel_config(backend="dask", wait_for_workers_timeout=_WORKERS):
             yield
     finally:
         client.close()
+
+
+def _require_version(client: Any) -> None:
+    """Raise InputError where a worker has another version of this program, or none: its λ may be another."""
+    # a lambda is sent as code, so that a version that knows nothing of this question answers it as well
+    found = client.run(lambda: str(__import__("jld_core").__version__), on_error="return")
+    for worker, version in sorted(found.items()):
+        if version != __version__:
+            has = f"jld {version}" if isinstance(version, str) else f"no jld ({type(version).__name__})"
+            raise InputError("--cluster", f"the worker {worker} has {has}", f"jld {__version__} on every worker")
 
 
 def client_of_cluster() -> Any | None:

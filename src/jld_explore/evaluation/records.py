@@ -45,6 +45,9 @@ from jld_explore.evaluation.rows import (
 from jld_explore.space import keys
 
 RECORDS_FILE: Final = "records.sqlite3"
+SCENE_FILE: Final = "scene.json"
+"""Copy of the scene beside the record, written after the tables of the record were made."""
+
 SYNC: Final = 0.2
 """Seconds after which what was written is waited for until the disk has it: a wait costs as much as some solves."""
 
@@ -104,6 +107,9 @@ class Records:
         self._file: Any = None
         self._lock = FolderLock(folder)
         fresh = not self.path.exists()
+        if not fresh and self.path.is_file() and not self.path.stat().st_size:
+            self._lock.release()
+            raise self._damaged("it is empty")
         try:
             with self._told():
                 self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
@@ -123,6 +129,8 @@ class Records:
         self._file.execute("PRAGMA synchronous=NORMAL")
         names = {name for (name,) in self._file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not names:
+            if (self.folder / SCENE_FILE).exists():  # written once there are tables
+                raise self._damaged("it has no tables, though a search was begun here")
             with self._transaction():
                 for statement in _TABLES.split(";")[:-1]:
                     self._file.execute(statement)
@@ -379,7 +387,8 @@ _DISK: Final = {
 
 
 def _checksum(kind: str, value: float, *parts: bytes) -> int:
-    return zlib.crc32(b"".join([kind.encode(), np.float64(value).tobytes(), *parts]))
+    # SQLite keeps no sign of a zero, so that −0.0 is read as 0.0
+    return zlib.crc32(b"".join([kind.encode(), np.float64(value + 0.0).tobytes(), *parts]))
 
 
 def _proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, bytes, int]]:

@@ -24,9 +24,11 @@ from typing import Any, Final
 import joblib
 import numpy as np
 
+from jld_core import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
+from jld_core.errors import InputError
 from jld_core.lanes import chosen
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
@@ -68,11 +70,15 @@ MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
 
 @dataclass(frozen=True)
 class WorkerSpec:
-    """What a worker needs to make its evaluator: a pickle of its maker, assembly and settings, and its digest."""
+    """What a worker needs to make its evaluator: a pickle of its maker, assembly and settings, and its digest.
+
+    version: of the program that made it; a worker of a cluster that joins later may have another.
+    """
 
     content: bytes
     digest: str
     parent: int
+    version: str = __version__
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
@@ -86,6 +92,8 @@ class WorkerSpec:
         if getattr(_own, "digest", None) != self.digest:
             known = _last.get(self.digest)
             if known is None:
+                if self.version != __version__:
+                    raise InputError("--cluster", f"a worker has jld {__version__}", f"jld {self.version} on every one")
                 make, assembly, settings = pickle.loads(self.content)
                 made = make(assembly, settings)
                 _last.clear()

@@ -6,6 +6,7 @@
 - `assembly`: what `jld check` prints
 - `asset`: text of a file of the front end
 - `asset_names`: files of the front end that a browser loads
+- `check_certificate_file`: refuse a file that no certificate can be written to
 - `check_folder`: refuse a folder that may not be written into
 - `check_writable`: refuse a folder that cannot be made
 - `csv_of`: a table as CSV, safe for spreadsheets
@@ -31,6 +32,7 @@ from __future__ import annotations
 from jld_explore.report.columns import csv_of
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.folder import (
+    check_certificate_file,
     check_folder,
     check_writable,
     write_pictures,
@@ -53,6 +55,7 @@ __all__ = [
     "assembly",
     "asset",
     "asset_names",
+    "check_certificate_file",
     "check_folder",
     "check_writable",
     "csv_of",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 from jld_core.deadline import Deadline
 from jld_core.errors import InputError
 from jld_core.exchange import blocks_csv
-from jld_core.files import whole_file
+from jld_core.files import require_writable, whole_file
 from jld_core.limit import LimitAnalysisResult
 from jld_core.models import solve
 from jld_explore.drivers import what_would_prove
@@ -35,6 +35,15 @@ _DRAWING: Final = 1.2
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
 """What is drawn of a search, in order."""
+
+RESERVED: Final = frozenset(
+    [
+        *("scene.json", "summary.json", "columns.json", "results.parquet", "report.html", "results.csv", "pareto.csv"),
+        *("faces.csv", "blocks.csv", "convergence.csv", "experiments.csv", RECORDS_FILE),
+        *(f"{name}.png" for name in PICTURES),
+    ]
+)
+"""Files of a results folder, which nothing else may be written to."""
 
 
 def check_folder(folder: Path, resume: bool) -> None:
@@ -61,6 +70,33 @@ def check_writable(folder: Path) -> None:
         raise InputError(str(there), "it is a file", "a folder for the results")
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError(str(there), "it is not writable", "a folder that results may be written into")
+
+
+def check_certificate_file(path: Path, folder: Path) -> None:
+    """Check that a certificate can be written where it is asked for.
+
+    Parameters
+    ----------
+    path : Path
+        File that the certificate will be written to; it and its folder need not exist.
+    folder : Path
+        Results folder of the search.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, or is one that the search itself writes. Nothing stays on disk then.
+    """
+    option, expected = "--certificate", "a file in a folder that can be written into"
+    place, results = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
+    if place == results or path.is_dir():
+        raise InputError(option, f"{path} is a folder", "a file")
+    if place.parent == results and place.name in RESERVED:
+        raise InputError(option, f"the search writes {path} itself", "another name")
+    try:
+        require_writable(place)
+    except OSError as error:
+        raise InputError(option, f"{path} cannot be written ({error.strerror})", expected) from None
 
 
 def write_tables(study: Study, reason: StopReason) -> Exploration:

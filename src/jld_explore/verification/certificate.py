@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,9 @@ from jld_core.errors import InputError
 from jld_core.files import whole_file
 
 VERSION: Final = 1
+MOST_DIGITS: Final = 10_000
+"""Limit, exclusive, on the binary digits of velocities: every double has fewer than 1100 behind its point."""
+
 _KEY: Final = "jld certificate"
 _EXPECTED: Final = "a certificate as jld explore --certificate writes it"
 
@@ -90,37 +94,116 @@ def _line(reason: Reason) -> dict[str, Any]:
 
 
 def read(path: Path) -> tuple[Claim, list[Reason]]:
-    """Read a certificate. Raises InputError where it is none, or not whole; nothing of it is believed yet."""
+    """Read a certificate without checking its reasons.
+
+    Parameters
+    ----------
+    path : Path
+        File of a certificate.
+
+    Returns
+    -------
+    claim : Claim
+        What the certificate says; its scene is not validated.
+    reasons : list of Reason
+        The reasons in the order of their lines.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is no certificate, is not whole, or claims what no certificate can.
+    """
     try:
         text = path.read_bytes()
-    except OSError as error:
-        raise InputError(str(path), error.strerror or "it cannot be read", _EXPECTED) from None
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), getattr(error, "strerror", None) or "it cannot be read", _EXPECTED) from None
     try:
-        lines = [json.loads(line) for line in text.splitlines()]
+        lines = [json.loads(line, object_pairs_hook=_object, parse_constant=_no_number) for line in text.splitlines()]
         head, last = lines[0], lines[-1]
-        claim = Claim(**{name: head[name] for name in Claim.__dataclass_fields__})
-        version, digest = head[_KEY], last["sha256"]
-        known = isinstance(claim.scene, dict) and isinstance(claim.bound, float)
-        reasons = list(_reasons(lines[1:-1]))
+        version, digest = head.pop(_KEY), last.pop("sha256")
+        if last or len(lines) < 2 or not isinstance(head["scene"], dict):
+            raise ValueError
+        reasons = list(_reasons(lines[1:-1])) if version == VERSION else []
     except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
         raise InputError(str(path), "it is no certificate, or not whole", _EXPECTED) from None
-    if version != VERSION or not known:
-        raise InputError(str(path), f"it is of version {version!r}", f"version {VERSION}")
+    if type(version) is not int or version != VERSION:
+        raise InputError(str(path), f"it is of version {_short(version)}", f"version {VERSION}")
+    claim = _claim(head, str(path))
     body = text[: text.rstrip(b"\n").rfind(b"\n") + 1]
     if hashlib.sha256(body).hexdigest() != digest:
         raise InputError(str(path), "its digest is not that of its lines", "a certificate as it was written")
     return claim, reasons
 
 
+def _claim(head: dict[str, Any], path: str) -> Claim:
+    """Return the claim of a first line without its version. Raises InputError for what no certificate claims."""
+    for name in (*Claim.__dataclass_fields__, *head):
+        if (name in head) != (name in Claim.__dataclass_fields__):
+            how = "is unknown" if name in head else "is missing"
+            raise InputError(path, f"the key {name!r} of its first line {how}", _EXPECTED)
+    numbers = {"bound": _finite(head["bound"])}
+    if numbers["bound"] is None:
+        raise InputError(path, f"its bound {_short(head['bound'])} is no finite number", "a load factor")
+    labelling, found = head["labelling"], head["load_factor"]
+    if found is not None:
+        numbers["load_factor"] = _finite(found)
+        if numbers["load_factor"] is None:
+            raise InputError(path, f"its load_factor {_short(found)} is no finite number", "a load factor, or null")
+        if numbers["load_factor"] > numbers["bound"]:
+            problem = f"the layout it names carries {found!r}, above its own bound {head['bound']!r}"
+            raise InputError(path, problem, "a load_factor of at most the bound")
+    if labelling is not None and (not isinstance(labelling, str) or set(labelling) - {"d", "i"}):
+        raise InputError(path, f"its labelling {_short(labelling)} is none", "letters d and i, or null")
+    if (labelling is None) != (found is None):
+        raise InputError(path, "of labelling and load_factor one is null", "both, or neither")
+    if not isinstance(head["made_by"], str):
+        raise InputError(path, f"its made_by {_short(head['made_by'])} is no text", "the name of a program")
+    return Claim(**{**head, **numbers})
+
+
+def _finite(value: object) -> float | None:
+    """Return a JSON number as the double nearest to it; None for anything else and past the range of doubles."""
+    if type(value) not in (int, float):
+        return None
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make a JSON object whose keys are all different: readers disagree about which of two equal keys counts."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError
+    return found
+
+
+def _no_number(name: str) -> float:
+    """Read NaN and Infinity, which JSON does not have but Python writes, as a number that is not finite."""
+    return float(name)
+
+
+def _short(value: object) -> str:
+    """Return a value as short text, for a complaint."""
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
 def _reasons(lines: list[dict[str, Any]]) -> Iterator[Reason]:
     for line in lines:
         if "moves" in line:
+            if line.keys() != {"dry", "inner", "case", "digits", "moves"}:
+                raise ValueError
             moves = {int(element): _numbers(velocity) for element, velocity in line["moves"].items()}
             case, digits = _numbers([line["case"], line["digits"]])
-            if not 0 <= digits < 10_000:
+            if not 0 <= digits < MOST_DIGITS or [str(element) for element in moves] != list(line["moves"]):
                 raise ValueError
             yield Mechanism(_numbers(line["dry"]), _numbers(line["inner"]), case, digits, moves)
         elif "lemma" in line:
+            if line.keys() != {"lemma", "by"}:
+                raise ValueError
             yield Lemma(_numbers(line["lemma"]), _numbers(line["by"]))
         else:
             ((kind, numbers),) = line.items()
@@ -128,6 +211,6 @@ def _reasons(lines: list[dict[str, Any]]) -> Iterator[Reason]:
 
 
 def _numbers(values: list[Any]) -> tuple[int, ...]:
-    if any(type(value) is not int for value in values):
+    if not isinstance(values, list) or any(type(value) is not int for value in values):
         raise ValueError
     return tuple(values)

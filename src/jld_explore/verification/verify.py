@@ -70,6 +70,19 @@ class Checker:
         self._faces = len(assembly.interfaces)
         self.clauses: dict[int, list[int]] = dict(enumerate(self.labellings.beginning, 1))
         self._refuted = any(not clause for clause in self.labellings.beginning)
+        self._check_labelling(claim.labelling)
+
+    def _check_labelling(self, labelling: str | None) -> None:
+        """Raise InputError for a labelling that is none of the scene's: another length, or a label that is fixed."""
+        if labelling is None:
+            return
+        if len(labelling) != self._faces:
+            problem = f"its labelling has {len(labelling)} letters"
+            raise InputError("labelling", problem, f"{self._faces}, one for each face")
+        for face, dry in self.labellings.fixed.items():
+            if (labelling[face] == "d") is not dry:
+                fixed = "dry" if dry else "inner"
+                raise InputError("labelling", f"letter {face + 1} is {labelling[face]!r}", f"a face that is {fixed}")
 
     def check(self, reasons: list[Reason]) -> None:
         """Raises InputError for the first reason that does not hold, or where labellings are left."""

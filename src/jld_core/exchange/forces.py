@@ -1,0 +1,146 @@
+"""Forces written as text, with or without a unit: the one parser of `10 kN`, `F1 = 2,5 kN`, `1 t`, `3 kN; -4 kN`."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from jld_core.errors import InputError
+
+GRAVITY: Final = 9.81
+"""Acceleration that makes a mass in a text a force, m/s²: the default of `materials.gravity`."""
+
+NEWTONS: Final = {
+    "N": 1.0,
+    "daN": 10.0,
+    "kN": 1e3,
+    "MN": 1e6,
+    "kg": GRAVITY,
+    "t": 1e3 * GRAVITY,
+    "kgf": 9.80665,
+    "lbf": 4.4482216152605,
+    "kip": 4448.2216152605,
+}
+"""Newtons in a unit of force; of a mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
+
+_SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
+"""Spellings of units that drawings in capital letters have; mN and T are not guessed."""
+
+_EXPECTED: Final = f'a number with one of {", ".join(NEWTONS)}, as "F1 = 2.5 kN", or two as "3 kN; -4 kN"'
+_DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+_FORCE: Final = re.compile(
+    rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*[²³]?)?"
+)
+_THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")
+_COMPONENT: Final = re.compile(r"[FPQV]?_?([XY])", re.IGNORECASE)
+_BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")
+
+
+@dataclass(frozen=True)
+class WrittenForce:
+    """Force that a text states.
+
+    Parameters
+    ----------
+    values : tuple of float
+        One size, or the two components fx and fy, in the force unit that was asked for.
+    components : bool
+        Whether the values are components. One value with False is a size without direction.
+    has_unit : bool
+        Whether the text names a unit.
+    """
+
+    values: tuple[float, ...]
+    components: bool
+    has_unit: bool
+
+
+def parse_force(text: str, unit: str = "N") -> WrittenForce:
+    """Parse a text that states a force.
+
+    Parameters
+    ----------
+    text : str
+        One number with or without a unit, or two for the components along x and y. A name with ``=`` or ``:`` may stand
+        before a number; ``Fx`` and ``Fy`` name components. A comma inside a number is a decimal comma. Two numbers are
+        separated by a semicolon, or by a comma with a blank or a sign behind it.
+    unit : str
+        Force unit of the result, and of numbers without a unit.
+
+    Returns
+    -------
+    WrittenForce
+        The values in `unit`.
+
+    Raises
+    ------
+    InputError
+        The text holds anything else, a load per length or area, an unknown unit, or a comma that may
+        separate thousands.
+
+    Examples
+    --------
+    >>> parse_force("F1 = 2,5 kN").values
+    (2500.0,)
+    >>> parse_force("Fx = 3 kN; Fy = -4 kN", "kN").values
+    (3.0, -4.0)
+    """
+    parts: list[tuple[str, float, bool]] = []
+    place = 0
+    stripped = text.strip()
+    while place < len(stripped) or not parts:
+        if parts:
+            gap = _BETWEEN.match(stripped, place)
+            place = gap.end() if gap else place
+        found = _FORCE.match(stripped, place) if not parts or gap else None
+        if found is None:
+            rest = stripped[place:].strip() or "nothing"
+            raise _refused(text, f"{rest!r} is no part of a force" if parts else "it is no force")
+        parts.append(_part(found, text, unit))
+        place = found.end()
+    return _joined(parts, text)
+
+
+def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]:
+    """Return name, value and presence of a unit of one number. Raises InputError as `parse_force`."""
+    number, given = found["number"], found["unit"]
+    if found["per"]:
+        problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
+        raise _refused(text, problem, "a force: that times its length")
+    if _THOUSANDS.fullmatch(number):
+        raise _refused(text, f"the comma in {number!r} may separate thousands or decimals", "a point for decimals")
+    value = float(number.replace(",", "."))
+    if not math.isfinite(value):
+        raise _refused(text, "its number is out of range")
+    if given is None:
+        return found["name"] or "", value, False
+    known = _SPELLINGS.get(given, given)
+    if known not in NEWTONS:
+        raise _refused(text, f"no unit of force is named {given!r}")
+    target = _SPELLINGS.get(unit, unit)
+    if target not in NEWTONS:
+        raise _refused(text, f"no unit of force is named {unit!r}, that of the scene", "a number alone")
+    return found["name"] or "", value if known == target else value * NEWTONS[known] / NEWTONS[target], True
+
+
+def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
+    """Return the force of one or two numbers. Raises InputError as `parse_force`."""
+    if len(parts) > 2:
+        raise _refused(text, f"it has {len(parts)} numbers")
+    axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]
+    values = [value for _, value, _ in parts]
+    if len({has_unit for _, _, has_unit in parts}) > 1:
+        raise _refused(text, "of its two numbers one has a unit")
+    if len(parts) == 1:
+        values = {"x": [values[0], 0.0], "y": [0.0, values[0]]}.get(axes[0], values)
+    elif axes == ["y", "x"]:
+        values.reverse()
+    elif axes not in (["x", "y"], ["", ""]):
+        raise _refused(text, "of its two numbers one is named a component")
+    return WrittenForce(tuple(values), len(values) == 2, parts[0][2])
+
+
+def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
+    return InputError(f"the text {text!r}", problem, expected)

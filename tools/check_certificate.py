@@ -1,0 +1,150 @@
+"""Check a certificate: ``check_certificate.py FILE``. docs/certificate.md is all it knows, and says what it leaves out.
+
+Doubles are used, points are complex numbers: confirmed is a bound SLACK higher, if no face without crushing carries
+more than CAP times all loads. It shares no code with jld."""
+
+# fmt: off
+# mypy: ignore-errors
+import hashlib, json, math, sys  # noqa: E401, I001
+from itertools import combinations, pairwise, product
+from pathlib import Path
+SLACK, CAP, TOUCH, NEAR = 1e-6, 1e4, 1e-7, 1e-3
+RULES = {"candidates", "segmentation", "block_cells", "symmetry", "front", "block_aspect", "convex_blocks", "blocks",
+         "shapes", "moulds", "require", "assemble"}  # from symmetry on they leave no more labellings
+def need(condition, text):
+    return condition or sys.exit(f"refused: {text}")
+def only(part, keys, where):
+    return need(isinstance(part, dict) and part.keys() <= set(keys.split()), f"a key in {where} beside {keys}") and part
+def whole(values):
+    return need(isinstance(values, list) and all(type(v) is int for v in values), "no whole numbers") and values
+class Scene:
+    def __init__(self, s):
+        only(s, "name units source notes expected grid elements thickness materials loads search", "a scene")
+        self.materials, self.search = only(s["materials"], "density gravity dry inner", "m"), s.get("search", {})
+        need(self.search.keys() <= RULES, f"search.{', search.'.join(self.search.keys() - RULES)}")
+        values = [v for kind in ("dry", "inner") for v in self.materials.get(kind, {}).values()]
+        need(all(type(v) in (int, float) for v in values), "a material value with a spread")
+        entries, self.thickness = s.get("elements", []), s.get("grid", s).get("thickness", 1.0)
+        rows, (w, h) = s.get("grid", {}).get("rows", []), s.get("grid", {}).get("cell", (0, 0))
+        for (r, row), c in product(enumerate(rows), range(len(rows[0]) if rows else 0)):
+            corners = [((c + i) * w, (len(rows) - 1 - r + j) * h) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+            entries += [{"id": f"c{c}r{r}", "polygon": corners, "support": row[c] == "#"}] * (row[c] != ".")
+        need(all("polygon" in e for e in entries), "a spatial scene")
+        self.support = [only(e, "id polygon weight density block support", "elements").get("support") for e in entries]
+        g = complex(*g) if isinstance(g := self.materials.get("gravity", 9.81), list) else complex(0, -g)
+        self.names, self.xy, self.c, self.w, self.gravity = [e["id"] for e in entries], [], [], [], abs(g)
+        for e in entries:
+            z = [complex(*p) for p in e["polygon"]]
+            turns = [(((p - z[0]).conjugate() * (q - z[0])).imag / 2, p + q - 2 * z[0]) for p, q in pairwise(z + z[:1])]
+            area = sum(t for t, _ in turns)
+            self.xy.append(z if area > 0 else z[::-1])
+            self.c.append(z[0] + sum(t * v for t, v in turns) / 3 / area)
+            density = e.get("density", self.materials.get("density") or 0)
+            self.w.append(e.get("weight", density * abs(area) * self.thickness * self.gravity))
+        self.faces, self.touching = [], []  # (a, b, middle, normal from a to b, length); pairs of supports
+        for a, b in combinations(range(len(entries)), 2):
+            hits = []
+            for (p, q), (r, z) in product(*(pairwise(self.xy[k] + self.xy[k][:1]) for k in (a, b))):
+                u, short = (q - p) / abs(q - p), min(abs(q - p), abs(z - r))
+                far, near = (r - p) / u, (z - p) / u
+                low, high, off = max(near.real, 0), min(far.real, abs(q - p)), (abs(near.imag), abs(far.imag))
+                if high - low > TOUCH * short and min(off) <= NEAR * short:
+                    need(max(off) <= TOUCH * short, "edges that nearly touch")
+                    hits.append((a, b, p + (low + high) / 2 * u, -1j * u, high - low))
+            need(len(hits) < 2, "two elements that touch along several edges")
+            (self.touching if self.support[a] and self.support[b] else self.faces).extend(hits)
+        loads, down = only(s["loads"], "dead live cases", "loads"), g / (self.gravity or 1)
+        own = [{"body": (down.real, down.imag)}, *loads.get("dead", [])]
+        self.cases = [(self.forces(own + case.get("dead", [])), self.forces(case["live"]), case.get("required", 1))
+                      for case in loads.get("cases", [{"live": loads.get("live")}])]
+        need((what := self.search.get("candidates", "all")) in ("all", "all+supports"), "other candidates")
+        beside = [f for f, (a, b, *_) in enumerate(self.faces) if self.support[a] or self.support[b]]
+        self.fixed = dict.fromkeys(beside if what == "all" else (), True)
+    def forces(self, entries):  # (force, moment) on every element
+        found = [(0j, 0.0)] * len(self.w)
+        for e in entries:
+            k = None if "body" in e else self.names.index(only(e, "element force at moment", "a load")["element"])
+            for j in range(len(self.w)) if k is None else [k]:
+                size = 1 if k is not None else 0 if self.support[j] else self.w[j]
+                f = size * complex(*(e.get("body") or e.get("force") or (0, 0)))
+                arm = complex(*e["at"]) - self.c[j] if e.get("at") else 0j
+                found[j] = found[j][0] + f, found[j][1] + (arm.conjugate() * f).imag + e.get("moment", 0)
+        return found
+    def cost(self, length, jump, turn, dry, cap):  # dissipation (3.4) to (3.7)
+        m = need(self.materials.get("dry" if dry else "inner"), "a label without a material")
+        area, crush, slip = length * self.thickness, m.get("compressive_strength"), abs(jump.imag)
+        mu = math.tan(math.radians(m.get("friction_angle", 0))) + m.get("friction_coefficient", 0)
+        opening, turn, most = jump.real - mu * slip, length * abs(turn), area * crush if crush else cap
+        if dry:
+            p = turn / 2 - opening
+            part = p if not crush else p * p / (2 * turn) if p < turn else p - turn / 2
+            return area * m.get("cohesion", 0) * slip + (most * part if p > 0 else 0)
+        tension = area * m["tensile_strength"]
+        corner = (tension + most) * turn / 12 + (tension - most) * opening / 2
+        ends = (-most * opening, corner) if crush else (tension * turn / 6 + most * (turn / 6 - opening),)
+        return area * m["shear_strength"] * slip + max(tension * opening, *ends)
+    def bounds(self, reason, bound):  # whether every labelling that a mechanism speaks of stays below the bound
+        case, digits = whole([reason["case"], reason["digits"]])
+        need(0 <= case < len(self.cases) and 0 <= digits < 10_000, "a case that is none, or digits")
+        (dead, live, required), moves = self.cases[case], dict.fromkeys(range(len(self.w)), (0j, 0.0))
+        for k, (x, y, turn) in ((int(k), [v / 2**digits for v in whole(u)]) for k, u in reason["moves"].items()):
+            need(k in moves and not self.support[k], "an element that does not move")
+            moves[k] = complex(x, y), turn
+        stated = [(f, kind == "dry") for kind in ("dry", "inner") for f in whole(reason[kind])]
+        known = self.fixed | dict(stated)
+        need(all(0 <= f < len(self.faces) and known[f] is self.fixed.get(f, dry) is dry for f, dry in stated), "labels")
+        total, unit = (sum(abs(f) for f, _ in forces) for forces in (dead, live))
+        bound = bound * required + SLACK * max(abs(bound * required), total / unit / 1e3 if unit else 0)
+        done, work = (sum((f.conjugate() * moves[k][0]).real + m * moves[k][1] for k, (f, m) in enumerate(forces))
+                      for forces in (dead, live))
+        spent, cap = -done, CAP * (total + abs(bound) * unit)
+        for f, (a, b, mid, n, length) in enumerate(self.faces):
+            (va, ta), (vb, tb) = ((moves[k][0] + 1j * moves[k][1] * (mid - self.c[k]), moves[k][1]) for k in (a, b))
+            jump, labels = (vb - va) * n.conjugate(), [known[f]] if f in known else [True, False]
+            spent += max(self.cost(length, jump, tb - ta, dry, cap) for dry in labels)
+        return work >= 0 and spent <= bound * work and (work > 0 or spent < 0)
+    def rule(self, kind, given):  # its clause, None where the scene does not ask for it
+        if not given or any(not 0 <= k < len(self.w if kind == "small" else self.faces) for k in given):
+            return None
+        members = set(given if kind == "small" else self.faces[given[0]][:1])
+        joining = [] if kind == "small" else [self.faces[f] for f in given[kind == "slit":]]
+        pairs = [face[:2] for face in self.touching + joining]
+        while kind != "small" and (grown := {k for pair in pairs if members & set(pair) for k in pair} - members):
+            members |= grown  # what inner faces join, and supports that touch
+        if kind == "slit":
+            fine = self.search.get("segmentation", True) and given[0] not in given[1:]
+            return [given[0] + 1, *(-f - 1 for f in given[1:])] if fine and self.faces[given[0]][1] in members else None
+        count, (low, high) = sum(not self.support[k] for k in members), self.search.get("block_cells", (None, None))
+        if not count or any(len(members & set(pair)) == 1 for pair in pairs):
+            return None
+        if kind == "large" and high is not None and count > high and all(self.faces[f][0] in members for f in given):
+            return [-f - 1 for f in given]
+        border = [f + 1 for f, (a, b, *_) in enumerate(self.faces) if (a in members) != (b in members)]
+        return border if kind == "small" and low is not None and count < low else None
+def follows(lemma, by, clauses):
+    false = set(lemma)
+    for name in by:
+        left = set(clauses[name]) - false if name in clauses else {0, 1}
+        if len(left) != 1:
+            return not left
+        false.add(-left.pop())
+    return False
+raw = Path(sys.argv[1]).read_bytes()
+lines = [json.loads(line) for line in raw.splitlines()]
+head, digest = lines[0], hashlib.sha256(raw[: raw.rstrip(b"\n").rfind(b"\n") + 1]).hexdigest()
+need(head.get("jld certificate") == 1 and lines[-1] == {"sha256": digest}, "another version, or another digest")
+bound, found, scene = head["bound"], head["load_factor"], Scene(head["scene"])
+need(type(bound) in (int, float) and math.isfinite(bound) and (found is None or found <= bound), "the claim")
+clauses = dict(enumerate(([-f - 1 if dry else f + 1] for f, dry in scene.fixed.items()), 1))
+for number, reason in enumerate(lines[1:-1], len(clauses) + 1):
+    clause = None
+    if "moves" in reason and scene.bounds(reason, bound):
+        clause = [f + 1 for f in reason["dry"]] + [-f - 1 for f in reason["inner"]]
+    elif "lemma" in reason and follows(whole(reason["lemma"]), whole(reason["by"]), clauses):
+        clause = reason["lemma"]
+    elif len(reason) == 1 and reason.keys() <= {"slit", "large", "small"}:
+        clause = scene.rule(*next((kind, whole(given)) for kind, given in reason.items()))
+    need(clause is not None, f"reason {number}, which does not hold")
+    clauses[number] = clause
+need([] in clauses.values(), "reasons that leave labellings")
+print(f"verified: no labelling carries more than {bound:.9g} ({SLACK:g} allowed for rounding)")
