@@ -38,8 +38,15 @@ class Proof:
     extra: dict[str, Any] = field(default_factory=dict)
 
     def offer_state(self, state: State) -> None:
-        """Keep an admissible state if its λ is the highest so far."""
-        if state.admissible and (self.state is None or state.load > self.state.load):
+        """Keep an admissible state if its λ is the highest so far.
+
+        A λ above that of an exact state (error zero) by less than rounding proves no more than that state.
+        """
+        if not state.admissible:
+            return
+        known = self.state
+        exact = known is not None and known.error == 0.0
+        if known is None or state.load > known.load + (tolerances.ROUNDING if exact else 0.0):
             self.state = state
 
     def offer_motion(self, motion: Motion) -> None:
