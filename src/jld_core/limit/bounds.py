@@ -65,7 +65,7 @@ class Prover:
         self.transposed = sp.csr_array(template.matrix.T)
         self._jumps = quick(self.transposed)
         self._weight = abs(template.dead)
-        self._total = float(self._weight.sum())
+        self._total = float(self._weight.sum()) or reference_load(template.assembly) / template.scaling.force
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)

@@ -52,7 +52,7 @@ def scaling_of(assembly: Assembly) -> Scaling:
 
 
 def _force_scale(assembly: Assembly) -> float:
-    """Weight of a pile of elements from the supports up; without weight, the strengths; else the live load."""
+    """Weight of a pile of elements from the supports up; without weight, that of `reference_load`."""
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     weights = np.linalg.norm(assembly.dead[free, : assembly.dimension], axis=1)
@@ -69,11 +69,7 @@ def _force_scale(assembly: Assembly) -> float:
         steps = shortest_path(links + ground, directed=False, unweighted=True, indices=count)
         depth = float(steps[free].max()) - 1.0
         return float(weights.mean()) * max(depth, 1.0)
-    strengths = assembly.strengths
-    usable = _usable(assembly, strengths.tension, strengths.shear)
-    if not usable.size:
-        usable = _usable(assembly, strengths.cohesion, strengths.crush_dry, strengths.crush_inner)
-    return float(np.median(usable)) if usable.size else assembly.total_live
+    return reference_load(assembly)
 
 
 def reference_load(assembly: Assembly) -> float:
