@@ -10,7 +10,7 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
 from jld_experiment.driving import push, scout
-from jld_experiment.settings import RATE_ERROR, Joints, Settings
+from jld_experiment.settings import ACCURACY, RATE_ERROR, Joints, Settings
 from jld_experiment.specimen import Specimen, Standing, specimen_of
 
 
@@ -61,9 +61,19 @@ class Curve:
         return self.standing is Standing.RESTS
 
     @property
-    def certified(self) -> bool:
-        """Did two rates give the same collapse load, to RATE_ERROR?"""
+    def rates_agree(self) -> bool:
+        """Did two rates give the same collapse load, to RATE_ERROR? That is no bound on λ: see `accuracy`."""
         return self.stands and not self.rising and self.rate_error <= RATE_ERROR
+
+    @property
+    def certified(self) -> bool:
+        """The former name of `rates_agree`, kept for one version: nothing is proven by an experiment."""
+        return self.rates_agree
+
+    @property
+    def accuracy(self) -> float:
+        """Relative accuracy that the collapse load can claim: the difference of two rates, ACCURACY at least."""
+        return max(self.rate_error, ACCURACY)
 
 
 def run_experiment(

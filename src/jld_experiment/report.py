@@ -25,7 +25,7 @@ def status_of(curve: Curve) -> str:
         return str(curve.standing)
     if curve.rising:
         return "locked"
-    return "collapse" if curve.certified else "uncertified"
+    return "collapse" if curve.rates_agree else "uncertified"
 
 
 def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
@@ -40,6 +40,7 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
         "ratio": number(found / load_factor if load_factor > 0.0 else np.nan),
         "stands": curve.stands,
         "rate_error": number(curve.rate_error) if curve.stands and np.isfinite(found) else None,
+        "accuracy": number(curve.accuracy) if curve.stands and np.isfinite(found) else None,
         "first_crack": number(curve.first_crack),
         "unbalanced": number(float(curve.unbalanced[curve.collapse])) if len(curve.unbalanced) else None,
         "cracked_faces": int(np.count_nonzero(curve.cracked > 0.0)),

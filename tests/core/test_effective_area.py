@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.claims.converged import drawn
 from studies.by_scheme import solve_zero_dilation
 
 import cases_spatial
@@ -16,6 +17,7 @@ from jld_core.geometry import rectangle_torsion_length
 from jld_core.mechanics import PrescribedFriction
 from jld_core.models import areas_under, change, frozen_areas
 from jld_core.program import Template
+from jld_core.samples import vault
 from jld_core.solvers import ClarabelSolver
 from paths import SCENES
 
@@ -75,6 +77,28 @@ def test_walls_reach_a_fixed_point(live: list[float]) -> None:
     # the forces lie in the set that they themselves ask for
     assert frozen.yield_set.slack(scaled, dry).min() >= -1e-12
     assert solve_zero_dilation(assembly, dry, effective_area=True).status is Status.COLLAPSE
+
+
+def test_faces_that_are_no_rectangles_keep_their_whole_area() -> None:
+    """The barrel vault of the samples: joints between its arches are wedges, joints of its arches rectangles."""
+    assembly = build_assembly(vault())
+    odd = int((~assembly.interfaces.rectangle).sum())
+    result = solve(assembly, np.ones(len(assembly.interfaces), dtype=bool), effective_area=True)
+    assert result.status is Status.COLLAPSE
+    assert result.extra["effective_area"]["fixed_point"] <= 1e-8
+    assert 0 < odd < len(assembly.interfaces)
+    assert f"{odd} of {len(assembly.interfaces)} dry faces are no rectangles" in result.notes[0]
+    assert result.notes[0] in result.to_json()["warnings"]
+
+
+def test_a_load_factor_above_that_of_whole_faces_is_said() -> None:
+    """About its own centre of pressure a face bears shear that twists it about its centroid, so λ may rise."""
+    assembly, labels = drawn(11)
+    result = solve(assembly, labels, effective_area=True)
+    whole = result.extra["load_factor_whole_faces"]
+    assert result.load_factor > 1.01 * whole
+    share = f"{result.load_factor / whole - 1.0:.1%}"
+    assert any(f"{share} above that of whole faces" in note for note in result.notes)
 
 
 def random_set(seed: int, alpha: float, contact: bool) -> tuple[Template, PrescribedFriction, np.random.Generator]:

@@ -75,6 +75,20 @@ def test_differences_agree_in_space() -> None:
     hold_against_differences(assembly, rel=2e-2)
 
 
+@pytest.mark.parametrize("crush", [2e4, 1e5])
+@pytest.mark.parametrize("rows", [["#abc#"], ["#abcd#", "#efgh#"]])
+def test_crushing_bends_but_has_no_kink(rows: list[str], crush: float) -> None:
+    """Rates of 1e-4 λ/p beside the curvature of crushing are rates: at 0.2 `weight` of the second scene was a kink."""
+    assembly = grid_assembly(rows, live=[{"element": "c2r0", "force": [0, -1]}], friction=0.75, crush_dry=crush)
+    result = solve(assembly)
+    found = sensitivities(result)
+    for name, change, _ in _parameters(assembly, result.labels):
+        step = 1e-2 * change.size
+        low, high = (load_factor(change.of(assembly, by), result.labels) for by in (-step, step))
+        central = (high - low) / (2.0 * step)
+        assert found[name].derivative == pytest.approx(central, rel=1e-2, abs=1e-5 * result.load_factor / change.size)
+
+
 def test_of_the_case_that_governs() -> None:
     cases = [
         {"name": "a", "live": [{"body": [1, 0]}], "required": 2.0},

@@ -56,7 +56,7 @@
 
 from __future__ import annotations
 
-from jld_core.limit.analysis import LADDER, Climb, LimitAnalysis, Rung
+from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice, applies_to
 from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, exceeds, load_floor, relative_width
@@ -68,6 +68,7 @@ from jld_core.limit.case_relaxation import (
     block_relaxation_of,
     relaxation_of,
 )
+from jld_core.limit.climb import LADDER, Climb, Rung
 from jld_core.limit.governing import Governing, Known, governing
 from jld_core.limit.mechanism import (
     Movement,

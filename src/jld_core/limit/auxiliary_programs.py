@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.program import ConicProgram, Structure, pack
-from jld_core.solvers import ClarabelSolver, RawStatus, auxiliary, is_large
+from jld_core.program import ConicProgram, Structure, beginnings, pack
+from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, auxiliary, is_large
+
+LARGEST: Final = 1e3
+"""Largest force, scaled, of a self-stress that gives a row slack 1. One that needs more, as friction a rounding below
+45° does, counts as none."""
+
+
+_SIDES: Final = 16
+"""Sides of the polygons inscribed in friction's circles: corners on both axes and between them."""
+
+_SIMPLEX: Final = 6000
+"""Columns up to which a dual simplex is asked."""
 
 
 def tips_of(structure: Structure) -> Ints:
@@ -50,6 +64,194 @@ def of_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
     rows = np.flatnonzero(asks)
     linear = int(asks[s.equalities : start].sum())
     return pack(matrix[rows], program.rhs[rows], program.objective[kept], s.equalities, linear, cones, s.places)
+
+
+def most_slack(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
+    """Find a point with as many yield rows slack as can be, and that slack in [0, cap] per row.
+
+    program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
+    rhs: (rows,) right-hand side, zero below equilibrium for recession cones. cap: in a cone any slack can be
+    scaled up to 1; elsewhere it must be so small that rows need not compete for slack.
+    """
+    raw = auxiliary(_with_slacks(program, rhs, columns, cap))
+    return raw, raw.point[columns:]
+
+
+@dataclass(frozen=True)
+class LargestSupport:
+    """A point of the recession cones of a program that leaves as many rows slack as can be.
+
+    point: (columns,). slack: (tips,) of each linear row and cone, 1 where there can be some, else 0, but for the
+    solver's residual. values: (rows,) −M y, which show on which ray of a cone the point is.
+    """
+
+    point: Floats
+    slack: Floats
+    values: Floats
+
+    def ray(self, start: int, size: int, least: float = 0.5) -> Floats | None:
+        """Direction (size − 1,) of the point in the cone whose rows begin at `start`; None where its head is least."""
+        vector = self.values[start : start + size]
+        length = float(np.linalg.norm(vector[1:]))
+        return vector[1:] / length if vector[0] > least and length > 0.5 * vector[0] else None
+
+
+def largest_support(
+    program: ConicProgram, columns: int, target: Floats | None = None, largest: float = LARGEST
+) -> LargestSupport:
+    """Find a point of the recession cones with as many rows slack, then heads of cones above zero, as can be.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        Supplies the rows.
+    columns : int
+        How many of its columns count.
+    target : (equalities,) array, optional
+        Right-hand side of the equations; default zero, a self-stress.
+    largest : float
+        Bound on every column of the point, infinite for none.
+
+    Returns
+    -------
+    LargestSupport
+        The point, to the solver's residual.
+    """
+    s = program.structure
+    rhs = np.zeros(s.shape[0])
+    if target is not None:
+        rhs[: s.equalities] = target
+    stated = _with_slacks(program, rhs, columns, 1.0, largest, heads=True)
+    # where the cones have no point inside, full accuracy is out of reach, and half the digits tell 0 from 1 as well
+    raw = auxiliary(stated) if is_large(s) else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
+    point = np.where(np.isfinite(raw.point), raw.point, 0.0)
+    tips = len(tips_of(s))
+    y = point[:columns]
+    return LargestSupport(y, point[columns : columns + tips], -(program.matrix[:, :columns] @ y))
+
+
+def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
+    """Find a point of largest support in polygons inscribed in the cones, by simplex: exact to rounding.
+
+    The corners of a polygon lie on its cone, along the axes of the face's frame first of all. A self-stress at
+    friction's boundary along an axis, which an interior point knows to half its digits, is a vertex here.
+    Cones of three rows only.
+
+    program, columns, target: as of `largest_support`. None where there is none, or a cone has other rows.
+    """
+    s = program.structure
+    if set(s.cones) - {3} or s.shape[1] > _SIMPLEX:
+        return None
+    matrix = program.matrix.tocsr()
+    start, count = s.equalities + s.linear, len(s.cones)
+    angle = (np.arange(_SIDES) + 0.5) * 2.0 * np.pi / _SIDES
+    sides = np.column_stack([np.full(_SIDES, np.cos(np.pi / _SIDES)), -np.cos(angle), -np.sin(angle)])
+    flat = sp.kron(sp.eye_array(count), sp.csr_array(sides / sides[0, 0])) @ matrix[start:]
+    rows = sp.vstack([matrix[:start], matrix[s.heads], flat])
+    rhs = np.zeros(rows.shape[0])
+    if target is not None:
+        rhs[: s.equalities] = target
+    linear = s.linear + count * (1 + _SIDES)
+    plain = pack(rows, np.zeros(rows.shape[0]), program.objective, s.equalities, linear, (), s.places)
+    raw = HighsSolver().solve(_with_slacks(plain, rhs, columns, 1.0))
+    if raw.status is not RawStatus.OPTIMAL:
+        return None
+    point = raw.point[:columns]
+    values = -(matrix[:, :columns] @ point)
+    cones = values[start:].reshape(count, 3)
+    slack = np.concatenate([raw.point[columns : columns + s.linear - 1], cones[:, 0] - np.hypot(*cones[:, 1:].T)])
+    return LargestSupport(point, slack, values)
+
+
+def on_faces(program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5) -> Floats:
+    """Project a point of largest support on the faces of the cones it lies on, where it is but for the residual.
+
+    Rows without slack become equations, cones at whose tip it is too; in a cone on whose boundary it is, it is taken
+    along its ray. snap: components of a ray's direction below it are zero. least: slack, and head of a cone, up to
+    which there is none; half of what a self-stress can be scaled to, little where the target is not zero.
+    """
+    s, columns = program.structure, len(found.point)
+    matrix = program.matrix.tocsr()[:, :columns]
+    linear = s.linear - 1
+    rows = [matrix[: s.equalities], matrix[tips_of(s)[:linear][found.slack[:linear] < least]]]
+    for start, size, slack in zip(s.heads, s.cones, found.slack[linear:], strict=True):
+        if slack > least:
+            continue
+        own, way = matrix[start : start + size], found.ray(start, size, least)
+        if way is None:
+            rows.append(own)
+        else:
+            rows.append(own[1:] - sp.csr_array(snapped(way, snap)[:, None]) @ own[:1])
+    equations = sp.vstack(rows).toarray()
+    wanted = np.concatenate([target, np.zeros(len(equations) - s.equalities)])
+    point = found.point
+    for _ in range(3):
+        point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
+    return np.asarray(point)
+
+
+def snapped(way: Floats, snap: float) -> Floats:
+    """A unit vector whose components below `snap` are zero."""
+    fine = np.where(abs(way) < snap, 0.0, way)
+    return np.asarray(fine / np.linalg.norm(fine))
+
+
+def _with_slacks(
+    program: ConicProgram, rhs: Floats, columns: int, cap: float, largest: float = np.inf, *, heads: bool = False
+) -> ConicProgram:
+    """The program that maximises the sum of slacks in [0, cap], and of the heads of cones up to 1 where those count."""
+    s = program.structure
+    matrix = program.matrix.tocsr()[:, :columns]
+    tips = tips_of(s)
+    count, more = len(tips), len(s.cones) if heads else 0
+    pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count + more))
+    linear = s.equalities + s.linear
+    wide = sp.hstack([matrix, pick]).tocsr()
+    bound = sp.hstack([sp.csr_array((count + more, columns)), sp.eye_array(count + more)])
+    above = [sp.hstack([matrix[s.heads], sp.csr_array((more, count)), sp.eye_array(more)])] if more else []
+    box = []
+    if np.isfinite(largest):
+        own = sp.hstack([sp.eye_array(columns), sp.csr_array((columns, count + more))])
+        box = [own, -own]
+    rows = sp.vstack([wide[:linear], bound, -bound, *above, *box, wide[linear:]])
+    ends = [rhs[:linear], np.full(count, cap), np.ones(more), np.zeros(count + 2 * more)]
+    ends += [np.full(len(box) * columns, largest), rhs[linear:]]
+    objective = np.concatenate([np.zeros(columns), -np.ones(count + more)])
+    inequalities = s.linear + 2 * count + 3 * more + len(box) * columns
+    return pack(rows, np.concatenate(ends), objective, s.equalities, inequalities, s.cones, s.places)
+
+
+def motion_inside(program: ConicProgram, columns: int) -> Floats | None:
+    """Find velocities whose jumps are −Gᵀz with z inside of the dual cones by 1 at least; None if there are none.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        Rows E, then the row of λ, which is left out, then G.
+    columns : int
+        Those that are balanced, all but that of λ by default.
+
+    Returns
+    -------
+    (equalities,) array or None
+        Velocities u with Eᵀu + Gᵀz = 0.
+    """
+    s = program.structure
+    matrix = program.matrix.tocsr()[:, :columns]
+    yields = matrix[s.equalities + 1 :]
+    linear = s.linear - 1
+    floor = np.zeros(yields.shape[0])
+    floor[:linear] = 1.0
+    starts = linear + beginnings(s.cones)
+    floor[starts] = 1.0
+    point = least_multipliers(matrix[: s.equalities], yields, floor, linear, s.cones, s)
+    left = sp.hstack([matrix[: s.equalities].T, yields.T]) @ point
+    multipliers = point[s.equalities :]
+    if not np.all(np.isfinite(left)) or abs(left).max(initial=0.0) > 1e-6:
+        return None
+    if np.any(multipliers[:linear] < 0.5) or np.any(multipliers[starts] < 0.5):
+        return None
+    return point[: s.equalities]
 
 
 def least_multipliers(

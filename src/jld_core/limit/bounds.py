@@ -18,6 +18,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.linalg import Projector, quick
+from jld_core.mechanics import reference_load
 from jld_core.program import Template
 
 
@@ -64,7 +65,7 @@ class Prover:
         self.transposed = sp.csr_array(template.matrix.T)
         self._jumps = quick(self.transposed)
         self._weight = abs(template.dead)
-        self._total = float(self._weight.sum())
+        self._total = float(self._weight.sum()) or reference_load(template.assembly) / template.scaling.force
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
@@ -254,7 +255,9 @@ def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
 
 
 def load_floor(assembly: Assembly) -> float:
-    """1e-3 · total weight / total live load, in scene units of λ; of several load cases the least, over what is
-    required of each."""
+    """Compute the load factor below which differences do not count: 1e-3 · total weight / total live load, scene units.
+
+    Without weight `reference_load` stands in its place. Of several load cases: the least, over what each requires.
+    """
     each = zip(assembly.by_case, assembly.required.tolist(), strict=True)
-    return float(min(tolerances.GAP_FLOOR * case.total_dead / case.total_live / required for case, required in each))
+    return float(min(tolerances.GAP_FLOOR * reference_load(one) / one.total_live / required for one, required in each))

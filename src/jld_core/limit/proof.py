@@ -20,6 +20,7 @@ class Proof:
     the lower bound (without dilation, where forces may violate friction). guess: λ without proof. associative: λ with
     associative friction, of a proof without dilation. outbid: left at an upper bound that is below what matters.
     stands: is λ = 0 admissible? route, solves, seconds: what was done. extra: what the model has to say besides.
+    notes: the same in sentences.
     """
 
     state: State | None = None
@@ -36,10 +37,18 @@ class Proof:
     outbid: bool = False
     seconds: float = 0.0
     extra: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def offer_state(self, state: State) -> None:
-        """Keep an admissible state if its λ is the highest so far."""
-        if state.admissible and (self.state is None or state.load > self.state.load):
+        """Keep an admissible state if its λ is the highest so far.
+
+        A λ above that of an exact state (error zero) by less than rounding proves no more than that state.
+        """
+        if not state.admissible:
+            return
+        known = self.state
+        exact = known is not None and known.error == 0.0
+        if known is None or state.load > known.load + (tolerances.ROUNDING if exact else 0.0):
             self.state = state
 
     def offer_motion(self, motion: Motion) -> None:
@@ -67,7 +76,13 @@ class Proof:
         """Proven upper bound, scaled; +inf where there is none."""
         if self.motion is None or self.crossed:
             return math.inf
-        return self.motion.bound if self.state is None else max(self.state.load, self.motion.bound)
+        if self.state is None:
+            return self.motion.bound
+        above = self.motion.bound - self.state.load
+        # beside the state of no force at λ = 0 the rounding of a bound proves no width
+        nothing = self.state.error == 0.0 and self.state.load == 0.0
+        at_state = above < 0.0 or (nothing and above <= self.motion.noise)
+        return self.state.load if at_state else self.motion.bound
 
     @property
     def bracket(self) -> tuple[float, float]:

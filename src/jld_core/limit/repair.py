@@ -8,20 +8,34 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.limit.auxiliary_programs import least_multipliers, of_columns, tips_of, with_slack
+from jld_core.arrays import Bits, Bools, Floats
+from jld_core.limit.auxiliary_programs import (
+    largest_support,
+    most_slack,
+    motion_inside,
+    of_columns,
+    on_faces,
+    polygonal_support,
+    snapped,
+    tips_of,
+    with_slack,
+)
 from jld_core.limit.bounds import Motion, Prover, State, usable
-from jld_core.program import ConicProgram, Structure, Template, beginnings, pack
+from jld_core.limit.facial_reduction import FacialReduction
+from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
 _DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
 _ROUNDED = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
 _LEAST_SLACK = 1e-5  # slack, scaled, that every row can have at once if it can have any
 _TIMES = (1.0, 10.0, 100.0)  # how many times faster courses part than what stands in them
+# largest force of a ray and slack up to which it has none, scaled, in turn; 0: by simplex, and as it comes from there
+_RAYS = ((0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
+_SNAP = 1e-4  # component of a direction on the boundary of a cone below which it is zero
+_NO_FORCE = 1e-3  # head of a cone, scaled, below which a point is at its tip
 _OPENS = 1e-6  # margin, of speeds up to 1, above which a plain motion counts as opening
 
 
@@ -91,22 +105,25 @@ class Repair:
         if s.shape[1] > _DENSE:
             return None
         columns = s.shape[1] - int(load_fixed)
-        answer, slack = self._with_most_slack(program, program.rhs, columns, cap=_LEAST_SLACK)
-        tight = self._whole_rows(s, slack < 1e-3 * _LEAST_SLACK)
-        rows = np.concatenate([np.arange(s.equalities), tight])
-        equations = program.matrix.tocsr()[rows][:, :columns].toarray()
+        answer, slack = most_slack(program, program.rhs, columns, cap=_LEAST_SLACK)
+        tight = slack < 1e-3 * _LEAST_SLACK
+        values = program.rhs - program.matrix[:, :columns] @ answer.point[:columns]
+        balance = sp.csr_array(sp.eye_array(s.equalities, s.shape[0]))
+        picked = sp.csr_array(sp.vstack([balance, *self._equations(s, tight, values)]))
+        equations, ends = (picked @ program.matrix)[:, :columns].toarray(), picked @ program.rhs
         inverse = np.linalg.pinv(equations, rcond=1e-12)
 
         def project(y: Floats) -> Floats:
             for _ in range(3):
-                y = y - inverse @ (equations @ y - program.rhs[rows])
+                y = y - inverse @ (equations @ y - ends)
             return y
 
         if not usable(answer.point):
             return None
         inside = project(answer.point[:columns])
         start = project(point[:columns]) if point is not None and usable(point) else inside
-        edge = np.isin(np.arange(len(labels)), self.template.yield_set.pattern.row_face[tight - s.equalities - 1])
+        faces = self.template.yield_set.pattern.row_face[tips_of(s)[tight] - s.equalities - 1]
+        edge = np.isin(np.arange(len(labels)), faces)
         for share in (0.0, *np.logspace(-13.0, -3.0, 11), 1.0):
             y = (1.0 - share) * start + share * inside
             state = self._state_at_edge(y, labels, edge, 0.0 if load_fixed else float(y[-1]))
@@ -114,11 +131,26 @@ class Repair:
                 return state
         return None
 
-    def _whole_rows(self, s: Structure, tight: Bools) -> Ints:
-        """Yield rows of the tips that are tight, a cone with all of its rows."""
-        linear = s.linear - 1
-        cones = [np.arange(a, a + k) for a, k, at in zip(s.heads, s.cones, tight[linear:], strict=True) if at]
-        return np.concatenate([tips_of(s)[:linear][tight[:linear]], *cones]).astype(np.int64)
+    def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
+        """Which combinations (k, rows) of rows are zero where tips are tight: a cone's tail lies along its head.
+
+        values: (rows,) r − M y of a point there. At the tip of a cone all its rows are zero. A crushing face without
+        force is on the boundary of its cones away from their tips.
+        """
+        tips, linear = tips_of(s), s.linear - 1
+        first = tips[:linear][tight[:linear]]
+        found = [sp.csr_array((np.ones(len(first)), (np.arange(len(first)), first)), shape=(len(first), s.shape[0]))]
+        for start, size, at in zip(s.heads, s.cones, tight[linear:], strict=True):
+            if not at:
+                continue
+            head, tail = values[start], values[start + 1 : start + size]
+            rows = sp.lil_array((size, s.shape[0]))
+            rows[np.arange(size), start + np.arange(size)] = 1.0
+            if head > _NO_FORCE and float(np.linalg.norm(tail)) > 0.5 * head:
+                rows = rows[1:]
+                rows[:, start] = -snapped(tail / np.linalg.norm(tail), _SNAP)[:, None]
+            found.append(rows.tocsr())
+        return found
 
     def _state_at_edge(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
         """The state of a projected point, or None where more than rounding is missing to admissibility."""
@@ -139,6 +171,10 @@ class Repair:
             return None
         return State(forces, load, float(room.min()), 0.0)
 
+    def leaning(self, labels: Bits) -> list[State]:
+        """States that lean on a self-stress at the boundary of friction's cones."""
+        return FacialReduction(self.template, self.prover).states(labels)
+
     # --- rays and self-stress ---------------------------------------------------------------------------
 
     def ray(self, labels: Bits) -> State | None:
@@ -151,44 +187,20 @@ class Repair:
         kept = np.ones(program.structure.shape[1], dtype=bool)
         kept[: len(bears)] = bears
         program = of_columns(program, kept)
-        target = np.concatenate([-self.template.live, np.zeros(len(program.rhs) - len(self.template.live))])
-        s, columns = program.structure, int(bears.sum())
-        answer, slack = self._with_most_slack(program, target, s.shape[1] - 1)
-        point = answer.point[:columns]
-        if columns <= _DENSE and not s.cones:
-            # rows that no ray leaves slack are equations: a solver meets them to its residual only
-            tight = tips_of(s)[slack < 1e-6 * max(1.0, float(slack.max()))]
-            equations = program.matrix.tocsr()[np.concatenate([np.arange(s.equalities), tight])][:, :columns].toarray()
-            wanted = np.concatenate([-self.template.live, np.zeros(len(tight))])
-            for _ in range(2):
-                point = point - np.linalg.lstsq(equations, equations @ point - wanted, rcond=1e-12)[0]
-        whole = np.zeros(len(bears))
-        whole[bears] = point
-        ray = self.prover.ray(np.append(whole, 1.0), labels)
-        return ray if ray.to_rounding else None
-
-    def _with_most_slack(
-        self, program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0
-    ) -> tuple[RawSolution, Floats]:
-        """A point with as many yield rows slack as can be, and that slack in [0, cap] per row.
-
-        program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
-        rhs: (rows,) right-hand side, zero below equilibrium for recession cones. cap: in a cone any slack can be
-        scaled up to 1; elsewhere it must be so small that rows need not compete for slack.
-        """
-        s = program.structure
-        matrix = program.matrix[:, :columns].tocsr()
-        tips = tips_of(s)
-        count = len(tips)
-        pick = sp.csr_array((np.ones(count), (tips, np.arange(count))), shape=(s.shape[0], count))
-        linear = s.equalities + s.linear
-        bound = sp.hstack([sp.csr_array((count, columns)), sp.eye_array(count)])
-        wide = sp.hstack([matrix, pick]).tocsr()
-        rows = sp.vstack([wide[:linear], bound, -bound, wide[linear:]])
-        ends = np.concatenate([rhs[:linear], np.full(count, cap), np.zeros(count), rhs[linear:]])
-        objective = np.concatenate([np.zeros(columns), -np.ones(count)])
-        raw = auxiliary(pack(rows, ends, objective, s.equalities, s.linear + 2 * count, s.cones, s.places))
-        return raw, raw.point[columns:]
+        target = -self.template.live
+        columns = program.structure.shape[1] - 1
+        # rows that no ray leaves slack are equations, which a solver meets to its residual only: what residual that is
+        # depends on how large a ray may be
+        for largest, least in _RAYS:
+            found = polygonal_support(program, columns, target) if not largest else None
+            found = found or largest_support(program, columns, target, largest or np.inf)
+            point = on_faces(program, found, target, _SNAP, least) if least and columns <= _DENSE else found.point
+            whole = np.zeros(len(bears))
+            whole[bears] = point[: int(bears.sum())]
+            ray = self.prover.ray(np.append(whole, 1.0), labels)
+            if ray.to_rounding:
+                return ray
+        return None
 
     # --- motions ----------------------------------------------------------------------------------------
 
@@ -201,8 +213,9 @@ class Repair:
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
             template = self._steepest()
-            rows = np.ones(len(tips_of(template.structure)), dtype=bool)
-            self._opening = self._relative_interior(template.program(every), rows, every)
+            program = template.program(every)
+            inside = motion_inside(program, program.structure.shape[1] - 1)
+            self._opening = None if inside is None else self.prover.motion(inside, every, normalise=False)
             self._opening_known = True
         return self._opening
 
@@ -251,137 +264,5 @@ class Repair:
         return self.prover.motion(motion.velocity + share * opening.velocity, labels, normalise=False)
 
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
-
-        Where a self-stress lies inside the recession cone of a row, no finite dissipation lets that row's
-        multiplier be other than zero; the motion is projected on the jumps that the other rows allow, then
-        blended with one from the relative interior of those.
-        """
-        template = self.template
-        if template.matrix.shape[0] > _DENSE:
-            return None
-        # the sign of a work that is zero but for the solver's residual decides the proof: make it zero. What carries
-        # ever more live load then stands in the way like a self-stress, if it can
-        idle = not normalise and abs(motion.work) < 1e-9
-        return (self._reduced(motion, labels, normalise, idle, True) if idle else None) or self._reduced(
-            motion, labels, normalise, idle, False
-        )
-
-    def _reduced(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
-        """The same; idle: the live load does no work. loaded: self-stress is in balance with more of it."""
-        template = self.template
-        program = template.program(labels)
-        columns = program.structure.shape[1] - (0 if loaded else 1)
-        _, slack = self._with_most_slack(program, np.zeros(len(program.rhs)), columns)
-        moving = slack < 0.5
-        inside = self._relative_interior(program, moving, labels, columns)
-        if inside is None:
-            return None
-        bases = self._allowed_jumps(program, moving)
-        forbid = self._forbidden(bases)
-        if idle:
-            forbid = np.vstack([forbid, template.live / np.linalg.norm(template.live)])
-        inverse = np.linalg.pinv(forbid) if len(forbid) else np.zeros((template.matrix.shape[0], 0))
-
-        def project(velocity: Floats) -> Floats:
-            for _ in range(2):
-                velocity = velocity - inverse @ (forbid @ velocity)
-            return velocity
-
-        start, step = project(motion.velocity), project(inside.velocity)
-        size = float(abs(start).max()) / max(float(abs(step).max()), 1e-300)
-        for share in (0.0, *np.logspace(-14.0, -3.0, 23)):
-            velocity = start + share * size * step
-            work = float(template.live @ velocity)
-            if normalise:
-                # where the live load hardly works, what decides the proof would be jumps as small as their rounding
-                if not work * _ROUNDED > tolerances.ROUNDING * float(abs(template.live).max() * abs(velocity).max()):
-                    continue
-                velocity, work = velocity / work, 1.0
-            found = self._measure_reduced(velocity, work, labels, bases)
-            if found.margin >= 0.0:
-                return found
-        return None
-
-    def _relative_interior(
-        self, program: ConicProgram, moving: Bools, labels: Bits, columns: int | None = None
-    ) -> Motion | None:
-        """Velocities whose jumps are −Gᵀz with z ≥ 1 on the moving rows and 0 on the others; None if there are none.
-
-        columns: those that are balanced, all but that of λ by default.
-        """
-        s = program.structure
-        matrix = program.matrix.tocsr()[:, : s.shape[1] - 1 if columns is None else columns]
-        tips = tips_of(s)
-        linear_rows = tips[: s.linear - 1]
-        kept_linear = linear_rows[moving[: len(linear_rows)]]
-        kept_cones = [
-            (start, size) for start, size, use in zip(s.heads, s.cones, moving[len(linear_rows) :], strict=True) if use
-        ]
-        cone_rows = np.concatenate([np.arange(a, a + k) for a, k in kept_cones] or [np.empty(0, dtype=int)]).astype(int)
-        chosen = np.concatenate([kept_linear, cone_rows])
-        balance = sp.hstack([matrix[: s.equalities].T, matrix[chosen].T]).tocsr()
-        velocities = s.equalities
-        floor = np.zeros(len(chosen))
-        floor[: len(kept_linear)] = 1.0
-        sizes = tuple(k for _, k in kept_cones)
-        starts = len(kept_linear) + beginnings(sizes)
-        floor[starts] = 1.0
-        point = least_multipliers(matrix[: s.equalities], matrix[chosen], floor, len(kept_linear), sizes, s)
-        left = balance @ point
-        if not np.all(np.isfinite(left)) or abs(left).max() > 1e-6 or np.any(point[velocities:][starts] < 0.5):
-            return None
-        if np.any(point[velocities : velocities + len(kept_linear)] < 0.5):
-            return None
-        return self.prover.motion(point[:velocities], labels, normalise=False)
-
-    def _allowed_jumps(self, program: ConicProgram, moving: Bools) -> dict[int, Floats]:
-        """Per face that may not move freely: an orthonormal basis (q, k) of the jumps its moving rows span."""
-        s, q = program.structure, self.template.assembly.freedoms
-        pattern = self.template.yield_set.pattern
-        yields = program.matrix.tocsr()[s.equalities + 1 :].toarray()
-        own = q * len(self.template.assembly.interfaces)
-        row_moves = np.concatenate(
-            [moving[: pattern.linear], np.repeat(moving[pattern.linear :], np.array(s.cones, dtype=int))]
-        ).astype(bool)
-        bases: dict[int, Floats] = {}
-        for face in range(len(self.template.assembly.interfaces)):
-            rows = np.flatnonzero(pattern.row_face == face)
-            if row_moves[rows].all():
-                continue
-            table = yields[rows[row_moves[rows]]]
-            extra = table[:, own:]
-            extra = extra[:, np.any(extra != 0.0, axis=0)]
-            free = la.null_space(extra.T) if extra.size else np.eye(len(table))
-            bases[face] = la.orth(table[:, q * face : q * face + q].T @ free) if free.size else np.zeros((q, 0))
-        return bases
-
-    def _forbidden(self, bases: dict[int, Floats]) -> Floats:
-        """Rows E with E u = 0 ⇔ every reduced face jumps within its basis."""
-        q = self.template.assembly.freedoms
-        parts = []
-        for face, basis in bases.items():
-            jumps = self.prover.transposed[q * face : q * face + q].toarray()
-            parts.append(jumps - basis @ (basis.T @ jumps))
-        if not parts:
-            return np.zeros((0, self.template.matrix.shape[0]))
-        stacked = np.concatenate(parts)
-        return np.asarray(stacked[abs(stacked).max(axis=1) > 1e-12])
-
-    def _measure_reduced(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
-        """Margin and bound, the jumps of reduced faces taken on their bases, where they lie but for rounding."""
-        jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
-        noise = tolerances.ROUNDING * max(float(abs(velocity).max()), 1.0)
-        for face, basis in bases.items():
-            snapped = basis @ (basis.T @ jumps[face])
-            if abs(snapped - jumps[face]).max() > noise:
-                return Motion(velocity, jumps, work, -np.inf, np.inf)
-            jumps[face] = snapped
-        # a jump below the rounding of the sums it comes from is none
-        jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
-        sets = self.template.yield_set
-        margin = sets.margin(jumps, labels)
-        edge: Ints = np.array(sorted(bases), dtype=np.int64)
-        margin[edge] = np.where(abs(margin[edge]) <= noise, 0.0, margin[edge])
-        bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
-        return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
+        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12))."""
+        return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)

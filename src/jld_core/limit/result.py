@@ -14,6 +14,7 @@ from jld_core.limit.bounds import load_floor, relative_width
 from jld_core.limit.governing import Known, governing
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
+from jld_core.limit.reasons import reason_of
 from jld_core.limit.status import Status
 from jld_core.program import Template
 from jld_core.shown import Shown
@@ -31,7 +32,7 @@ class LimitAnalysisResult(Shown):
     cases of λ / required, and forces and mechanism of the case named in `governing`.
     falling: (n, q) of an unstable structure, the velocities that prove it, the largest 1. growing: (m, q) of a locked
     one, resultants for each unit of λ that carry the live load without an end. In a notebook it shows its facts
-    and drawing.
+    and drawing. notes: sentences about this result.
     """
 
     assembly: Assembly
@@ -52,6 +53,7 @@ class LimitAnalysisResult(Shown):
     governing: str | None = None
     falling: Floats | None = None
     growing: Floats | None = None
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         low, high = self.bracket
@@ -67,6 +69,16 @@ class LimitAnalysisResult(Shown):
     def contact(self) -> str:
         """ "convex" or "concave"."""
         return self.model.contact
+
+    @property
+    def reason(self) -> str | None:
+        """Which bound of an uncertified result is missing and why, in one sentence; None where nothing is missing."""
+        return reason_of(self.status, self.bracket, self.gap, self.model.gap, self.extra) or None
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences about the scene, then about this result."""
+        return [*self.assembly.warnings, *self.notes, *([self.reason] if self.reason else [])]
 
     def to_json(self) -> dict[str, Any]:
         """The object that `jld solve --json` prints: plain numbers, None where there is none."""
@@ -100,7 +112,7 @@ class LimitAnalysisResult(Shown):
             "iterations": self.iterations,
             "route": list(self.route),
             "seconds": dict(self.seconds),
-            "warnings": list(assembly.warnings),
+            "warnings": self.warnings,
             **self.extra,
             **(
                 {"governing": self.governing, "cases": {name: one.to_json() for name, one in self.cases.items()}}
@@ -146,6 +158,7 @@ def result_of(
         seconds={"assemble": assemble, "solve": proof.seconds, "total": assemble + elapsed},
         model=options,
         extra=proof.extra,
+        notes=tuple(proof.notes),
         falling=_falling(template, proof),
         growing=proof.ray.forces * scaling.face if status is Status.LOCKED and proof.ray is not None else None,
     )

@@ -26,7 +26,14 @@ from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.result import LimitAnalysisResult, number
 from jld_core.limit.status import Status
-from jld_core.mechanics import Scaling, equilibrium_matrix, require_materials, scaling_of, yield_set
+from jld_core.mechanics import (
+    Scaling,
+    equilibrium_matrix,
+    reference_load,
+    require_materials,
+    scaling_of,
+    yield_set,
+)
 from jld_core.program import Beside, Template
 from jld_core.threads import one_thread
 
@@ -151,7 +158,7 @@ def _analysis(assembly: Assembly, velocity: Floats, gap: float, sign: float, ori
     beside = Beside(row=row, dead=-origin / scaling.force, live=-sign)
     template = Template(assembly, scaling, yield_set(assembly, scaling, "paper"), beside)
     analysis = LimitAnalysis(assembly, template=template, gap=gap, solver="clarabel")
-    analysis.floor = tolerances.GAP_FLOOR * assembly.total_dead / scaling.force
+    analysis.floor = tolerances.GAP_FLOOR * reference_load(assembly) / scaling.force
     return analysis
 
 
@@ -171,7 +178,7 @@ def _thrust(
     ends = [speed * (origin + sign * scaling.load * end) for end in proof.bracket]
     low, high = min(ends), max(ends)
     value = 0.5 * (low + high)
-    width = relative_width(low, high, tolerances.GAP_FLOOR * assembly.total_dead * speed)
+    width = relative_width(low, high, tolerances.GAP_FLOOR * reference_load(assembly) * speed)
     motion, state = proof.motion, proof.state
     if motion is None or state is None or not math.isfinite(value):
         return Thrust(math.nan, (math.nan, math.nan), math.nan, "uncertified", None)

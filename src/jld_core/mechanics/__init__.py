@@ -14,6 +14,7 @@
 - `equilibrium_matrix`: A_eq
 - `load_vectors`: b and b_λ
 - `local_hulls`: convex hulls of faces in their own frames
+- `reference_load`: the force beside which forces count as zero
 - `require_materials`: refuse labellings whose material is missing
 - `scaling_of`: the scales of an assembly
 - `spatial_yield`: the yield sets of a spatial assembly
@@ -25,7 +26,7 @@ from __future__ import annotations
 from jld_core.mechanics.bending import InnerBending, local_hulls
 from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
-from jld_core.mechanics.scaling import Scaling, scaling_of
+from jld_core.mechanics.scaling import Scaling, reference_load, scaling_of
 from jld_core.mechanics.yield_planar import PlanarYield
 from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge, YieldSet, require_materials
 from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield, yield_set
@@ -45,6 +46,7 @@ __all__ = [
     "equilibrium_matrix",
     "load_vectors",
     "local_hulls",
+    "reference_load",
     "require_materials",
     "scaling_of",
     "spatial_yield",

@@ -52,7 +52,7 @@ def scaling_of(assembly: Assembly) -> Scaling:
 
 
 def _force_scale(assembly: Assembly) -> float:
-    """Weight of a pile of elements from the supports up; without weight, the strengths; else the live load."""
+    """Weight of a pile of elements from the supports up; without weight, that of `reference_load`."""
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     weights = np.linalg.norm(assembly.dead[free, : assembly.dimension], axis=1)
@@ -69,6 +69,31 @@ def _force_scale(assembly: Assembly) -> float:
         steps = shortest_path(links + ground, directed=False, unweighted=True, indices=count)
         depth = float(steps[free].max()) - 1.0
         return float(weights.mean()) * max(depth, 1.0)
-    strength = np.concatenate([assembly.strengths.tension, assembly.strengths.shear]) * np.tile(faces.area, 2)
-    usable = strength[np.isfinite(strength) & (strength > 0.0)]
-    return float(np.median(usable)) if usable.size else assembly.total_live
+    return reference_load(assembly)
+
+
+def reference_load(assembly: Assembly) -> float:
+    """Compute the force beside which forces count as zero in the relative width of a bracket.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+
+    Returns
+    -------
+    float
+        Total weight, scene units. Without weight: the least strength times area of any face, under either label.
+        Without strengths: the total live load.
+    """
+    if assembly.total_dead:
+        return assembly.total_dead
+    s = assembly.strengths
+    usable = _usable(assembly, s.tension, s.shear, s.cohesion, s.crush_dry, s.crush_inner)
+    return float(usable.min()) if usable.size else assembly.total_live
+
+
+def _usable(assembly: Assembly, *strengths: Floats) -> Floats:
+    """Return the finite strengths above zero, times the area of their faces; strengths: (m,) each."""
+    capacity = np.concatenate(strengths) * np.tile(assembly.interfaces.area, len(strengths))
+    return np.asarray(capacity[np.isfinite(capacity) & (capacity > 0.0)])

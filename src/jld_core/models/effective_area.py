@@ -7,6 +7,7 @@ proven for the frozen problem.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import Final
@@ -32,12 +33,13 @@ HOLD: Final = 30.0
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for effective areas on planar scenes, on dry faces that are no rectangles or have cohesion."""
+    """Raise InputError for effective areas on planar scenes, without any dry rectangle, or with cohesion."""
     if assembly.dimension == 2:
         raise InputError("--effective-area", "the scene is planar", "a spatial scene")
     odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
-    if odd.size:
-        raise InputError("--effective-area", f"dry face {assembly.pair(odd[0])} is no rectangle", "rectangles only")
+    if odd.size and odd.size == np.count_nonzero(labels):
+        problem = f"dry face {assembly.pair(odd[0])} is no rectangle, nor is any other"
+        raise InputError("--effective-area", problem, "a scene with dry rectangles")
     stuck = np.flatnonzero(labels & (assembly.strengths.cohesion > 0.0))
     if stuck.size:
         problem = f"dry face {assembly.pair(stuck[0])} has cohesion"
@@ -45,8 +47,10 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
-    """Effective areas under scaled forces (m, 6); inner faces and those without pressure keep the whole face."""
+    """Effective areas under scaled forces (m, 6); inner faces, those without pressure and those that are no rectangles
+    keep the whole face."""
     faces = assembly.interfaces
+    labels = labels & faces.rectangle
     # M1 is scaled by l2 / 2 and M2 by l1 / 2, so these are x2 / (l2 / 2) and x1 / (l1 / 2)
     share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _FAINT**2), 0.0)
     x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
@@ -95,12 +99,12 @@ def prove_effective_area(
 ) -> Proof:
     """Proof of associative friction with effective areas, at a fixed point of x and c_T,e.
 
-    analysis: of a spatial assembly whose dry faces are rectangles. labels: (m,) True dry. stands: decide λ = 0
+    analysis: of a spatial assembly with dry rectangles. labels: (m,) True dry. stands: decide λ = 0
     too (without effective areas). most: programs solved at most. weight: of the proximal term that keeps x from
     jumping between equally good states. The forces lie within the effective areas that they themselves ask for
     (`extra["effective_area"]["fixed_point"]` is the change left), and the bracket is that of the problem with
     those areas frozen. A change above 1e-8 leaves the result uncertified.
-    Raises InputError: planar scene, or a dry face that is no rectangle.
+    Raises InputError: planar scene, or no dry face is a rectangle.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
@@ -117,6 +121,7 @@ def prove_effective_area(
         proof.status = Status.UNCERTIFIED
     return replace(
         proof,
+        notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
         stands=plain.stands,
         solves=plain.solves + solves,
         route=[*plain.route, f"effective area ({solves})"],
@@ -126,6 +131,22 @@ def prove_effective_area(
             "load_factor_whole_faces": number(plain.load_factor * analysis.template.scaling.load),
         },
     )
+
+
+def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
+    """Sentences: which faces keep their whole area, and by how much λ is above that of whole faces."""
+    found = []
+    odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
+    if odd:
+        found.append(f"{odd} of {int(labels.sum())} dry faces are no rectangles and keep their whole area in torsion")
+    whole, own = plain.load_factor, proof.load_factor
+    if math.isfinite(whole) and math.isfinite(own) and own - whole > analysis.gap * max(abs(whole), analysis.floor):
+        more = (own - whole) / max(abs(whole), analysis.floor)
+        found.append(
+            f"λ with effective areas is {more:.1%} above that of whole faces: "
+            "shear at the centre of pressure, not at the centroid, is what twists a face"
+        )
+    return found
 
 
 def _iterate(

@@ -9,9 +9,9 @@ over all optimal y and the directions z in which they may move,
 
     λ'(p+) = max −q·z   subject to   M_E z = Δr_E − ΔM_E y,   M_B z ≤ Δr_B − ΔM_B y,   y optimal
 
-E the equations, B the rows that hold with equality in every optimal y. In space both sides come from programs solved a
-step away. Source: Gal, Postoptimal analyses, parametric programming, and related topics (1995), chapter 2; Golshtein's
-theorem on the marginal values of convex programs.
+E the equations, B the rows that hold with equality in every optimal y. With cones (in space, and where joints crush)
+both sides come from programs solved two steps away, extrapolated. Source: Gal, Postoptimal analyses, parametric
+programming, and related topics (1995), chapter 2; Golshtein's theorem on the marginal values of convex programs.
 """
 
 from __future__ import annotations
@@ -35,7 +35,13 @@ _STEP: Final = 1e-7
 """Step of parameters, relative to what they are, by which programs are differentiated."""
 
 _FAR: Final = 1e-3
-"""Step at which programs in space are solved again."""
+"""Step at which programs with cones are solved again, relative to the parameter."""
+
+_NEARER: Final = 0.1
+"""Second step of these over the first. Kinks stay as steps shrink, curvature (crushing, friction's circle) does not."""
+
+_FAINT: Final = 1e-4
+"""Rate over λ/p below which programs with cones, solved to 1e-10, do not tell a kink by such steps."""
 
 _SLACK: Final = 1e-7
 """By how much rows may be missed where both sides are sought: optimal points are known to rounding."""
@@ -154,30 +160,50 @@ class _Base:
         scale = self._template.scaling.load
         value = scale * float(self.dual @ (rhs - matrix @ self.point))
         if self.program.structure.cones:
-            left, right = self._by_steps(change)
+            left, right, bent = self._by_steps(change)
         else:
             right, left = -self._side(matrix, rhs), self._side(-matrix, -rhs)
-        left, right = scale * left, scale * right
+            bent = abs(right - left)
+        left, right, bent = scale * left, scale * right, scale * bent
         # rates that do not change λ by more than rounding, whatever is done, are none
-        least = tolerances.GAP * scale * max(abs(float(self.point[-1])), 1.0) / change.size
+        cones = bool(self.program.structure.cones)
+        faint = _FAINT if cones else tolerances.GAP
+        least = faint * scale * max(abs(float(self.point[-1])), 1.0) / change.size
         largest = max(abs(left), abs(right), abs(value), least)
         if math.isnan(left) or math.isnan(right):
             return Sensitivity(value, left, right, unit)
-        one = abs(right - left) <= (_BENT if self.program.structure.cones else _ALIKE) * largest
-        return Sensitivity(value if one else math.nan, left, right, unit)
+        if bent > (_BENT if cones else _ALIKE) * largest:
+            return Sensitivity(math.nan, left, right, unit)
+        return Sensitivity(value, value, value, unit) if cones else Sensitivity(value, left, right, unit)
 
     def _moved(self, change: _Change, step: float) -> ConicProgram:
         """The program with more of a number, in the units of the first."""
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self._labels)
 
-    def _by_steps(self, change: _Change) -> tuple[float, float]:
-        step = _FAR * change.size
-        here, below, above = (
-            float(self._solver.solve(program).point[-1])
-            for program in (self.program, self._moved(change, -step), self._moved(change, step))
-        )
-        return (here - below) / step, (above - here) / step
+    def _by_steps(self, change: _Change) -> tuple[float, float, float]:
+        """One-sided rates by chords of two steps, and by how much they differ beyond curvature and rounding.
+
+        A kink stays as steps shrink, curvature does not. Primal and dual values of a program say how well λ is known.
+        """
+        here, noise = self._value(self.program)
+        chords, kinks = [], []
+        for step in (_FAR * change.size, _NEARER * _FAR * change.size):
+            (below, low), (above, high) = (self._value(self._moved(change, by)) for by in (-step, step))
+            left, right = (here - below) / step, (above - here) / step
+            chords.append((left, right))
+            kinks.append(abs(right - left) - (2.0 * noise + low + high) / step)
+        (far_left, far_right), (left, right) = chords
+        # f(x + h) = f + f' h + f'' h²/2: chords differ from f' by a share of h
+        share = _NEARER / (1.0 - _NEARER)
+        bent = max(0.0, min(kinks[0], kinks[1] + share * (kinks[1] - kinks[0])))
+        return left + share * (left - far_left), right + share * (right - far_right), bent
+
+    def _value(self, program: ConicProgram) -> tuple[float, float]:
+        """λ of a program by the solver, and the difference of its primal and dual values."""
+        raw = self._solver.solve(program)
+        primal, dual = float(raw.point[-1]), float(program.rhs @ raw.dual)
+        return 0.5 * (primal + dual), abs(primal - dual)
 
     def _side(self, matrix: sp.csr_array, rhs: Floats) -> float:
         """Rate of −λ to one side, scaled: matrix, rhs change at these rates; NaN where no program says so."""

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
@@ -136,7 +136,7 @@ def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands:
 
 
 def _rigid_blocks(climb: Climb) -> None:
-    found = prove_condensed(climb.analysis, climb.labels)
+    found = prove_condensed(cast(LimitAnalysis, climb.analysis), climb.labels)
     if found is not None:
         climb.take(found)
 

@@ -83,6 +83,10 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
         else f"{result.load_factor:.12g}",
         "bracket": bracket + ("" if math.isnan(result.gap) else f"   (relative width {result.gap:.1e})"),
     }
+    if result.reason:
+        facts["reason"] = result.reason
+    for note in result.notes:
+        facts["note"] = f"{facts['note']}; {note}" if "note" in facts else note
     if result.friction == "zero-dilation":
         extra = result.extra
         facts["associative"] = (

@@ -127,7 +127,7 @@ def _words(facts: dict[str, Any]) -> str:
         "scene": facts["name"],
         "status": facts["status"],
         "experiment": f"collapse at λ = {plain(facts['collapse_load'])}, "
-        f"two rates differ by {plain(facts['rate_error'], 2)}",
+        f"two rates differ by {plain(facts['rate_error'], 2)}; accuracy {plain(facts['accuracy'], 2)} at best",
         "limit": f"λ = {plain(facts['load_factor'])}, ratio {plain(facts['ratio'], 4)}",
         "first crack": plain(facts["first_crack"]),
         "faces": f"{facts['inner']} inner, dilation {facts['dilation']}, {facts['cracked_faces']} cracked",

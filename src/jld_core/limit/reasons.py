@@ -1,0 +1,50 @@
+"""Why a result is uncertified, in one sentence."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from jld_core import tolerances
+from jld_core.limit.status import Status
+
+
+def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: float, extra: dict[str, Any]) -> str:
+    """Say which bound of an uncertified result is missing, and why.
+
+    Parameters
+    ----------
+    status : Status
+        What is proven.
+    bracket : (float, float)
+        Lower and upper bound, NaN where missing.
+    gap, asked : float
+        Relative width of the bracket, and the greatest that counts as converged.
+    extra : dict
+        What the model says besides.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; "" where nothing is missing.
+    """
+    if status is not Status.UNCERTIFIED:
+        return ""
+    low, high = (math.isfinite(end) for end in bracket)
+    lower = "no lower bound: no forces were found that balance the loads in every yield set, within rounding (1e-12)"
+    upper = "no upper bound: no mechanism was found whose jumps all faces allow, within rounding (1e-12)"
+    areas = extra.get("effective_area")
+    if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
+        least = tolerances.FIXED_POINT
+        return f"effective areas did not settle: they still change by {areas['fixed_point']:.1e} (asked {least:.0e})"
+    if not low and not high:
+        return f"{lower}; {upper}"
+    if not low:
+        return lower
+    if not high:
+        return upper
+    if isinstance(areas, dict) and gap <= asked:
+        return "effective areas: the forces that fit their own areas carry less than the bracket of the frozen areas"
+    if gap <= asked:
+        return "the evidence that this model asks for is missing, see the numbers beside λ"
+    return f"the bounds are {gap:.1e} apart, relative (asked {asked:.0e})"

@@ -1,0 +1,84 @@
+"""A block in a corner at friction of exactly 45°: a self-stress on the boundary of both cones, docs/method.md (3.12).
+
+The floor pushes up and away from the wall, the wall pushes away and down; at μ = 1 both forces are opposite and on the
+boundary of their cones. The block can then move along (1, 0, 1) alone, so λ (lx + lz) = 1 for a live load
+(lx, ly, lz) times its weight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cases_spatial
+from jld_core import Assembly, Status, solve
+from jld_core.limit import LimitAnalysis
+
+TURNS = {"upright": np.eye(3), "turned": cases_spatial.rotation(0.3, 0.2, 0.5)}
+
+
+def corner(live: list[float], turn: str = "upright", friction: float = 1.0) -> Assembly:
+    rotation = TURNS[turn]
+    elements = [
+        cases_spatial.box("block", [0, 0, 0], [1, 1, 1], rotation),
+        cases_spatial.box("floor", [-1, -1, -1], [3, 2, 0], rotation, support=True),
+        cases_spatial.box("wall", [-1, 0, 0], [0, 1, 1], rotation, support=True),
+    ]
+    materials = {"dry": {"friction_coefficient": friction}, "gravity": (rotation @ [0.0, 0.0, -1.0]).tolist()}
+    return cases_spatial.assembly(elements, materials=materials, live=[{"body": (rotation @ live).tolist()}])
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize(
+    "live", [[0, 0, 1], [1, 0, 0], [1, 0, 1], [1, 0, -0.5], [0.5, 0, 1], [1, 0.3, 0], [0.6, -0.2, 0.7]]
+)
+def test_upper_bound_where_self_stress_is_on_the_boundary_of_friction(live: list[float], turn: str) -> None:
+    """At 0.2 nine of these fourteen had no upper bound."""
+    result = solve(corner(live, turn))
+    expected = 1.0 / (live[0] + live[2])
+    assert result.status is Status.COLLAPSE
+    low, high = result.bracket
+    assert low <= expected * (1.0 + 1e-12)
+    assert high >= expected * (1.0 - 1e-12)
+    assert result.load_factor == pytest.approx(expected, rel=1e-6)
+    assert result.mechanism is not None
+    block = TURNS[turn].T @ result.mechanism[0, :3]
+    assert block == pytest.approx(np.array([1.0, 0.0, 1.0]) * expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("friction", [0.9999, 0.6])
+def test_below_45_degrees_the_block_slides_or_lifts(friction: float) -> None:
+    """No self-stress: pulled from the wall it slides up at the angle of friction, λ = μ."""
+    result = solve(corner([1, 0, 0], friction=friction))
+    assert result.status is Status.COLLAPSE
+    assert result.load_factor == pytest.approx(friction, rel=1e-6)
+
+
+def test_above_45_degrees_the_block_is_wedged() -> None:
+    result = solve(corner([1, 0, 0], friction=1.01))
+    assert result.status is Status.LOCKED
+
+
+def test_ray_on_the_boundary_of_friction() -> None:
+    """Pushed along the angle of friction a block carries any load: the ray is on the boundary of both cones."""
+    analysis = LimitAnalysis(corner([1, 0, -1]))
+    labels = np.ones(len(analysis.assembly.interfaces), dtype=bool)
+    assert solve(analysis.assembly).status is Status.LOCKED
+    ray = analysis.interior.ray(labels)
+    assert ray is not None
+    assert ray.to_rounding
+
+
+def test_reason_is_given_where_a_bound_is_missing() -> None:
+    """Along the wall λ grows without end, though no direction of forces carries it: more of it needs a wedge as λ²."""
+    result = solve(corner([0, 1, 0]))
+    assert result.status is Status.UNCERTIFIED
+    assert result.reason is not None
+    assert result.reason.startswith("no upper bound: ")
+    assert result.reason in result.to_json()["warnings"]
+
+
+def test_no_reason_where_nothing_is_missing() -> None:
+    result = solve(corner([1, 0, 0]))
+    assert result.reason is None
+    assert result.to_json()["warnings"] == list(result.assembly.warnings)
