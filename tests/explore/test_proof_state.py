@@ -19,6 +19,7 @@ from jld_core import build_assembly, parse_scene
 from jld_core.lanes import chosen
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Exact
+from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.evaluation import Records
@@ -205,8 +206,8 @@ def test_a_conflict_that_refutes_an_evaluated_layout_is_found(tmp_path: Path) ->
     best = np.array([letter == "d" for letter in done.summary["best_labelling"]])
     faces = np.flatnonzero(driver.space.candidates)[:5]
     driver.state.add_conflicts([Conflict(faces, best[faces], 0.1, Evidence.BLOCKS)])
-    claims, problem = driver._claims()
-    check = driver._check(claims, driver._incumbents.strongest(100), problem)
+    claims = [Claim(None, driver.found[None].bound / driver._scale)]
+    check = driver._check(claims, "", driver._incumbents.strongest(100))
     assert not check.passed
     assert "allows it 0.1" in check.problem
 

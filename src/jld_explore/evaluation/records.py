@@ -12,13 +12,11 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import shutil
 import sqlite3
 import sys
 import time
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +30,15 @@ from jld_core.errors import InputError
 from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.lock import FolderLock, busy
+from jld_explore.evaluation.record_rows import (
+    BOUND,
+    CONFLICTS_OF,
+    WITHDRAWN,
+    checksum,
+    parsed,
+    proof_rows,
+    require_same,
+)
 from jld_explore.evaluation.rows import (
     COLUMNS,
     Rows,
@@ -58,8 +65,6 @@ _TOGETHER: Final = 1 << 15
 """Rows read at a time."""
 
 _FORMAT: Final = 3
-_BOUND: Final = "bound"
-_WITHDRAWN: Final = "withdrawn"
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "blocks"}
 """What a checksum of a conflict is of beside its columns, by what proves it: see `Evidence` of the exact driver."""
 
@@ -139,10 +144,10 @@ class Records:
             return
         if not names >= {"meta", "evaluations", "proofs", "conflicts"}:
             raise self._damaged("it holds other tables")
-        found = {key: _parsed(value) for key, value in self._file.execute("SELECT key, value FROM meta")}
-        self.bound = self._bound_of(found.get(_BOUND))
-        self.withdrawn = [str(reason) for reason in found.get(_WITHDRAWN) or []]
-        _compare(str(self.path), found, json.loads(json.dumps(wanted)))
+        found = {key: parsed(value) for key, value in self._file.execute("SELECT key, value FROM meta")}
+        self.bound = self._bound_of(found.get(BOUND))
+        self.withdrawn = [str(reason) for reason in found.get(WITHDRAWN) or []]
+        require_same(str(self.path), found, json.loads(json.dumps(wanted)))
         self._read()
 
     # --- evaluations ------------------------------------------------------------------------------------
@@ -195,8 +200,8 @@ class Records:
             ).fetchall()
         forces, mechanisms = [], []
         try:
-            for kind, value, dry, inner, checksum in found:
-                if _checksum(kind, value, dry, inner) != checksum:
+            for kind, value, dry, inner, check in found:
+                if checksum(kind, value, dry, inner) != check:
                     raise ValueError
                 if kind == "forces":
                     masks = [np.unpackbits(np.frombuffer(x, np.uint8), count=self.faces) > 0 for x in (dry, inner)]
@@ -228,7 +233,7 @@ class Records:
         proofs = [
             (start + place + 1, number, *proof)
             for place, n in enumerate(new)
-            for number, proof in enumerate(_proof_rows(evaluations[n].proofs))
+            for number, proof in enumerate(proof_rows(evaluations[n].proofs))
         ]
         with self._told(), self._transaction():
             self._file.executemany(f"INSERT INTO evaluations VALUES ({', '.join('?' * 13)})", content)
@@ -250,15 +255,15 @@ class Records:
         """
         columns = "decided, labels, bound, closed, checksum"
         with self._told():
-            known = self._file.execute("SELECT value FROM meta WHERE key = 'conflicts of'").fetchone()
+            known = self._file.execute("SELECT value FROM meta WHERE key = ?", (CONFLICTS_OF,)).fetchone()
             if known != (json.dumps(key),):
                 with self._transaction():
                     self._file.execute("DELETE FROM conflicts")
-                    self._file.execute("INSERT OR REPLACE INTO meta VALUES ('conflicts of', ?)", (json.dumps(key),))
+                    self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (CONFLICTS_OF, json.dumps(key)))
             found = self._file.execute(f"SELECT {columns} FROM conflicts ORDER BY id").fetchall()
         width = self.type["labelling"].itemsize
         try:
-            if any(_checksum(_EVIDENCE[closed], bound, *masks) != check for *masks, bound, closed, check in found):
+            if any(checksum(_EVIDENCE[closed], bound, *masks) != check for *masks, bound, closed, check in found):
                 raise ValueError
             masks = b"".join(part for decided, labels, *_ in found for part in (decided, labels))
             packed = np.frombuffer(masks, np.uint8).reshape(len(found), 2, width)
@@ -281,7 +286,7 @@ class Records:
         packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)
         for on, values, bound, kind in zip(*packed, bounds, evidence, strict=True):
             masks = on.tobytes(), values.tobytes()
-            rows.append((*masks, bound, int(kind), _checksum(_EVIDENCE[kind], bound, *masks)))
+            rows.append((*masks, bound, int(kind), checksum(_EVIDENCE[kind], bound, *masks)))
         columns = "decided, labels, bound, closed, checksum"
         with self._told(), self._transaction():
             self._file.executemany(f"INSERT INTO conflicts ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
@@ -297,8 +302,8 @@ class Records:
         """Delete the bound, and write down why; `withdrawn` holds the reasons, those of earlier runs too."""
         self.withdrawn = [*self.withdrawn, reason]
         with self._told(), self._transaction():
-            self._file.execute("DELETE FROM meta WHERE key = ?", (_BOUND,))
-            self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (_WITHDRAWN, json.dumps(self.withdrawn)))
+            self._file.execute("DELETE FROM meta WHERE key = ?", (BOUND,))
+            self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (WITHDRAWN, json.dumps(self.withdrawn)))
         self.bound = None
 
     def keep_bound(self, bound: float) -> None:
@@ -308,17 +313,17 @@ class Records:
         """
         if self.bound is not None and bound >= self.bound:
             return
-        content = json.dumps([bound, _checksum(_BOUND, bound)])
+        content = json.dumps([bound, checksum(BOUND, bound)])
         with self._told(), self._transaction():
-            self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (_BOUND, content))
+            self._file.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (BOUND, content))
         self.bound = bound
 
     def _bound_of(self, found: Any) -> float | None:
         if found is None:
             return None
         try:
-            bound, checksum = found
-            if _checksum(_BOUND, bound) != checksum:
+            bound, check = found
+            if checksum(BOUND, bound) != check:
                 raise ValueError
         except (TypeError, ValueError):
             raise self._damaged("the bound is not as it was written") from None
@@ -384,46 +389,3 @@ _DISK: Final = {
     sqlite3.SQLITE_CANTOPEN: errno.EACCES,
     sqlite3.SQLITE_PERM: errno.EACCES,
 }
-
-
-def _checksum(kind: str, value: float, *parts: bytes) -> int:
-    # SQLite keeps no sign of a zero, so that −0.0 is read as 0.0
-    return zlib.crc32(b"".join([kind.encode(), np.float64(value + 0.0).tobytes(), *parts]))
-
-
-def _proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, bytes, int]]:
-    """Rows of a solve's proofs: kind, value, what is known under either label, checksum."""
-    if proofs is None:
-        return
-    for forces in proofs.forces:
-        parts = np.packbits(forces.dry).tobytes(), np.packbits(forces.inner).tobytes()
-        yield "forces", forces.load, *parts, _checksum("forces", forces.load, *parts)
-    for one in proofs.mechanisms:
-        kind = "falls" if one.falls else "mechanism"
-        parts = one.dry.astype("<f8").tobytes(), one.inner.astype("<f8").tobytes()
-        yield kind, one.constant, *parts, _checksum(kind, one.constant, *parts)
-
-
-def _parsed(value: object) -> Any:
-    try:
-        return json.loads(str(value))
-    except ValueError:
-        return None
-
-
-def _compare(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
-    """Raise InputError naming the first entry in which a record differs from the study that wants to go on."""
-    for key in sorted((old.keys() | new.keys()) - {"conflicts of", _BOUND, _WITHDRAWN}):
-        if old.get(key) != new.get(key):
-            raise InputError(
-                path,
-                f"it was made with {key} {_shown(old.get(key))}, not {_shown(new.get(key))}",
-                f"the same {key} to resume",
-            )
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, float) and math.isnan(value):
-        return "none"
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -30,15 +30,14 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import exceeds, load_floor
+from jld_core.limit import load_floor
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
 from jld_explore.drivers.exact.incumbents import Incumbents, Turns
 from jld_explore.drivers.exact.ladder import Ladder
 from jld_explore.drivers.exact.narrowing import Narrowing
-from jld_explore.drivers.exact.optimum import Best, counts_of, front, front_of_all
-from jld_explore.drivers.exact.proof_check import Claim
+from jld_explore.drivers.exact.optimum import Best, claims_of, counts_of, front, front_of_all
 from jld_explore.drivers.exact.proving import Proving
 from jld_explore.drivers.exact.shrinking import Conflict, Evidence, Mechanism, conflict_of
 from jld_explore.drivers.genetic import Genetic
@@ -66,9 +65,8 @@ class Exact(Proving):
     proof, for each face that can change. by_blocks: search a tree of block choices first, "auto": where that promises
     more than conflicts of faces. list_blocks: list the blocks there can be, where they are few enough. step_after:
     conflicts after which a bound is lowered in smaller steps, so that a proof too long to finish leaves a narrower gap;
-    None for a few seconds' worth.
-    programs: solved at the most before it comes back as for lack of time. alone: relaxations after which other
-    processes help, where there are any, 0: it is left to them; None for a second's worth or two.
+    None for a few seconds' worth. programs: solved at the most before it comes back as for lack of time. alone:
+    relaxations after which other processes help, where there are any, 0: it is left to them; None for a second's worth.
     """
 
     def __init__(
@@ -152,7 +150,7 @@ class Exact(Proving):
         if self._count is not None:
             enumerated = self._everything is not None
             rows = front_of_all(results, self._count.name, complete) if enumerated else front(self.found.values())
-            if self._proof_check is not None and not self._proof_check.passed:
+            if self.proof_check is not None and not self.proof_check.passed:
                 rows = [{**row, "bound": None, "proven": False} for row in rows]
             found["front"] = rows
         return found
@@ -164,10 +162,8 @@ class Exact(Proving):
 
     def _forget_bounds(self) -> None:
         """Begin the proof again at its first target, with what was evaluated."""
-        self.found = {None: Best(None, math.nan, math.inf, self._floor)}
         low = self._incumbents.best(None)
-        if math.isfinite(low):
-            self.found[None] = replace(self.found[None], load_factor=low)
+        self.found = {None: Best(None, low if math.isfinite(low) else math.nan, math.inf, self._floor)}
         self._targets = [] if self._given_up else [None]
         self._listed = self.aim == "best"
         self._ladder = Ladder(self._patience)
@@ -205,21 +201,11 @@ class Exact(Proving):
         given = self._given(limit)
         self._none_asked &= not len(given)
         if not len(given) and not self._targets and self._proof_check is None and not self._given_up:
-            claims, problem = self._claims()
-            self._proof_check = self._check(claims, self._incumbents.strongest(_COMPARED), problem)
+            strongest = self._incumbents.strongest(_COMPARED)
+            self._proof_check = self._check(
+                *claims_of(self.found.values(), self._incumbents, self._scale, self._floor), strongest
+            )
         return given
-
-    def _claims(self) -> tuple[list[Claim], str]:
-        """What is claimed to be proven, and what is wrong with it at first sight, "" for nothing."""
-        claims, problem = [], ""
-        for target, best in self.found.items():
-            claims.append(Claim(target, (0.0 if best.bound == -math.inf else best.bound) / self._scale))
-            low = self._incumbents.best(target)
-            if not best.proven:
-                problem = problem or f"the bound {best.bound:.9g} is not met"
-            if math.isfinite(low) and exceeds(low, best.bound, self._floor):
-                problem = problem or f"a layout carries {low:.9g}, above the bound {best.bound:.9g}"
-        return claims, problem
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
         if self._everything is not None:

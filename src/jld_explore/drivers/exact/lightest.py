@@ -96,7 +96,7 @@ class Lightest(Proving):
             problem = "a layout that counts better may carry enough" if self._open else ""
             # what carries enough is known of each layout here, and not how much it carries
             carries = self._carrying
-            self._proof_check = self._check([Claim(self._better, self._threshold / self._scale)], carries, problem)
+            self._proof_check = self._check([Claim(self._better, self._threshold / self._scale)], problem, carries)
         return given
 
     def withdraw(self, reason: str) -> None:

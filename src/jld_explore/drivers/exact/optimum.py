@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from jld_core import tolerances
-from jld_core.limit import Status
+from jld_core.limit import Status, exceeds
+from jld_explore.drivers.exact.incumbents import Incumbents
+from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.space import Count, SearchSpace
 
 if TYPE_CHECKING:
@@ -38,6 +40,25 @@ class Best:
             return False
         size = max(abs(self.bound), abs(self.load_factor), self.floor)
         return bool(self.bound - self.load_factor <= tolerances.PROVEN * size)
+
+
+def claims_of(
+    found: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
+) -> tuple[list[Claim], str]:
+    """Return what a proof claims, and what is wrong with it at first sight, "" for nothing.
+
+    scale: λ in scene units of one scaled λ. load_scale: λ below which differences are no matter, scene units.
+    """
+    claims, problem = [], ""
+    for best in found:
+        # where nothing stands, nothing exceeds zero
+        claims.append(Claim(best.count, (0.0 if best.bound == -math.inf else best.bound) / scale))
+        low = incumbents.best(best.count)
+        if not best.proven:
+            problem = problem or f"the bound {best.bound:.9g} is not met"
+        if math.isfinite(low) and exceeds(low, best.bound, load_scale):
+            problem = problem or f"a layout carries {low:.9g}, above the bound {best.bound:.9g}"
+    return claims, problem
 
 
 def front(found: Iterable[Best]) -> list[dict[str, Any]]:

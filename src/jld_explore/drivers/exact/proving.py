@@ -223,7 +223,7 @@ class Proving(Driver):
         self._learn_handed_over()
         return self._formula
 
-    def _check(self, claims: Sequence[Claim], evaluated: tuple[Bits, Floats], problem: str) -> ProofCheck:
+    def _check(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
         """Check a finished proof: see `check_proof`.
 
         evaluated: the strongest layouts, and λ that each is proven to carry, scene units. problem: what the driver
