@@ -165,8 +165,8 @@ def _compare(
         bound = verify(path, scene).claim.bound
         if not best - room <= bound <= best + 2.0 * room and sure:
             return f"the best is {best!r}, certified {bound!r}"
-    if options["aim"] == "front" and sure and "front" in facts:
-        return _fronts(space, values, facts["front"], room)
+    if options["aim"] == "front" and sure and "best_by_count" in facts:
+        return _fronts(space, values, facts["best_by_count"], room)
     return ""
 
 

@@ -249,7 +249,11 @@ def _stop_and_resume(
     found = Proof(facts["best"], facts["bound"], bool(facts["proven"]), seconds=facts["seconds"])
     found.check_seconds = facts.get("proof_check", {}).get("seconds", 0.0)
     if aim == "front":
-        rows = [row for row in facts["front"] if row["load_factor"] is not None and row["proven"]]
+        rows = [
+            row
+            for row in facts.get("best_by_count", facts["front"])
+            if row["load_factor"] is not None and row["proven"]
+        ]
         found.front = {int(row["count"]): float(row["load_factor"]) for row in rows}
     return found
 

@@ -213,8 +213,13 @@ class Study:
 
     @property
     def complaints(self) -> list[str]:
-        """What went wrong with proofs of this study, one line each."""
-        return [*self.records.withdrawn, *(one for one in self.driver.complaints if one not in self.records.withdrawn)]
+        """What went wrong with the record and with proofs of this study, one line each."""
+        anew = f"{self.records.path.name} was empty: nothing had been finished, and the search began anew"
+        return [
+            *([anew] if self.records.began_anew else []),
+            *self.records.withdrawn,
+            *(one for one in self.driver.complaints if one not in self.records.withdrawn),
+        ]
 
     def _withdraw_contradicted(self, evaluations: list[Evaluation]) -> None:
         """Withdraw the bound where a layout is proven to carry more: what was proven is wrong, and is begun again."""

@@ -175,10 +175,17 @@ def test_a_forged_status_with_a_right_checksum_is_refused(tmp_path: Path) -> Non
 
 def test_an_empty_record_is_no_beginning(tmp_path: Path) -> None:
     (tmp_path / RECORDS_FILE).touch()
+    records = Records(tmp_path, HEADER, FACES)
+    assert records.began_anew  # killed before anything was finished; the summary says so
+    records.close()
+    (tmp_path / RECORDS_FILE).unlink()
+    (tmp_path / RECORDS_FILE).touch()
+    (tmp_path / "scene.json").touch()
     with pytest.raises(InputError, match="it is empty"):
         Records(tmp_path, HEADER, FACES)
     assert (tmp_path / RECORDS_FILE).stat().st_size == 0
     (tmp_path / RECORDS_FILE).unlink()
+    (tmp_path / "scene.json").unlink()
     filled(tmp_path)
     (tmp_path / "scene.json").write_text("{}")
     (tmp_path / RECORDS_FILE).unlink()

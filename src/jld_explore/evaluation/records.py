@@ -65,7 +65,7 @@ _TOGETHER: Final = 1 << 15
 """Rows read at a time."""
 
 _FORMAT: Final = 3
-_EVIDENCE: Final = {0: "", 1: "closed", 2: "blocks"}
+_EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
 """What a checksum of a conflict is of beside its columns, by what proves it: see `Evidence` of the exact driver."""
 
 _TABLES: Final = """
@@ -112,9 +112,10 @@ class Records:
         self._file: Any = None
         self._lock = FolderLock(folder)
         fresh = not self.path.exists()
-        if not fresh and self.path.is_file() and not self.path.stat().st_size:
+        self.began_anew = not fresh and self.path.is_file() and not self.path.stat().st_size
+        if self.began_anew and (self.folder / SCENE_FILE).exists():
             self._lock.release()
-            raise self._damaged("it is empty")
+            raise self._damaged("it is empty, though a search was begun here")
         try:
             with self._told():
                 self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)

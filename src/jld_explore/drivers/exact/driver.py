@@ -190,14 +190,14 @@ class Exact(Proving):
             return self._everything.ask(limit)
         if self._hunters is not None:
             self._hunters.pump()
-        if self._late and self._none_asked:
-            self._waiting = self._search.ask(1)  # however late it is: there is something to show
         while not len(self._waiting) and self._targets and not self._late:
             if self._left > 0:
                 self._waiting = self._search.ask(self._left if limit is None else min(limit, self._left))
                 self._left = self._left - len(self._waiting) if len(self._waiting) else 0
             else:
                 self._waiting = self._pursue(self._targets[0])
+        if self._none_asked and not len(self._waiting) and not self._incumbents:
+            self._waiting = self._search.ask(1)  # however late it is: there is something to show
         given = self._given(limit)
         self._none_asked &= not len(given)
         if not len(given) and not self._targets and self._proof_check is None and not self._given_up:

@@ -68,6 +68,10 @@ class Incumbents:
             for target in (None, count):
                 self._best[target] = max(low, self._best.get(target, -math.inf))
 
+    def __bool__(self) -> bool:
+        """Return True if any labelling was evaluated."""
+        return bool(self._known)
+
     def __contains__(self, labels: Bits) -> bool:
         """Whether a canonical labelling (m,) was evaluated."""
         return np.packbits(labels).tobytes() in self._known
