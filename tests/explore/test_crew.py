@@ -109,7 +109,7 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
         assert driver._hunters is not None
         assert driver._relaxation is not None
         assert (driver._hunters.solves > 0) is called
-        assert driver._relaxation.solves > 300  # by threads, before others were called
+        assert driver._relaxation.solves > 60  # by threads, before others were called
         assert two.summary["proven"] is True
         assert two.summary["best"] == pytest.approx(one.summary["best"], rel=1e-6)
         assert two.summary["bound"] == pytest.approx(one.summary["bound"], rel=2e-6)
