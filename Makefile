@@ -13,7 +13,7 @@ export MKL_NUM_THREADS := 1
 
 setup: $(VENV)/.done
 
-$(VENV)/.done: pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/lanes/source/*) src/jld_core/lanes/build.py
+$(VENV)/.done: pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/batch/source/*) src/jld_core/batch/build.py
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $@
@@ -49,10 +49,10 @@ bench: setup
 
 # the kernel under the sanitizers of the compiler: addresses and undefined behaviour, then data races between threads
 sanitize: setup
-	$(BIN)/python src/jld_core/lanes/build.py --sanitized out/sanitized
+	$(BIN)/python src/jld_core/batch/build.py --sanitized out/sanitized
 	LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
-		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_lanes.py
-	$(BIN)/python src/jld_core/lanes/build.py --thread-sanitized out/sanitized/threads
+		JLD_KERNEL=$(CURDIR)/out/sanitized/_base.so $(BIN)/python -m pytest -q -n 0 tests/core/test_batch_solver.py
+	$(BIN)/python src/jld_core/batch/build.py --thread-sanitized out/sanitized/threads
 	LD_PRELOAD=$$(gcc -print-file-name=libtsan.so) TSAN_OPTIONS="exitcode=66 report_signal_unsafe=0" \
 		JLD_KERNEL=$(CURDIR)/out/sanitized/threads/_base.so $(BIN)/python -m benchmarks.claims.threads
 

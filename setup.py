@@ -1,4 +1,5 @@
-"""The compiled kernel of `jld_core.lanes`, optional: without a compiler the package is whole but for its speed."""
+"""The compiled batch solver of `jld_core.batch`, optional: without a compiler the package is whole but for its
+speed."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ class Build(build_ext):
 def extension(variant: str) -> Extension:
     source = LANES / "source"
     return Extension(
-        f"jld_core.lanes._{variant}",
+        f"jld_core.batch._{variant}",
         sources=[str(source / "kernel.cpp")],
         depends=[str(path.relative_to(HERE)) for path in sorted((HERE / source).glob("*.h"))],
         extra_compile_args=[*KNOWN["FLAGS"], *KNOWN["VARIANT_FLAGS"][variant], KNOWN["mark"](), "-Wno-psabi"],

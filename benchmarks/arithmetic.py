@@ -3,10 +3,11 @@
 The same random segmentations (blocks of 2 to 6 cells) by every route, processor time of one core: **plain**, stated
 in CVXPY anew for each labelling and solved by Clarabel in joblib workers, proving nothing; **bare Clarabel**, one
 call with default settings on the numbers that we have laid out, proving nothing; **one at a time**, our routes
-without the kernel, both bounds proven; **the kernel**, all in, with what it leaves open. The **limit** is what the
-arithmetic of the kernel's own method takes at the peak of the processor: additions, products, divisions and roots
+without the batch solver, both bounds proven; **the batch solver**, all in, with what it leaves open. The **limit** is
+what the
+arithmetic of the batch solver's own method takes at the peak of the processor: additions, products, divisions and roots
 counted by compiling the same source with numbers that count (benchmarks/counted.h), a division or root as one; the
-peak measured in the same run, by chains of fused products in registers. What the kernel takes beyond it
+peak measured in the same run, by chains of fused products in registers. What the batch solver takes beyond it
 was not taken apart.
 """
 
@@ -34,8 +35,8 @@ from benchmarks.lanes import Case, drawn
 from benchmarks.stated import stated
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.lanes import Lanes, build, chosen, described
-from jld_core.lanes.library import SWITCH, library
+from jld_core.batch import BatchSolver, build, chosen, described
+from jld_core.batch.library import SWITCH, library
 from jld_core.limit import LimitAnalysis
 from jld_core.program import Template
 from jld_core.views.figures import save_figure
@@ -63,7 +64,7 @@ def compiled(source: Path, target: Path, *extra: str) -> Path:
 
 
 def peak(folder: Path) -> float:
-    """Additions and products a second of one core, with the instructions of the kernel in use."""
+    """Additions and products a second of one core, with the instructions of the batch solver in use."""
     made = compiled(HERE / "peak.cpp", folder / "peak.so", *build.VARIANT_FLAGS[chosen() or "base"])
     loaded = ctypes.CDLL(str(made))
     loaded.jld_peak.restype, loaded.jld_peak.argtypes = ctypes.c_double, (ctypes.c_int64,)
@@ -79,8 +80,8 @@ def peak(folder: Path) -> float:
 
 def arithmetic(analysis: LimitAnalysis, labellings: Bits, path: Path) -> tuple[float, float]:
     """Operations (of which divisions and roots) of one labelling, mean."""
-    opening = analysis.interior.opening()
-    lanes = Lanes(
+    opening = analysis.repair.opening()
+    lanes = BatchSolver(
         analysis.template, None if opening is None else opening.velocity, zero=analysis.floor, variant=str(path)
     )
     counter = library(str(path))

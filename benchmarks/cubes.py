@@ -22,7 +22,7 @@ from benchmarks.exact import arch, wall
 from jld_core import Scene, build_assembly
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.drivers import Exact
-from jld_explore.drivers.exact.ladder import Ladder
+from jld_explore.drivers.exact.target_schedule import TargetSchedule
 from jld_explore.space import search_space
 
 SECONDS: Final = 150.0
@@ -33,7 +33,7 @@ class _Done(Exception):
     """The step is refuted."""
 
 
-class _Straight(Ladder):
+class _Straight(TargetSchedule):
     """One step, to a λ given."""
 
     def __init__(self, load: float) -> None:
@@ -68,14 +68,14 @@ def _processor() -> float:
 def refuted(scene: Scene, load: float, jobs: int, most: float) -> Taken:
     """What it takes to refute a λ. most: seconds."""
     driver = Exact(search_space(scene, build_assembly(scene)), search=10, by_blocks="off")
-    driver._ladder = _Straight(load)
+    driver._schedule = _Straight(load)
     start, before, root, found = 0.0, 0.0, float("nan"), float("nan")
     closed = 0
 
     def watch(now: Progress) -> None:
         nonlocal start, before, root, found, closed
-        if driver._hunters is not None and driver._hunters.crew is not None:
-            closed = driver._hunters.crew.closed
+        if driver._sources is not None and driver._sources.cube_workers is not None:
+            closed = driver._sources.cube_workers.closed
         if now.bound == now.bound and not start:
             start, before, root = time.perf_counter(), _processor(), now.bound
         elif now.bound < root:

@@ -53,7 +53,7 @@ class Known:
 
 
 def known(name: str) -> Known:
-    """Enumerate a scene and solve all its classes (seconds in the kernel)."""
+    """Enumerate a scene and solve all its classes (seconds in the batch solver)."""
     assembly, space = built(ENUMERATED[name]())
     solver = Evaluator(assembly, EvaluatorSettings())
     rows = np.concatenate([rows for rows, _ in Enumeration(space).batches()])

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.common import ROOT, table, write
 from jld_core import LimitAnalysis, Status, build_assembly, load_scene
-from jld_core.limit import Proof, load_floor
+from jld_core.limit import Proof, load_scale
 from jld_explore.drivers import Enumeration
 from jld_explore.space import search_space, to_string
 
@@ -28,7 +28,7 @@ def main() -> None:
     labellings = np.concatenate([labels for labels, _ in batches])
     multiplicity = int(sum(weights.sum() for _, weights in batches))
     routes = {name: LimitAnalysis(assembly, solver=name) for name in ("clarabel", "highs")}
-    scale, floor = routes["clarabel"].template.scaling.load, load_floor(assembly)
+    scale, floor = routes["clarabel"].template.scaling.load, load_scale(assembly)
     seconds = dict.fromkeys(routes, 0.0)
     tally: Counter[tuple[str, str]] = Counter()
     differences: list[tuple[float, str, float, float, str]] = []

@@ -13,9 +13,9 @@ from typing import Literal
 from jld_core import LimitAnalysis, LimitAnalysisResult, tolerances
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, result_of
-from jld_core.models import Scheme
+from jld_core.models import ProximalOptions
 from jld_core.models.zero_dilation.proof import proof_of
-from jld_core.models.zero_dilation.search import Pair, PairSearch
+from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair
 from jld_core.models.zero_dilation.starts import first_forces
 
 
@@ -23,7 +23,7 @@ from jld_core.models.zero_dilation.starts import first_forces
 class Smoothing:
     """alpha: share of the present N in friction until all has settled, then none. beta: share of the new N in N_prev.
 
-    start: as of `Scheme`. most: programs.
+    start: as of `ProximalOptions`. most: programs.
     """
 
     alpha: float = 0.01
@@ -36,7 +36,7 @@ def smoothed(analysis: LimitAnalysis, scheme: Smoothing, associative: Proof | No
     """The result of that iteration for the assembly's own labels, judged as one of the package's own search is."""
     start, labels = time.perf_counter(), analysis.assembly.labels
     associative = associative or analysis.prove(labels)
-    search = PairSearch(analysis, labels, Scheme(start=scheme.start, most=scheme.most))
+    search = FixedPointSearch(analysis, labels, ProximalOptions(start=scheme.start, most=scheme.most))
     pair = _iterate(search, scheme, first_forces(search, associative, scheme.start))
     proof = proof_of(associative, analysis, pair, search.solves)
     options = replace(analysis.options, friction="zero-dilation")
@@ -44,7 +44,7 @@ def smoothed(analysis: LimitAnalysis, scheme: Smoothing, associative: Proof | No
     return result_of(analysis.template, labels, options, proof, assemble=analysis.seconds, elapsed=elapsed)
 
 
-def _iterate(search: PairSearch, scheme: Smoothing, forces: Floats) -> Pair:
+def _iterate(search: FixedPointSearch, scheme: Smoothing, forces: Floats) -> PrimalDualPair:
     """Until λ and N have settled, first with α and then without."""
     labels, alpha = search.labels, scheme.alpha
     normals, last, point = search.normals(forces), math.inf, forces

@@ -1,7 +1,7 @@
 """What a second job is worth: `python -m benchmarks.jobs`.
 
 One search with one job and with two, timed after its first labellings, so that what it begins with does not
-count. Two jobs are threads of one process where the kernel solves, and processes where it does not. Besides
+count. Two jobs are threads of one process where the batch solver solves, and processes where it does not. Besides
 wall-clock rates, which other processes on the machine disturb, it counts processor time: what the first thread, which
 asks and records, spends on a labelling is serial, the rest is shared out. The rate that two free cores allow is the
 smaller of one over the first thread's time and two over the sum of all.
@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.common import about, table, write
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
-from jld_core.lanes import described
+from jld_core.batch import described
 from jld_core.scene import Scene
 from jld_explore.drivers import make_driver
 from jld_explore.study import ExploreSettings, Progress, Study

@@ -1,6 +1,8 @@
-"""Labellings in lanes: the kernel, with all that it leaves open, beside one labelling at a time and the plain way.
+"""Labellings in lanes: the batch solver, with all that it leaves open, beside one labelling at a time and the plain
+way.
 
-Today's way and the kernel evaluate the same labellings in turns in one process, by processor time; the kernel's time
+Today's way and the batch solver evaluate the same labellings in turns in one process, by processor time; the batch
+solver's time
 holds the tries it needs and the ladder for what it leaves open. Ratios are medians of three turns. Plain: CVXPY with
 the program stated anew for each labelling (benchmarks/stated.py). Scenes below the line were not looked at while
 settings were chosen.
@@ -22,14 +24,14 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stated import stated
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.lanes import described
-from jld_core.limit import Batch, LimitAnalysis, Status, load_floor
+from jld_core.batch import described
+from jld_core.limit import Batch, LimitAnalysis, Status, load_scale
 from jld_explore.drivers import make_driver
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 
 TURNS: Final = 3
 MANY: Final = 1024
-"""Labellings of a turn of the kernel."""
+"""Labellings of a turn of the batch solver."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def measure(name: str, case: Case) -> list[str]:
         for one, other in zip(known, found[turn * case.one :], strict=False):
             same += one.status is other.status
             if one.status is other.status is Status.COLLAPSE:
-                size = max(abs(one.load_factor), load_floor(assembly))
+                size = max(abs(one.load_factor), load_scale(assembly))
                 differ = max(differ, abs(one.load_factor - other.load_factor) / size)
     start = time.process_time()
     with warnings.catch_warnings():
@@ -111,7 +113,7 @@ def measure(name: str, case: Case) -> list[str]:
             except Exception:  # an unstable labelling may be a solver's failure
                 continue
     plain = (time.process_time() - start) / case.plain
-    raw = batch.lanes.solve(labellings)
+    raw = batch.batch.solve(labellings)
     settled = batch.prove(labellings)
     bracket = settled.settled & ~settled.falls & ~settled.locked
     sizes = np.maximum(abs(settled.low), analysis.floor)

@@ -1,10 +1,13 @@
-"""Speed against error over many labellings, the kernel among the routes: processor time of one, and its error of λ.
+"""Speed against error over many labellings, the batch solver among the routes: processor time of one, and its error of
+λ.
 
 The same random labellings of one assembly by every route, whatever can be made once made before. The error is that
 against the intersection of all brackets proven in the run, and at least half its width: the median over labellings, and
-the worst. Kernel: its first pass alone at targets of the gap from 1e-4 to 1e-10, and as it is used (all passes, target
+the worst. Batch solver: its first pass alone at targets of the gap from 1e-4 to 1e-10, and as it is used (all passes,
+target
 1e-8 in the plane, 3e-8 in space), 512 at a time. One at a time: the same proofs by Clarabel, loose (1e-6), as without a
-kernel, and tight (1e-12, refined). Bare: Clarabel's answer believed, without a bracket. CVXPY: stated anew for each
+batch solver, and tight (1e-12, refined). Bare: Clarabel's answer believed, without a bracket. CVXPY: stated anew for
+each
 labelling, as one would write it.
 """
 
@@ -24,9 +27,9 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stated import stated
 from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
-from jld_core.lanes import PROVEN, Lanes, described
-from jld_core.lanes.kernel import SPATIAL_TRIES, TRIES
-from jld_core.lanes.library import Try
+from jld_core.batch import PROVEN, BatchSolver, described
+from jld_core.batch.batch_solver import SPATIAL_TRIES, TRIES
+from jld_core.batch.library import Try
 from jld_core.limit import LimitAnalysis
 from jld_core.solvers import ClarabelSolver
 from jld_core.views.figures import save_figure
@@ -36,7 +39,7 @@ SCENES: Final = ("flagship", "planar 88 faces", "planar 278 faces", "spatial 3x3
 TARGETS: Final = (1e-4, 1e-6, 1e-8, 1e-10)
 MANY: Final = 512
 FEW: Final = 24
-"""Labellings of the kernel, and of the others, which are the first of these."""
+"""Labellings of the batch solver, and of the others, which are the first of these."""
 BY_CVXPY: Final = 6
 
 Bounds = tuple[Floats, Floats]
@@ -65,8 +68,8 @@ def timed(call: Callable[[], Bounds], count: int, turns: int = 3) -> tuple[float
 
 
 def by_kernel(analysis: LimitAnalysis, rows: Bits) -> list[Route]:
-    """The kernel at its targets, one pass each, and as it is used."""
-    opening = analysis.interior.opening()
+    """The batch solver at its targets, one pass each, and as it is used."""
+    opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
     first = (TRIES if analysis.assembly.dimension == 2 else SPATIAL_TRIES)[0]
     plain = {name: getattr(first, name) for name, _ in Try._fields_}
@@ -75,10 +78,10 @@ def by_kernel(analysis: LimitAnalysis, rows: Bits) -> list[Route]:
     ]
     found = []
     for name, tries in [*ways, ("kernel, as used", ())]:
-        lanes = Lanes(analysis.template, velocity, zero=analysis.floor, tries=tries)
+        batch = BatchSolver(analysis.template, velocity, zero=analysis.floor, tries=tries)
 
-        def run(lanes: Lanes = lanes) -> Bounds:
-            answers = lanes.solve(rows)
+        def run(batch: BatchSolver = batch) -> Bounds:
+            answers = batch.solve(rows)
             return answers.low, answers.high
 
         seconds, (low, high) = timed(run, len(rows))
@@ -202,7 +205,7 @@ def main() -> None:
         while len(drawn) < MANY:
             drawn = np.concatenate([drawn, make_driver("random", space, len(drawn)).ask(MANY - len(drawn))])
         # λ beside which an error is one of λ
-        sound = Lanes(LimitAnalysis(assembly).template).solve(drawn)
+        sound = BatchSolver(LimitAnalysis(assembly).template).solve(drawn)
         drawn = drawn[(sound.verdict == PROVEN) & (sound.low > 1e-3 * float(np.median(sound.low)))]
         found[name] = routes = measured(assembly, drawn)
         known = errors(routes)

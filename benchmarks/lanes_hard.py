@@ -1,8 +1,8 @@
-"""Labellings in lanes, hard ones: what the kernel answers scene by scene, and what is left to the ladder.
+"""Labellings in lanes, hard ones: what the batch solver answers scene by scene, and what is left to the ladder.
 
 Random segmentations of walls, arches and polygons; then scenes in which forces may grow for ever, nothing rubs or
 something crushes, and faces labelled by themselves, which are no segmentations; then spatial ones. Shares are of all
-labellings of a scene: what the kernel answers as a collapse with both bounds, as locked (a state and a ray), as
+labellings of a scene: what the batch solver answers as a collapse with both bounds, as locked (a state and a ray), as
 unstable; the rest is left to the ladder, which says of a few what they are. Times: processor time a labelling, what is
 left counted at the ladder's time, beside the usual way on some of the same labellings.
 """
@@ -22,7 +22,7 @@ from benchmarks.common import about, random_segmentations, scene, table, wall, w
 from benchmarks.scenes import box
 from jld_core import Assembly, Scene, build_assembly, parse_scene, samples
 from jld_core.arrays import Bits
-from jld_core.lanes import described
+from jld_core.batch import described
 from jld_core.limit import Batch, SolveOptions
 from jld_core.models import limit_analysis
 from jld_core.refinement import refine
@@ -200,7 +200,7 @@ def measure(name: str, hard: Hard) -> list[str]:
         return [name, faces, str(len(labellings)), *["–"] * 4, "100", "rows of another shape", *["–"] * 3]
     batch.prove(labellings[:8])
     start = time.process_time()
-    raw = batch.lanes.solve(labellings)
+    raw = batch.batch.solve(labellings)
     found = batch.prove(labellings)
     kernel = 0.5 * (time.process_time() - start) / len(labellings)
     left = np.flatnonzero(~found.settled)

@@ -1,8 +1,8 @@
-"""One labelling alone: the whole of `solve` by the kernel, its making included, beside the usual way.
+"""One labelling alone: the whole of `solve` by the batch solver, its making included, beside the usual way.
 
 Processor time of `solve`, from the assembly to the result, on the same labellings in turns in one process; medians.
-Cubes are pushed at a top corner, with inner strength 20 kPa; random segmentations. Left: what the kernel does not
-settle, or not narrowly, goes the usual way, and its time is in the kernel's column.
+Cubes are pushed at a top corner, with inner strength 20 kPa; random segmentations. Left: what the batch solver does not
+settle, or not narrowly, goes the usual way, and its time is in the batch solver's column.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.common import about, random_segmentations, table, write
 from benchmarks.lanes_hard import corner_of_studies, cubes, prisms
 from jld_core.assembly import Assembly
-from jld_core.lanes import described
+from jld_core.batch import described
 from jld_core.models import solve
 
 SCENES: Final[dict[str, Callable[[], Assembly]]] = {
@@ -28,7 +28,7 @@ SCENES: Final[dict[str, Callable[[], Assembly]]] = {
     "5 × 5 × 5 cubes": lambda: cubes(5, 2e4),
 }
 LABELLINGS: Final = 9
-NONE: Final = (1, 0)  # faces for which the kernel is asked
+NONE: Final = (1, 0)  # faces for which the batch solver is asked
 ALL: Final = (0, 10**6)
 
 

@@ -21,7 +21,7 @@ from benchmarks.common import RESULTS, random_segmentations, scene, table, wall,
 from jld_core import Assembly
 from jld_core.arrays import Floats
 from jld_core.views.figures import save_figure
-from jld_explore.drivers.exact.crew import MOMENT
+from jld_explore.drivers.exact.cube_workers import MOMENT
 from jld_explore.evaluation import EvaluatorSettings, WorkerSpec, batch_size
 from jld_explore.evaluation.workers import evaluate_batch
 

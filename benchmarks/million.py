@@ -22,7 +22,7 @@ from typing import Any, Final
 
 from benchmarks.common import about, table, write
 from benchmarks.search_scenes import LARGE, built
-from jld_core.lanes import described
+from jld_core.batch import described
 
 COUNT: Final = 1_000_000
 SCENE: Final = "planar 88 faces"

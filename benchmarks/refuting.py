@@ -23,10 +23,10 @@ from benchmarks.common import RESULTS, table, write
 from benchmarks.exact import arch, sections, summary_of, wall
 from benchmarks.refuting_ways import Implying, Reaching, Together, Translating
 from jld_core import Scene, build_assembly
-from jld_core.lanes import library
+from jld_core.batch import library
 from jld_core.limit import LimitAnalysis, Relaxation
 from jld_explore.drivers import Formula, possible_blocks
-from jld_explore.drivers.exact import hunting
+from jld_explore.drivers.exact import conflict_generation
 from jld_explore.space import SearchSpace, search_space
 
 CASES: Final[dict[str, tuple[Scene, float]]] = {
@@ -63,7 +63,7 @@ NOTE: Final = (
     "conflicts of the arch)."
 )
 LOST: Final[dict[str, Any]] = {
-    "as shipped": hunting.Hunt,
+    "as shipped": conflict_generation.ConflictGenerator,
     "translates of a conflict by a cell to either side, shrunk on": Translating,
     "labels that propagation derives from the others left out": Implying,
     "the same kept decided while single faces are tried": partial(Implying, kept=True),
@@ -100,14 +100,14 @@ WHY_LOST: Final = (
 @contextmanager
 def changed(settings: dict[str, Any]) -> Iterator[None]:
     """With other numbers in the module that finds conflicts."""
-    old = {name: getattr(hunting, name) for name in settings}
+    old = {name: getattr(conflict_generation, name) for name in settings}
     for name, value in settings.items():
-        setattr(hunting, name, value)
+        setattr(conflict_generation, name, value)
     try:
         yield
     finally:
         for name, value in old.items():
-            setattr(hunting, name, value)
+            setattr(conflict_generation, name, value)
 
 
 def space_of(scene: Scene) -> tuple[SearchSpace, Relaxation]:
@@ -117,7 +117,10 @@ def space_of(scene: Scene) -> tuple[SearchSpace, Relaxation]:
 
 
 def refuted(
-    scene: Scene, load: float, kind: Callable[..., hunting.Hunt] = hunting.Hunt, most: float = MOST
+    scene: Scene,
+    load: float,
+    kind: Callable[..., conflict_generation.ConflictGenerator] = conflict_generation.ConflictGenerator,
+    most: float = MOST,
 ) -> list[str]:
     """Conflicts, faces in one, relaxations, processor seconds and ms a relaxation until nothing is left above λ."""
     space, relaxation = space_of(scene)
@@ -200,7 +203,7 @@ def main(*wanted: str) -> None:
 
 @contextmanager
 def off() -> Iterator[None]:
-    """Without the kernel."""
+    """Without the batch solver."""
     old = os.environ.get(library.SWITCH)
     os.environ[library.SWITCH] = "off"
     try:

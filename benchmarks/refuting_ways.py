@@ -20,10 +20,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import lsqr
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.limit import Fallen, Relaxation
+from jld_core.limit import MinimizedConflict, Relaxation
 from jld_explore.drivers import Formula
-from jld_explore.drivers.exact.hunting import Catch, Hunt
-from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
+from jld_explore.drivers.exact.conflict_generation import ConflictBatch, ConflictGenerator
+from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
 
 _LEVELS: Final = 24
 """Sums that are told apart at a vertex, at the most."""
@@ -38,7 +38,7 @@ _SURE: Final = 1e-7
 """Excess, relative to all powers, below which nothing is refuted: a hundred times what sums round."""
 
 
-class Translating(Hunt):
+class Translating(ConflictGenerator):
     """Tries every conflict a cell to either side too."""
 
     def __init__(self, relaxation: Relaxation, free: Bools, seed: int) -> None:
@@ -53,7 +53,7 @@ class Translating(Hunt):
         ]
         self._moved = np.array(moved)
 
-    def _take(self, conflict: Conflict, caught: Catch) -> None:
+    def _take(self, conflict: Conflict, caught: ConflictBatch) -> None:
         before = len(caught.conflicts)
         super()._take(conflict, caught)
         if len(caught.conflicts) == before:
@@ -91,14 +91,14 @@ class _Part:
         return self._relaxation.refute_all(labellings, undecided | self._always, thresholds, np.zeros_like(thorough))
 
 
-class Implying(Hunt):
+class Implying(ConflictGenerator):
     """Leaves out of a conflict what follows from the rest. kept: while single faces are tried it stays decided."""
 
     def __init__(self, relaxation: Relaxation, free: Bools, seed: int, *, kept: bool = False) -> None:
         super().__init__(relaxation, free, seed)
         self._kept = kept
 
-    def _take(self, conflict: Conflict, caught: Catch) -> None:
+    def _take(self, conflict: Conflict, caught: ConflictBatch) -> None:
         assert self._formula is not None
         faces, labels = list(conflict.faces), dict(zip(conflict.faces.tolist(), conflict.labels.tolist(), strict=True))
         for face in list(faces):
@@ -125,14 +125,14 @@ class Implying(Hunt):
         assert formula is not None
         wanted = formula._literals(faces, [labels[f] for f in faces])
         # what was set aside was drawn, and is not refuted yet
-        possible, found = formula._solver.propagate(assumptions=formula._guards.assumed + wanted)
+        possible, found = formula._solver.propagate(assumptions=formula._assumption_literals.assumed + wanted)
         if not possible:
             return None
         face_of = formula._candidates
         return {int(face_of[abs(v) - 1]): v < 0 for v in [*found, *wanted] if abs(v) <= len(face_of)}
 
 
-class Reaching(Hunt):
+class Reaching(ConflictGenerator):
     """Rules out all cracks of a rigid motion at once, wherever one motion refutes what was drawn."""
 
     def __init__(self, relaxation: Relaxation, free: Bools, seed: int) -> None:
@@ -141,14 +141,14 @@ class Reaching(Hunt):
         self._motions: set[tuple[int, ...]] = set()
         self.motions, self.asked = 0, 0
 
-    def _sort(self, drawn: Bits, threshold: float, fallen: list[Fallen], caught: Catch) -> None:
+    def _sort(self, drawn: Bits, threshold: float, fallen: list[MinimizedConflict], caught: ConflictBatch) -> None:
         super()._sort(drawn, threshold, fallen, caught)
         assert self._formula is not None
         told = [one for one in fallen if one.bound is not None and one.drawn]
         if not told:
             return
         assert isinstance(self._relaxation, Relaxation)
-        lanes = self._relaxation._lanes
+        lanes = self._relaxation._batch
         assert lanes is not None
         rows = np.array([drawn[one.labelling] for one in told])
         undecided = np.array([self._free & ~one.decided for one in told])

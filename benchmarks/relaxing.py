@@ -1,11 +1,12 @@
-"""The exact driver's relaxations in the kernel's lanes, and one at a time: times, and verdicts on the same ones.
+"""The exact driver's relaxations in the batch solver's lanes, and one at a time: times, and verdicts on the same ones.
 
 In lanes, as the driver asks: labellings that are too weak at a threshold are shrunk to conflicts with their neighbours,
 one relaxation after the other, in one call; the time of those calls, with all that it takes to trust what they say
 (each motion is weighed again by the core's own support functions), over the relaxations in them. One at a time: some of
-the same labellings are shrunk by the same rules without the kernel, by Clarabel, as where there is none; the same
+the same labellings are shrunk by the same rules without the batch solver, by Clarabel, as where there is none; the same
 partial labellings by HiGHS where rows are linear, and once more in lanes, 32 at a time: verdicts are whether the
-threshold is refuted. Those that are not end where the kernel's own state is admissible and carries more: iterations
+threshold is refuted. Those that are not end where the batch solver's own state is admissible and carries more:
+iterations
 with a threshold, and to the end. Processor time, all in one run.
 """
 
@@ -23,12 +24,12 @@ from benchmarks.exact import wall
 from benchmarks.search_scenes import ENUMERATED
 from jld_core import Scene, build_assembly
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.lanes import ToShrink, described
-from jld_core.limit import Fallen, LimitAnalysis, Relaxation
+from jld_core.batch import ConflictRequest, described
+from jld_core.limit import LimitAnalysis, MinimizedConflict, Relaxation
 from jld_core.solvers import make_solver
 from jld_explore.drivers import Formula, possible_blocks
-from jld_explore.drivers.exact.hunting import Hunt
-from jld_explore.drivers.exact.shrinking import conflict_of
+from jld_explore.drivers.exact.conflict_generation import ConflictGenerator
+from jld_explore.drivers.exact.conflict_minimization import conflict_of
 from jld_explore.space import search_space
 
 CASES: Final[dict[str, tuple[Scene, float]]] = {
@@ -62,20 +63,20 @@ def shrunk(scene: Scene, threshold: float) -> tuple[Relaxation, Bools, list[Bits
     space, relaxation = search_space(scene, assembly), Relaxation(LimitAnalysis(assembly))
     drawn: list[Bits] = []
     spent = 0.0
-    shrink = relaxation.shrink
+    minimize_conflicts = relaxation.minimize_conflicts
 
-    def timed(asked: ToShrink) -> list[Fallen]:
+    def timed(asked: ConflictRequest) -> list[MinimizedConflict]:
         nonlocal spent
         drawn.extend(asked.labellings)
         start = time.process_time()
-        found = shrink(asked)
+        found = minimize_conflicts(asked)
         spent += time.process_time() - start
         return found
 
     formula = Formula(space, possible_blocks(space))
-    hunt = Hunt(relaxation, space.candidates, 0)
+    hunt = ConflictGenerator(relaxation, space.candidates, 0)
     hunt.begin(formula)
-    with patch.object(relaxation, "shrink", timed):
+    with patch.object(relaxation, "minimize_conflicts", timed):
         while relaxation.solves < COUNT and not hunt.step(threshold / relaxation.template.scaling.load).exhausted:
             pass
     return relaxation, space.candidates, drawn, relaxation.solves, spent / relaxation.solves
@@ -117,7 +118,7 @@ def again(relaxation: Relaxation, asked: Asked, threshold: float, count: int, to
 
 def iterations(relaxation: Relaxation, asked: Asked, threshold: float) -> tuple[float, float]:
     """Of those that are not refuted, on the mean: with a threshold to end at, and without."""
-    kernel = relaxation._lanes
+    kernel = relaxation._batch
     assert kernel is not None
     left = [k for k, refuted in enumerate(asked.refuted) if not refuted]
     labels, undecided = np.array([asked.labels[k] for k in left]), np.array([asked.undecided[k] for k in left])

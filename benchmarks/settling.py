@@ -1,7 +1,10 @@
-"""What certificates are worth beside the kernel: how many labellings past solves settle, and what each then takes.
+"""What certificates are worth beside the batch solver: how many labellings past solves settle, and what each then
+takes.
 
-The same driver, seed and number of classes three times, one job: every labelling by the kernel, no certificates; with
-certificates by the vertices of `ForceMethod`, as `--certificates` has them; and with certificates by what the kernel
+The same driver, seed and number of classes three times, one job: every labelling by the batch solver, no certificates;
+with
+certificates by the vertices of `ForceMethod`, as `--certificates` has them; and with certificates by what the batch
+solver
 leaves behind, its interior forces and mechanisms, proven by the core's own prover. Settled: the share that certificates
 settle without a solve. Processor time of the whole study, set-up apart.
 """
@@ -20,7 +23,7 @@ from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.spared import wall
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.lanes import PROVEN, described
+from jld_core.batch import PROVEN, described
 from jld_core.limit import Batch, LimitAnalysis, Status
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
@@ -31,7 +34,8 @@ from jld_explore.study import ExploreSettings, Study
 
 DRIVERS: Final = ("enumeration", "random", "genetic")
 DECISION: Final = """**What follows.** Interior proofs are made sooner than vertices and settle less: they do not
-replace the vertex method, which stays behind `--certificates` for machines without the kernel. Where the kernel is, it
+replace the vertex method, which stays behind `--certificates` for machines without the batch solver. Where the batch
+solver is, it
 answers a layout sooner than either kind of certificate is asked, so no driver asks them by itself."""
 
 
@@ -45,17 +49,17 @@ def scenes() -> dict[str, tuple[Scene, int]]:
 
 
 class Interior:
-    """Evaluates with proofs of what the kernel leaves behind."""
+    """Evaluates with proofs of what the batch solver leaves behind."""
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
         self._analysis = LimitAnalysis(assembly, gap=settings.model.gap)
         batch = Batch.of(self._analysis)
         assert batch is not None, "no kernel"
-        self._lanes, self._other = batch.lanes, Evaluator(assembly, settings)
+        self._batch, self._other = batch.batch, Evaluator(assembly, settings)
 
     def evaluate_all(self, labellings: Bits, *_: Any) -> list[Evaluation]:
         """Evaluate labellings (k, m)."""
-        found = self._lanes.solve(labellings, vectors=True)
+        found = self._batch.solve(labellings, vectors=True)
         assert found.forces is not None
         assert found.velocity is not None
         scale = self._analysis.template.scaling.load

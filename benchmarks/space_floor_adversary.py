@@ -22,10 +22,10 @@ from studies.families import halved_bond
 
 from benchmarks.zero_dilation_space import wall
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, parse_scene, solve
-from jld_core.models import Scheme
-from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models import ProximalOptions
+from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.range import load_range
-from jld_core.models.zero_dilation.starts import of_little_pressure
+from jld_core.models.zero_dilation.starts import low_compression_states
 from jld_core.samples import box
 
 TARGET: Final = Path(__file__).resolve().parent / "results" / "space_floor_adversary.md"
@@ -89,12 +89,12 @@ def drawn(family: str, rng: np.random.Generator) -> Scene:
     )
 
 
-def others(side: FromEverySide, rng: np.random.Generator) -> list[float]:
+def others(side: MultiStartSearch, rng: np.random.Generator) -> list[float]:
     """λ ≥ 0, scaled, of certified solutions that other seeds and random forces lead to."""
     most = min(side.found.low, side.associative.bracket[1])
     size = float(abs(side.found.lowest.state.forces).max()) if side.found.lowest is not None else 1.0
     for _ in range(_SEEDS):
-        pair = of_little_pressure(side.pairs, float(rng.random()) * most, rng)
+        pair = low_compression_states(side.pairs, float(rng.random()) * most, rng)
         if pair is not None:
             side.found.offer(pair)
         side.search_from(size * rng.normal(size=side.pairs.count), thorough=False)
@@ -114,10 +114,10 @@ def of_family(family: str, count: int, seconds: float) -> str:
         if len(labels) > _MOST or proof.status is not Status.COLLAPSE or not proof.load_factor > 0.0:
             continue
         done += 1
-        extra = load_range(analysis, labels, Scheme(), proof, seconds).extra
+        extra = load_range(analysis, labels, ProximalOptions(), proof, seconds).extra
         if extra["lowest_proven"] is None:
             continue
-        side = FromEverySide(analysis, labels, Scheme(), proof)
+        side = MultiStartSearch(analysis, labels, ProximalOptions(), proof)
         side.search()
         unit = analysis.template.scaling.load
         loads = [load * unit for load in others(side, rng)] + [extra["lowest_found"]]

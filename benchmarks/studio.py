@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.common import about, table, write
 from benchmarks.scenes import bonded, cubes, grid
 from jld_core import Scene
-from jld_explore.studio.desk import Desk
+from jld_explore.studio.session import StudioSession
 
 TRIES: Final = 20
 GOAL: Final = 50.0  # ms, for scenes of up to 100 faces
@@ -52,7 +52,7 @@ def scenes() -> dict[str, Scene]:
 
 def measured(name: str, scene: Scene) -> Times:
     """Times of one scene."""
-    desk, rng = Desk(scene), np.random.default_rng(1)
+    desk, rng = StudioSession(scene), np.random.default_rng(1)
     own = desk.setup({}).assembly.labels
     asked = []
     for _ in range(TRIES):
@@ -68,7 +68,7 @@ def measured(name: str, scene: Scene) -> Times:
     return Times(name, len(own), _range(core), _range(material), _in_browser(scene))
 
 
-def _spent(desk: Desk, letters: str, changes: dict[str, Any]) -> float:
+def _spent(desk: StudioSession, letters: str, changes: dict[str, Any]) -> float:
     start = time.process_time()
     json.dumps(desk.solve(letters, changes))
     return 1e3 * (time.process_time() - start)

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.common import about, random_segmentations, scene, table, wall, write
 from jld_core import Assembly, LimitAnalysis
 from jld_core.arrays import Bits, Floats
-from jld_core.limit import Proof, load_floor, relative_width
+from jld_core.limit import Proof, load_scale, relative_width
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus
 
@@ -83,7 +83,7 @@ def case(assembly: Assembly, labellings: Bits) -> Case:
     template, kept, values = Template(assembly), [], []
     for labels in labellings:
         raw = HighsSolver().solve(template.program(labels))
-        if raw.status is RawStatus.OPTIMAL and raw.point[-1] * template.scaling.load > load_floor(template.assembly):
+        if raw.status is RawStatus.OPTIMAL and raw.point[-1] * template.scaling.load > load_scale(template.assembly):
             kept.append(labels)
             values.append(float(raw.point[-1]) * template.scaling.load)
     return Case(template, Template(moved(assembly)), np.array(kept), np.array(values))
@@ -96,7 +96,7 @@ def prove(analysis: LimitAnalysis, labels: Bits) -> tuple[float, float, Proof, f
     spent = time.process_time() - start
     scale, floor = (
         analysis.template.scaling.load,
-        load_floor(analysis.template.assembly) / analysis.template.scaling.load,
+        load_scale(analysis.template.assembly) / analysis.template.scaling.load,
     )
     middle = 0.5 * (proof.low + proof.high) if math.isfinite(proof.high - proof.low) else proof.guess
     return middle * scale, relative_width(proof.low, proof.high, floor), proof, spent
@@ -115,7 +115,7 @@ def measure(cases: list[Case], tolerance: float, margin: float) -> tuple[list[st
             analysis = LimitAnalysis(template.assembly, template=template, margin=margin)
             analysis.route = ClarabelSolver(tolerance)
             analysis.prove(given.labellings[0])  # what is made once per assembly is not what is measured
-            analysis.interior.opening()
+            analysis.repair.opening()
             pair.append([prove(analysis, labels) for labels in given.labellings])
         for here, there, exact in zip(*pair, given.load_factors, strict=True):
             errors.append(abs(here[0] - exact) / exact)

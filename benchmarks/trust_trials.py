@@ -34,7 +34,7 @@ import numpy as np
 from benchmarks.common import RESULTS, table, write
 from benchmarks.trust_scenes import MOST, drawn
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.limit import Status, load_floor
+from jld_core.limit import Status, load_scale
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Exact, certify, check_certifiable, make_driver
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
@@ -95,8 +95,12 @@ def trial(seed: int) -> Trial:
     required = _required(rng, document, known) if rng.random() < 0.1 else None
     try:
         # processes would take a second each to start
-        threads = patch("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1))
-        with tempfile.TemporaryDirectory() as folder, threads, patch("jld_explore.drivers.exact.crew.MOMENT", 0.0):
+        threads = patch("jld_explore.evaluation.worker_pool._process", lambda: ThreadPoolExecutor(1))
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            threads,
+            patch("jld_explore.drivers.exact.cube_workers.MOMENT", 0.0),
+        ):
             if required is not None:
                 kinds.append("required")
                 problem = _compare_required(required, known, jobs, Path(folder))
@@ -139,12 +143,13 @@ def _compare(
     sure = all(found.status not in (Status.UNCERTIFIED, Status.FAILED) for _, found in known)
     values = [(labels, found) for labels, found in known if found.status is Status.COLLAPSE]
     best = max((found.load_factor for _, found in values), default=None)
-    # what past solves settle is bracketed by another route than the kernel's, and may be left open where that is not
+    # what past solves settle is bracketed by another route than the batch solver's, and may be left open where that is
+    # not
     left = facts["counts_by_status"]
     sure = sure and not any(left.get(str(status)) for status in (Status.UNCERTIFIED, Status.FAILED))
     if not sure:
         kinds.append("uncertified labellings")
-    room = _CLOSE * max(abs(best or 0.0), min(load_floor(case) for case in space.assembly.by_case))
+    room = _CLOSE * max(abs(best or 0.0), min(load_scale(case) for case in space.assembly.by_case))
     if best is None:
         return "" if facts["best"] is None or not sure else f"nothing stands, found {facts['best']}"
     if facts["best"] is None or abs(facts["best"] - best) > room:

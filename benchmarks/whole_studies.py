@@ -1,9 +1,10 @@
-"""Whole studies: from the first labelling asked to the last one on disk, with the kernel and without.
+"""Whole studies: from the first labelling asked to the last one on disk, with the batch solver and without.
 
-The same scene, driver, seed and budget once with the kernel and one job, once without it (`JLD_KERNEL=off`, one
-job), so nothing but what the kernel does differs: λ of nearly all labellings, and the joining of cells to blocks.
+The same scene, driver, seed and budget once with the batch solver and one job, once without it (`JLD_KERNEL=off`, one
+job), so nothing but what the batch solver does differs: λ of nearly all labellings, and the joining of cells to blocks.
 Times of one job are processor times, which are those of the clock on a core with nothing else to do; by the clock
-of this run stands beside them. In the kernel: the share of solving. Two jobs are threads of one process: the thread
+of this run stands beside them. In the batch solver: the share of solving. Two jobs are threads of one process: the
+thread
 that asks and records, and those that solve. On two cores with nothing else to do a study takes half of their
 processor time together, or that of the first thread where it is more; the column says what that makes of one job's
 time, and the clock's own ratio stands beside it.
@@ -24,8 +25,8 @@ from matplotlib.figure import Figure
 from benchmarks.common import RESULTS, about, table, write
 from benchmarks.search_scenes import ENUMERATED, LARGE, built
 from benchmarks.stopwatch import Stopwatch
-from jld_core.lanes import Lanes, described
-from jld_core.lanes.library import SWITCH
+from jld_core.batch import BatchSolver, described
+from jld_core.batch.library import SWITCH
 from jld_core.threads import one_thread
 from jld_core.views.figures import save_figure
 from jld_explore.drivers import make_driver
@@ -46,7 +47,8 @@ STUDIES: Final = (
 
 @dataclass(frozen=True)
 class Spent:
-    """Seconds of a study by the clock, of the processor, of its first thread; the share in which the kernel solves."""
+    """Seconds of a study by the clock, of the processor, of its first thread; the share in which the batch solver
+    solves."""
 
     clock: float
     processor: float
@@ -68,7 +70,7 @@ def spent(name: str, driver: str, budget: int, jobs: int, kernel: bool = True) -
         study = Study(scene, assembly, space, make, Path(folder) / "out", ExploreSettings(budget=budget, jobs=jobs))
         clock, processor, first = time.perf_counter(), time.process_time(), time.thread_time()
         if jobs == 1:
-            with watch.watching([(Lanes, "solve", "kernel")]), watch.part("rest"):
+            with watch.watching([(BatchSolver, "solve", "kernel")]), watch.part("rest"):
                 study.run()
         else:
             study.run()
@@ -94,7 +96,7 @@ def measure(name: str, driver: str, budget: int, longer: int) -> dict[str, float
 
 
 def draw(found: dict[str, dict[str, float]]) -> Figure:
-    """Labellings a second of each study: without the kernel, with it, with two jobs."""
+    """Labellings a second of each study: without the batch solver, with it, with two jobs."""
     figure = Figure(figsize=(10.0, 4.2), dpi=110, layout="constrained")
     ax = figure.subplots()
     kinds = (("off", "one at a time", "#bdbdbd", ""), ("one", "kernel, one job", "#92c5de", "//"))

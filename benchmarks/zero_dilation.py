@@ -18,7 +18,7 @@ from studies.families import random_wall
 
 from benchmarks.gilbert import Smoothing, smoothed
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene
-from jld_core.models import Scheme
+from jld_core.models import ProximalOptions
 
 ROOT = Path(__file__).resolve().parent
 WALLS = tuple(f"ferris_tinloi_{number}" for number in (1, 2, 3, 4, 5))
@@ -42,7 +42,7 @@ class Row:
     seconds: float
 
 
-def run(assembly: Assembly, scheme: Scheme | Smoothing) -> Row:
+def run(assembly: Assembly, scheme: ProximalOptions | Smoothing) -> Row:
     """Solve one wall; the associative solution is not counted in the time."""
     analysis = LimitAnalysis(assembly)
     associative = analysis.prove(assembly.labels)
@@ -65,13 +65,13 @@ def run(assembly: Assembly, scheme: Scheme | Smoothing) -> Row:
     )
 
 
-def schemes() -> Iterator[tuple[str, float, Scheme | Smoothing]]:
+def schemes() -> Iterator[tuple[str, float, ProximalOptions | Smoothing]]:
     """Variant, its damping and the scheme, for every start."""
     for start in STARTS:
         for beta in SMOOTHING:
             yield "plain", beta, Smoothing(start=start, beta=beta)
         for damping in DAMPING:
-            yield "robust", damping, Scheme(start=start, damping=damping)
+            yield "robust", damping, ProximalOptions(start=start, damping=damping)
 
 
 def table_of_walls() -> list[str]:
@@ -98,7 +98,7 @@ def random_walls(count: int, first: int = 0) -> dict[str, list[Row]]:
     for seed in range(first, first + count):
         assembly = build_assembly(random_wall(seed))
         rows["plain"].append(run(assembly, Smoothing()))
-        rows["robust"].append(run(assembly, Scheme()))
+        rows["robust"].append(run(assembly, ProximalOptions()))
     return rows
 
 

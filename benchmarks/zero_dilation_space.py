@@ -24,8 +24,8 @@ from studies.scenes import corner
 from jld_core import LimitAnalysis, Scene, Status, build_assembly, load_scene, parse_scene, solve
 from jld_core.arrays import Bits
 from jld_core.limit import Proof
-from jld_core.models import Scheme
-from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models import ProximalOptions
+from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.starts import starts
 from jld_core.samples import box
@@ -133,14 +133,14 @@ def rows_of_labellings(count: int, seconds: float) -> Iterator[str]:
     floor's own states find below those."""
     gains: dict[str, list[tuple[float, float, float, float]]] = {}
     for family, analysis, labels, proof in labelled(count):
-        side = FromEverySide(analysis, labels, Scheme(), proof)
+        side = MultiStartSearch(analysis, labels, ProximalOptions(), proof)
         start = time.process_time()
         for forces in starts(side.pairs, proof):
             side.search_from(forces)
         started, low = time.process_time() - start, side.found.low
         side.press_little()
         more, lower = time.process_time() - start - started, side.found.low
-        extra = load_range(analysis, labels, Scheme(), proof, seconds).extra if family != "shelf" else {}
+        extra = load_range(analysis, labels, ProximalOptions(), proof, seconds).extra if family != "shelf" else {}
         least = (extra.get("lowest_found") or math.inf) / analysis.template.scaling.load
         gains.setdefault(family, []).append((_share(lower, low), _share(least, lower), started, more))
     for family, table in gains.items():

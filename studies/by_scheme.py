@@ -11,14 +11,14 @@ import numpy as np
 from jld_core import Assembly, LimitAnalysis, LimitAnalysisResult, tolerances
 from jld_core.arrays import Bits
 from jld_core.limit import Proof, result_of
-from jld_core.models import Scheme
+from jld_core.models import ProximalOptions
 from jld_core.models.zero_dilation.solve import prove_zero_dilation
 
 
 def zero_dilation(
     analysis: LimitAnalysis,
     labels: Bits | None = None,
-    scheme: Scheme | None = None,
+    scheme: ProximalOptions | None = None,
     *,
     associative: Proof | None = None,
     stands: bool = True,
@@ -26,7 +26,7 @@ def zero_dilation(
     """The result of `prove_zero_dilation`; labels: (m,) True dry, default the assembly's own."""
     start = time.perf_counter()
     labels = analysis.assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    scheme = scheme or Scheme()
+    scheme = scheme or ProximalOptions()
     proof = prove_zero_dilation(analysis, labels, scheme, associative=associative, stands=stands)
     options = replace(analysis.options, friction="zero-dilation", effective_area=scheme.effective_area)
     elapsed = time.perf_counter() - start
@@ -36,6 +36,7 @@ def zero_dilation(
 def solve_zero_dilation(
     assembly: Assembly, labels: Bits | None = None, *, gap: float = tolerances.GAP, **options: Any
 ) -> LimitAnalysisResult:
-    """Zero-dilation limit analysis of one labelling in one call; options: fields of `Scheme`. See `zero_dilation`."""
+    """Zero-dilation limit analysis of one labelling in one call; options: fields of `ProximalOptions`. See
+    `zero_dilation`."""
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
-    return zero_dilation(LimitAnalysis(assembly, gap=gap, reference=own), own, Scheme(**options))
+    return zero_dilation(LimitAnalysis(assembly, gap=gap, reference=own), own, ProximalOptions(**options))

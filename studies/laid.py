@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from jld_core import Assembly, Scene, build_assembly, parse_scene, solve
-from jld_core.laying import laying_order
+from jld_core.assembly_sequence import assembly_order
 from jld_core.views.figures import draw_mechanism
 from jld_core.views.strip import figure_of_laying
 from jld_explore import ExploreSettings
@@ -53,7 +53,7 @@ def scene(assemble: str | None = None) -> Scene:
 
 def props(assembly: Assembly, labelling: str) -> float:
     """Most that props must carry at any stage of the order found, N."""
-    laying = laying_order(assembly, from_string(labelling))
+    laying = assembly_order(assembly, from_string(labelling))
     return max(float(step.stage.props.sum()) for step in laying.steps)
 
 
@@ -96,7 +96,7 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
             "_stages": "The layout that needs most props, stage by stage: arrows are props.",
         },
     )
-    laying = laying_order(assembly, from_string(str(worst.labelling)))
+    laying = assembly_order(assembly, from_string(str(worst.labelling)))
     best = {"strongest": str(table["labelling"][0]), "most props": str(worst.labelling)}
     stages = figure_of_laying(laying, "the layout that needs most props, laid")
     write(out, report, table, {"": _picture(table, assembly, best), "_stages": stages}, table.head(12))

@@ -14,8 +14,8 @@ import numpy as np
 
 from jld_core import LimitAnalysis
 from jld_core.arrays import Bits, Floats
-from jld_core.models.zero_dilation.found import FromEverySide
-from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.search import ProximalOptions
 
 _LEGS: Final = 60  # mechanisms tried at the most
 _IDLE: Final = 20  # in a row that carry no more
@@ -35,7 +35,7 @@ def path_of_solutions(analysis: LimitAnalysis, labels: Bits, seed: int = 0) -> S
 
     analysis: planar, without crushing. labels: (m,) True dry.
     """
-    side = FromEverySide(analysis, labels, Scheme(), analysis.prove(labels))
+    side = MultiStartSearch(analysis, labels, ProximalOptions(), analysis.prove(labels))
     lowest = side.search().lowest
     if lowest is None or side.pivots is None:
         return None

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from jld_core import LimitAnalysis, LimitAnalysisResult, build_assembly, load_scene
-from jld_core.models import Scheme
+from jld_core.models import ProximalOptions
 from jld_core.views.figures import draw_mechanism
 from studies.by_scheme import zero_dilation
 from studies.report import (
@@ -55,7 +55,7 @@ def solve_wall(wall: int, quick: bool) -> tuple[LimitAnalysisResult, list[LimitA
     rows: list[dict[str, Any]] = []
     results = []
     for start, damping, anchor, block in itertools.product(STARTS, dampings, anchors, blocks):
-        scheme = Scheme(start=start, damping=damping, anchor=anchor, block=block)
+        scheme = ProximalOptions(start=start, damping=damping, anchor=anchor, block=block)
         found = zero_dilation(analysis, None, scheme, associative=proof, stands=False)
         results.append(found)
         rows.append(

@@ -1,4 +1,4 @@
-"""What the compiled kernel says of labellings, held against the core's own prover and its own way to λ."""
+"""What the compiled batch solver says of labellings, held against the core's own prover and its own way to λ."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import pytest
 
 from jld_core import LimitAnalysis, Status, tolerances
 from jld_core.arrays import Bits, Floats
-from jld_core.lanes import FALLS, LOCKED, OPEN, PROVEN, LaneAnswers, Lanes
+from jld_core.batch import FALLS, LOCKED, OPEN, PROVEN, BatchResults, BatchSolver
 
 LAST_DIGITS = 1e-11
 """What may separate two sums of the same dissipation, relative."""
 
 
-def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object) -> Lanes:
-    """The kernel for an analysis, as the analysis itself makes it; variant: see `Lanes`."""
-    opening = analysis.interior.opening()
+def lanes_of(analysis: LimitAnalysis, variant: str | None = None, **keys: object) -> BatchSolver:
+    """The batch solver for an analysis, as the analysis itself makes it; variant: see `BatchSolver`."""
+    opening = analysis.repair.opening()
     velocity = None if opening is None else opening.velocity
-    return Lanes(analysis.template, velocity, zero=analysis.floor, variant=variant, **keys)  # type: ignore[arg-type]
+    return BatchSolver(analysis.template, velocity, zero=analysis.floor, variant=variant, **keys)  # type: ignore[arg-type]
 
 
 def assert_proven(
-    analysis: LimitAnalysis, asked: Bits, found: LaneAnswers, digits: float = LAST_DIGITS, snap: float = 0.0
+    analysis: LimitAnalysis, asked: Bits, found: BatchResults, digits: float = LAST_DIGITS, snap: float = 0.0
 ) -> None:
     """Every bound of labellings (k, m) by the core's own prover, every verdict by `LimitAnalysis.prove`.
 
@@ -40,7 +40,7 @@ def assert_proven(
         if np.isfinite(found.high[k]):
             motion = analysis.prover.motion(found.velocity[k], labels)
             # where joints cannot all open, jumps that must be zero are so but for rounding
-            confined = analysis.interior.opening() is None
+            confined = analysis.repair.opening() is None
             assert motion.margin >= -max(snap, 1e-12 * confined) * abs(motion.velocity).max()
             # what falls may move the live load by next to nothing, which the bound is divided by
             near = max(digits, 1e-9 * confined, 1e-8 * (found.verdict[k] == FALLS))

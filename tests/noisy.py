@@ -6,7 +6,7 @@ import numpy as np
 
 from jld_core import LimitAnalysis
 from jld_core.arrays import Bits
-from jld_core.limit import Climb, Proof
+from jld_core.limit import Proof, ProofAttempt
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, RawSolution, Solver
 
@@ -28,7 +28,7 @@ class Noisy(Solver):
 
 def noisy(analysis: LimitAnalysis, labels: Bits, level: float, seed: int) -> Proof:
     """What is proven of a labelling by a spoilt answer and its repair."""
-    climb = Climb(analysis, labels)
+    climb = ProofAttempt(analysis, labels)
     climb.attempt(Noisy(level, seed), analysis.margin)
     climb.repair()
     return climb.proof

@@ -10,7 +10,7 @@ import shapely
 from benchmarks.claims.geometry import Move, document, planar_grid, polygon_entry, random_move
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import InputError, build_assembly, parse_scene
-from jld_core.laying import laying_order
+from jld_core.assembly_sequence import assembly_order
 
 CLAIM: Final = "No step of an assembly order cuts a neighbour"
 CUT: Final = 1e-9
@@ -37,7 +37,7 @@ def case(seed: int, tally: Tally) -> str:
         built = build_assembly(parse_scene(document(elements, move)))
     except InputError as error:
         return f"refused: {error}"
-    order = laying_order(built, np.ones(len(built.interfaces), dtype=bool))
+    order = assembly_order(built, np.ones(len(built.interfaces), dtype=bool))
     of, shapes = order.blocks.of, [shapely.Polygon(shape) for shape in built.elements.shape]
     resting = set(of[built.elements.support].tolist())
     for number, step in enumerate(order.steps):

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.claims.tally import Tally, run_cases
 from benchmarks.trust_scenes import _loads as random_loads
 from jld_core import InputError, Scene, build_assembly, parse_scene
-from jld_core.limit import Status, load_floor
+from jld_core.limit import Status, load_scale
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Enumeration, Exact
 from jld_explore.evaluation import Evaluation, EvaluatorSettings, evaluator_of
@@ -195,16 +195,16 @@ def _prove(space: SearchSpace, evaluator: Any, aim: str, jobs: int, options: dic
     """Let the exact driver prove, with threads in the place of processes."""
     driver: Any
     if aim == "require":
-        from jld_explore.drivers.exact.lightest import Lightest
+        from jld_explore.drivers.exact.minimum_count import MinimumCount
 
-        driver = Lightest(space, 0, **options)
+        driver = MinimumCount(space, 0, **options)
     else:
         driver = Exact(space, 0, **options)
     rows: list[Any] = []
     evaluations: list[Evaluation] = []
     start = time.perf_counter()
     with _threads_for_processes():
-        driver.employ(jobs)
+        driver.set_workers(jobs)
         driver.start(_deadline(), lambda: None)
         try:
             while len(asked := driver.ask(None)):
@@ -262,8 +262,8 @@ def _stop_and_resume(
 def _threads_for_processes() -> Iterator[None]:
     """Put threads in the place of worker processes, which take a second each to start, and lend cubes but briefly."""
     with (
-        patch("jld_explore.evaluation.seats._process", lambda: ThreadPoolExecutor(1)),
-        patch("jld_explore.drivers.exact.crew.MOMENT", 0.0),
+        patch("jld_explore.evaluation.worker_pool._process", lambda: ThreadPoolExecutor(1)),
+        patch("jld_explore.drivers.exact.cube_workers.MOMENT", 0.0),
     ):
         yield
 
@@ -279,7 +279,7 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
         return f"λ = {truth.best}, called proven {found.best}"
     if found.best is None or truth.best is None:
         return ""
-    room = CLOSE * max(abs(truth.best), load_floor(space.assembly))
+    room = CLOSE * max(abs(truth.best), load_scale(space.assembly))
     if abs(found.best - truth.best) > room:
         return f"λ = {truth.best:.9g}, called proven {found.best:.9g}"
     if found.bound is not None and found.bound < truth.best - room:
@@ -295,7 +295,7 @@ def _difference(found: Proof, truth: Proof | None, space: SearchSpace) -> str:
 @contextmanager
 def _delays(seed: int) -> Iterator[None]:
     """Random delays where the work of threads meets, of the versions that have a place for them."""
-    import jld_explore.drivers.exact.pack as pack
+    import jld_explore.drivers.exact.threaded_generation as pack
 
     rng = np.random.default_rng([seed, 7])
     delays = rng.exponential(0.002, 997) * (rng.random(997) < 0.3)

@@ -1,6 +1,7 @@
 """Solve and shrink in four threads that share one compiled problem, for the thread sanitizer of the compiler.
 
-`make sanitize` runs this with a kernel that reports data races; without that kernel it tests that four threads get the
+`make sanitize` runs this with a batch solver that reports data races; without that batch solver it tests that four
+threads get the
 answers of one.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from benchmarks.common import random_segmentations, wall
 from jld_core.arrays import Floats
-from jld_core.lanes import ToShrink
+from jld_core.batch import ConflictRequest
 from jld_core.limit import LimitAnalysis, relaxation_of
 
 
@@ -30,7 +31,7 @@ def main() -> None:
         mine = labellings[part * 40 : part * 40 + 40]
         thresholds = np.full(len(mine), 0.5)
         found = relaxation.refute_all(mine, np.zeros_like(mine), thresholds)
-        shrunk = relaxation.shrink(ToShrink(mine, free, thresholds))
+        shrunk = relaxation.minimize_conflicts(ConflictRequest(mine, free, thresholds))
         return np.array([np.nan if one is None else one.bound for one in found]), [one.bound for one in shrunk]
 
     alone = [work(part) for part in range(4)]

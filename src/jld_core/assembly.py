@@ -15,7 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.linalg import components
-from jld_core.shown import Shown
+from jld_core.notebook_repr import NotebookRepr
 
 DRY: Final = True
 INNER: Final = False
@@ -157,7 +157,7 @@ class LoadCase:
 
 
 @dataclass(frozen=True)
-class Assembly(Shown):
+class Assembly(NotebookRepr):
     """One structure, its loads and its materials, before any labelling is chosen.
 
     dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene

@@ -14,8 +14,9 @@ GAP: Final = 1e-6
 
 
 ALONE: Final = 1e-7
-"""Width of a bracket beside λ up to which the kernel's answer to one labelling alone stands: solvers leave 1e-8 in
-space, the kernel 3e-8 (benchmarks/results/lanes_single.md)."""
+"""Width of a bracket beside λ up to which the batch solver's answer to one labelling alone stands: solvers leave 1e-8
+in
+space, the batch solver 3e-8 (benchmarks/results/lanes_single.md)."""
 
 
 @dataclass(frozen=True)

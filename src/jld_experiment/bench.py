@@ -1,4 +1,4 @@
-"""What the kernel works on: arrays that stay as they are, and arrays that every step changes."""
+"""What the time stepping works on: arrays that stay as they are, and arrays that every step changes."""
 
 from __future__ import annotations
 

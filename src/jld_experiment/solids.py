@@ -1,4 +1,4 @@
-"""Points, polygons and solids in space, as the kernel needs them."""
+"""Points, polygons and solids in space, as the time stepping needs them."""
 
 from __future__ import annotations
 

@@ -12,12 +12,12 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.errors import InputError
 from jld_experiment.bench import Bench, Drive, Motion
-from jld_experiment.kernel import march, march_in_plane, march_in_space
 from jld_experiment.moving import Plane, plane_of
 from jld_experiment.moving_spatial import Space, space_of
 from jld_experiment.settings import REST, Joints, Settings
 from jld_experiment.subcontacts import SubContacts, sub_contacts
 from jld_experiment.system import System, system_of
+from jld_experiment.time_stepping import march, march_in_plane, march_in_space
 
 SETTLE = 20.0  # slowest periods in which the dead loads are put on
 PATIENCE = 600.0  # slowest periods after which something that still moves is said to creep
@@ -49,7 +49,7 @@ class State:
 
 @dataclass(frozen=True)
 class Specimen:
-    """One labelling of an assembly, ready to be loaded. bench: what the kernel works on. largest: force that
+    """One labelling of an assembly, ready to be loaded. bench: what the time stepping works on. largest: force that
     out-of-balance forces are compared with. geometry: of what moves, None where it stays at rest."""
 
     assembly: Assembly

@@ -16,7 +16,8 @@ from jld_experiment.subcontacts import SubContacts
 class System:
     """An assembly of rigid elements on springs, with masses that make one the share `step` of the critical step.
 
-    ends: (m, 2) elements a and b. frame: (m, 6) planar or (m, 15) spatial, as the kernel wants it. inverse: (n, 2) one
+    ends: (m, 2) elements a and b. frame: (m, 6) planar or (m, 15) spatial, as the time stepping wants it. inverse: (n,
+    2) one
     over mass and inertia, 0 on supports. radius: (n,) √(inertia/mass). period: steps in the slowest period. reach:
     elastic movement live·u under the live loads with λ = 1. sag, swing: largest elastic movement of an element
     under the dead loads, and under the live loads with λ = 1.

@@ -14,7 +14,7 @@ from jld_core.build import build_assembly, build_robust
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
 from jld_core.memory import memory_limit
-from jld_core.models import effort_of, require_memory, require_model
+from jld_core.models import cost_estimate, require_memory, require_model
 from jld_core.scene import Scene
 from jld_core.threads import one_thread
 from jld_explore.drivers import (
@@ -29,7 +29,7 @@ from jld_explore.drivers import (
     make_driver,
     size_up_to,
 )
-from jld_explore.evaluation import LeavingOutEvaluator, MakeEvaluator, evaluator_of, on_cluster
+from jld_explore.evaluation import MakeEvaluator, VoidCellsEvaluator, evaluator_of, on_cluster
 from jld_explore.experiments import DEFAULT, Experiments, add_experiments
 from jld_explore.report import (
     Exploration,
@@ -123,7 +123,7 @@ def explore(
     make: MakeEvaluator = evaluator_of
     if space.void is not None:
         _refuse_beside_void(settings, chosen)
-        assembly, make = space.assembly, LeavingOutEvaluator
+        assembly, make = space.assembly, VoidCellsEvaluator
     study = Study(
         scene,
         assembly,
@@ -219,7 +219,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
     except BaseException as stop:
         # a signal may come between the disk and the memory: what is on disk is what was finished
         study.records.close()
-        _bound_all(study, sure=BOUNDING * effort_of(study.assembly).seconds < STOPPING)
+        _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED)
         if study.settings.pictures and len(done.results):
             write_report(done, patience=STOPPING)
@@ -234,7 +234,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
             study.folder.rmdir()
         raise _nothing_found(study.space, study.settings.seconds if reason is StopReason.TIME else None)
     if reason not in (StopReason.PROVEN, StopReason.EXHAUSTED) and study.bound is None:
-        _bound_all(study, sure=BOUNDING * effort_of(study.assembly).seconds < deadline.remaining() + STOPPING)
+        _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < deadline.remaining() + STOPPING)
     return reason
 
 

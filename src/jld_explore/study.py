@@ -21,10 +21,10 @@ import numpy as np
 from jld_core._version import __version__
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
+from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.lanes import chosen
-from jld_core.limit import SolveOptions, Status, exceeds, load_floor, relative_width
-from jld_core.models import effort_of
+from jld_core.limit import SolveOptions, Status, exceeds, load_scale, relative_width
+from jld_core.models import cost_estimate
 from jld_core.program import Template
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver, first_layout
@@ -170,7 +170,7 @@ class Study:
         self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
         self._end, self._cut = self.deadline.end, False
         self.evaluated = self.asked = self.solved = 0
-        self._best, self._floor = np.nan, load_floor(assembly)
+        self._best, self._floor = np.nan, load_scale(assembly)
         self.records = self.open_records()
 
     @property
@@ -248,9 +248,9 @@ class Study:
             recipe,
             self.settings.jobs,
             faces,
-            hang=max(HANG, _HANGS * effort_of(self.assembly).seconds),
+            hang=max(HANG, _HANGS * cost_estimate(self.assembly).seconds),
             quick=template is not None and is_small(template),
-            lanes=self._make is evaluator_of and settings.in_lanes and recipe.evaluator().settles,
+            batch=self._make is evaluator_of and settings.batched and recipe.evaluator().settles,
         )
         front = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
         recorded = RecordedEvaluator(
@@ -275,7 +275,7 @@ class Study:
                 restored = [evaluation for evaluation in known if evaluation is not None]
                 self._withdraw_contradicted(restored)
                 driver.restore(rows, restored)
-            driver.employ(self.settings.jobs)
+            driver.set_workers(self.settings.jobs)
             driver.start(self.deadline, lambda: self._count([]), self.records)
             while True:
                 # the same number of portions are asked ahead whatever the workers do, so answers come in one order

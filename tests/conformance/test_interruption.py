@@ -25,7 +25,7 @@ import pytest
 
 from cases import grid_document
 from command import Command, Outcome, command, environment, process
-from jld_core.lanes.library import SWITCH
+from jld_core.batch.library import SWITCH
 from jld_explore.drivers import DRIVERS
 from jld_explore.evaluation import RECORDS_FILE
 
@@ -34,7 +34,7 @@ FACES, CLASSES = 21, 1340  # 4×3 cells on a support row, blocks of 2 to 6 cells
 
 @pytest.fixture(scope="module", autouse=True)
 def one_by_one() -> Iterator[None]:
-    """Without the kernel, which finishes hundreds at once: the moments between are what is tested."""
+    """Without the batch solver, which finishes hundreds at once: the moments between are what is tested."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(SWITCH, "off")
         yield
@@ -48,7 +48,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def deferred_signals(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run that nothing disturbs."""
     folder = tmp_path_factory.mktemp("undisturbed") / "out"
     outcome = process("explore", scene, "--out", folder, "--jobs", "1", "--json")
@@ -124,7 +124,7 @@ def wait_until_gone(family: list[psutil.Process], seconds: float = 20.0) -> None
     assert not alive, f"{len(alive)} processes outlived the run"
 
 
-def resumed(scene: Path, folder: Path, jobs: int, undisturbed: Path) -> dict[str, Any]:
+def resumed(scene: Path, folder: Path, jobs: int, deferred_signals: Path) -> dict[str, Any]:
     """Go on to the end; nothing that was on disk may have been evaluated again. Returns the summary."""
     before = records(folder)
     outcome = process("explore", scene, "--out", folder, "--jobs", str(jobs), "--resume", "--json")
@@ -136,14 +136,16 @@ def resumed(scene: Path, folder: Path, jobs: int, undisturbed: Path) -> dict[str
     assert facts["solved"] + len(before) == CLASSES
     assert facts["stop_reason"] == "exhausted"
     assert facts["proven"] is True
-    pd.testing.assert_frame_equal(table(folder), table(undisturbed))
-    pd.testing.assert_frame_equal(table(folder, "pareto.csv"), table(undisturbed, "pareto.csv"))
-    assert (folder / "faces.csv").read_bytes() == (undisturbed / "faces.csv").read_bytes()
+    pd.testing.assert_frame_equal(table(folder), table(deferred_signals))
+    pd.testing.assert_frame_equal(table(folder, "pareto.csv"), table(deferred_signals, "pareto.csv"))
+    assert (folder / "faces.csv").read_bytes() == (deferred_signals / "faces.csv").read_bytes()
     return facts
 
 
 @pytest.mark.parametrize(("jobs", "moments"), [(1, (0, 1, 700)), (2, (300,))])
-def test_parent_killed(jobs: int, moments: tuple[int, ...], scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_parent_killed(
+    jobs: int, moments: tuple[int, ...], scene: Path, deferred_signals: Path, tmp_path: Path
+) -> None:
     """kill -9 of the parent, again and again in one folder; its workers do not outlive it."""
     folder = tmp_path / "out"
     for count in moments:
@@ -157,7 +159,7 @@ def test_parent_killed(jobs: int, moments: tuple[int, ...], scene: Path, undistu
         assert len(records(folder)) >= count
         wait_until_gone(family)
     assert 0 < len(records(folder)) < CLASSES
-    resumed(scene, folder, jobs, undisturbed)
+    resumed(scene, folder, jobs, deferred_signals)
 
 
 def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
@@ -171,7 +173,7 @@ def workers_of(run: subprocess.Popen[str]) -> list[psutil.Process]:
     return workers
 
 
-def test_workers_killed(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_workers_killed(scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """kill -9 of one worker, twice: the run goes on to the end by itself, and loses nothing."""
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", "2", "--json") as run:
@@ -185,10 +187,10 @@ def test_workers_killed(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
     facts = json.loads(out)
     assert (facts["evaluated"], facts["solved"]) == (CLASSES, CLASSES)
     assert "failed" not in facts["counts_by_status"]
-    pd.testing.assert_frame_equal(table(folder), table(undisturbed))
+    pd.testing.assert_frame_equal(table(folder), table(deferred_signals))
 
 
-def test_worker_and_parent_killed(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_worker_and_parent_killed(scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", "2") as run:
         wait_for_records(run, folder, 200)
@@ -197,7 +199,7 @@ def test_worker_and_parent_killed(scene: Path, undisturbed: Path, tmp_path: Path
         run.kill()
         run.wait(timeout=10)
     wait_until_gone(family)
-    resumed(scene, folder, 1, undisturbed)
+    resumed(scene, folder, 1, deferred_signals)
 
 
 def test_twenty_random_kills(scene: Path, tmp_path: Path) -> None:
@@ -241,7 +243,7 @@ def test_twenty_random_kills(scene: Path, tmp_path: Path) -> None:
     [(signal.SIGTERM, 1), (signal.SIGHUP, 1), (signal.SIGINT, 2)],
     ids=["SIGTERM-1", "SIGHUP-1", "SIGINT-2"],
 )
-def test_signals(number: signal.Signals, jobs: int, scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_signals(number: signal.Signals, jobs: int, scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """Exit code 3, one line, tables of what was finished, and a folder to go on with."""
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", str(jobs)) as run:
@@ -263,7 +265,7 @@ def test_signals(number: signal.Signals, jobs: int, scene: Path, undisturbed: Pa
     assert (facts["stop_reason"], facts["evaluated"]) == ("interrupted", len(finished))
     # stopped before the end it is proven only where its best meets the bound known beforehand
     assert facts["proven"] is (facts["gap"] is not None and facts["gap"] <= 1e-6)
-    resumed(scene, folder, jobs, undisturbed)
+    resumed(scene, folder, jobs, deferred_signals)
 
 
 def copy_of(folder: Path, target: Path) -> Path:
@@ -272,9 +274,9 @@ def copy_of(folder: Path, target: Path) -> Path:
     return target
 
 
-def test_torn_or_damaged(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
+def test_torn_or_damaged(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """A record that is cut, overwritten or no record at all is named in one line, and left as it is."""
-    content = (undisturbed / RECORDS_FILE).read_bytes()
+    content = (deferred_signals / RECORDS_FILE).read_bytes()
     rng = random.Random(11)
     half = len(content) // 2
     broken = [content[:half], content[:half] + rng.randbytes(half), b"{}", rng.randbytes(5000)]
@@ -301,7 +303,7 @@ def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> No
     assert json.loads(outcome.out)["solved"] == 5
 
 
-def test_a_second_process_is_refused(scene: Path, undisturbed: Path, tmp_path: Path) -> None:
+def test_a_second_process_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path) -> None:
     """While one is at work in a folder, another one is told so in one line; the first does not notice."""
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", "1", "--json") as run:
@@ -314,10 +316,10 @@ def test_a_second_process_is_refused(scene: Path, undisturbed: Path, tmp_path: P
     assert f"{folder}: another process is at work in it" in second.err
     assert run.returncode == 0, err
     assert json.loads(out)["evaluated"] == CLASSES
-    pd.testing.assert_frame_equal(table(folder), table(undisturbed))
+    pd.testing.assert_frame_equal(table(folder), table(deferred_signals))
 
 
-def test_budget(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
+def test_budget(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """Distinct classes evaluated at the most; raised step by step it gives what it gives at once."""
 
     def run(folder: Path, *options: str) -> dict[str, Any]:
@@ -339,7 +341,7 @@ def test_budget(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) ->
     pd.testing.assert_frame_equal(table(steps), table(once))
     last = run(steps, "--resume", "--budget", str(10 * CLASSES))
     assert (last["stop_reason"], last["evaluated"], last["proven"]) == ("exhausted", CLASSES, True)
-    pd.testing.assert_frame_equal(table(steps), table(undisturbed))
+    pd.testing.assert_frame_equal(table(steps), table(deferred_signals))
 
 
 def other_scene(scene: Path, tmp_path: Path) -> Path:
@@ -350,9 +352,9 @@ def other_scene(scene: Path, tmp_path: Path) -> Path:
     return file
 
 
-def test_another_study_is_refused(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
+def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """--resume with another seed, scene or driver names what differs, and leaves the folder as it is."""
-    folder = copy_of(undisturbed, tmp_path / "out")
+    folder = copy_of(deferred_signals, tmp_path / "out")
     content = (folder / RECORDS_FILE).read_bytes()
     tries: list[tuple[str, list[str | Path]]] = [
         ("seed", [scene, "--seed", "4"]),
@@ -371,9 +373,9 @@ def test_another_study_is_refused(scene: Path, undisturbed: Path, tmp_path: Path
     assert "--resume" in outcome.err
 
 
-def test_notes_may_change_between_runs(scene: Path, undisturbed: Path, tmp_path: Path, jld: Command) -> None:
+def test_notes_may_change_between_runs(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """What the numbers do not depend on does not stand in the way of going on."""
-    folder = copy_of(undisturbed, tmp_path / "out")
+    folder = copy_of(deferred_signals, tmp_path / "out")
     document = {**json.loads(scene.read_text()), "name": "renamed", "notes": "seen again"}
     file = tmp_path / "renamed.json"
     file.write_text(json.dumps(document))
@@ -381,13 +383,13 @@ def test_notes_may_change_between_runs(scene: Path, undisturbed: Path, tmp_path:
     assert (outcome.code, json.loads(outcome.out)["solved"]) == (0, 0)
 
 
-def test_nothing_but_the_summary_is_printed(undisturbed: Path) -> None:
+def test_nothing_but_the_summary_is_printed(deferred_signals: Path) -> None:
     """What --json printed is what summary.json holds, and pictures are there."""
-    facts = json.loads((undisturbed / "summary.json").read_text())
+    facts = json.loads((deferred_signals / "summary.json").read_text())
     assert facts["classes"] == facts["evaluated"] == CLASSES
     for name in ("pareto.png", "best.png"):
-        assert (undisturbed / name).read_bytes().startswith(b"\x89PNG")
-    parquet = pd.read_parquet(undisturbed / "results.parquet")
-    numbers = pd.read_csv(undisturbed / "results.csv")
+        assert (deferred_signals / name).read_bytes().startswith(b"\x89PNG")
+    parquet = pd.read_parquet(deferred_signals / "results.parquet")
+    numbers = pd.read_csv(deferred_signals / "results.csv")
     assert parquet["labelling"].tolist() == numbers["labelling"].tolist()
     assert parquet["load_factor"].tolist() == pytest.approx(numbers["load_factor"].tolist(), rel=1e-12)

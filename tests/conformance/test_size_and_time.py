@@ -13,7 +13,7 @@ from cases import grid_document
 from command import call
 from jld_core import build_assembly, parse_scene
 from jld_core.memory import memory_limit
-from jld_core.models import effort, effort_of
+from jld_core.models import cost_estimate, effort
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import ending
 from jld_explore.drivers import DRIVERS
@@ -44,8 +44,8 @@ def test_an_evaluation_that_outlasts_the_limit_is_done_once(tmp_path: Path, monk
 
 def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     large = build_assembly(parse_scene(growth.document("planar", 70)))
-    assert 5.0 < effort_of(large).seconds < 60.0
-    assert effort_of(build_assembly(parse_scene(SCENE))).long is None
+    assert 5.0 < cost_estimate(large).seconds < 60.0
+    assert cost_estimate(build_assembly(parse_scene(SCENE))).long is None
     monkeypatch.setattr(effort, "LONG", 0.0)
     said: list[str] = []
     settings = ExploreSettings(driver="random", budget=1, seconds=9.0, jobs=1, pictures=False)

@@ -1,4 +1,5 @@
-"""One labelling alone by the kernel, beside the usual way: the same answers, the same in all units, and never wider."""
+"""One labelling alone by the batch solver, beside the usual way: the same answers, the same in all units, and never
+wider."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ import pytest
 from cases_spatial import box
 from jld_core import Status, build_assembly, parse_scene, solve
 from jld_core.assembly import Assembly
-from jld_core.lanes import chosen
+from jld_core.batch import chosen
 from jld_core.limit import LimitAnalysis
 from jld_core.tolerances import ALONE, GAP
 

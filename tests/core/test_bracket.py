@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from cases import CASES, Document, grid_assembly, grid_document
 from cases_spatial import assembly, box
 from jld_core import LimitAnalysis, Status, build_assembly, parse_scene, solve
-from jld_core.lanes import chosen
+from jld_core.batch import chosen
 from jld_core.solvers import ClarabelSolver
 from noisy import noisy
 

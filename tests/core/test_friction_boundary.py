@@ -64,7 +64,7 @@ def test_ray_on_the_boundary_of_friction() -> None:
     analysis = LimitAnalysis(corner([1, 0, -1]))
     labels = np.ones(len(analysis.assembly.interfaces), dtype=bool)
     assert solve(analysis.assembly).status is Status.LOCKED
-    ray = analysis.interior.ray(labels)
+    ray = analysis.repair.ray(labels)
     assert ray is not None
     assert ray.to_rounding
 

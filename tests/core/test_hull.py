@@ -10,7 +10,7 @@ from cases import grid_assembly
 from jld_core.arrays import Floats
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.mechanics.yield_set import Bow
+from jld_core.mechanics.yield_set import ParabolicBending
 
 KINDS: dict[str, tuple[dict[str, float], float]] = {
     "little shear strength": ({}, 1.0003),
@@ -34,7 +34,7 @@ def sets_of(**other: float) -> PlanarYield:
     return sets
 
 
-def planes(bow: Bow, limit: float) -> Floats:
+def planes(bow: ParabolicBending, limit: float) -> Floats:
     """(k, 4) planes −a N + b|V| + c|m| ≤ h of one face, tangents of what is curved among them."""
     (curve, knee), rows = bow.bow[0], bow.rows[0]
     found = [(rows[1, 0], rows[1, 1], 0.0, rows[1, 2]), (rows[2, 0], 0.0, rows[2, 1], rows[2, 2])]

@@ -1,6 +1,7 @@
-"""The plain C interface of the kernel is stated twice, in C and for ctypes: here both are held against each other.
+"""The plain C interface of the batch solver is stated twice, in C and for ctypes: here both are held against each
+other.
 
-A field out of its place would make no noise: the kernel would take one array for another.
+A field out of its place would make no noise: the batch solver would take one array for another.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any, Final
 
 import pytest
 
-from jld_core.lanes import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, blocks, build, kernel, library
+from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, blocks, build, kernel, library
 
 SOURCES: Final = {
     name: re.sub(r"//[^\n]*", "", (build.SOURCE / name).read_text(encoding="utf-8"))
@@ -31,7 +32,7 @@ STRUCTURES: Final = {
     "FactorPattern": ("cholesky.h", library.FactorPattern),
     "JldProblem": ("problem.h", library.Problem),
     "JldTry": ("problem.h", library.Try),
-    "JldShrinking": ("problem.h", library.Shrinking),
+    "JldShrinking": ("problem.h", library.MinimizationOptions),
     "JldAnswers": ("problem.h", library.Answers),
     "JldBlocks": ("blocks.h", library.Blocks),
     "JldBlockTask": ("blocks.h", library.BlockTask),

@@ -1,7 +1,7 @@
-"""All hard cases through the kernel: the scenes that break solvers, and those of the table of hard labellings.
+"""All hard cases through the batch solver: the scenes that break solvers, and those of the table of hard labellings.
 
 Every bound and verdict is held against the core's own prover, λ against what must come out, and what is left open is
-counted: the kernel may leave a case to others, never lie.
+counted: the batch solver may leave a case to others, never lie.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from benchmarks.hard_scenes import HardCase, hard_cases, is_near
 from benchmarks.lanes_hard import HARD, SEGMENTED, SPATIAL, labellings_of
 
 from jld_core import LimitAnalysis, Status
-from jld_core.lanes import FALLS, LOCKED, OPEN, PROVEN, chosen, fits
+from jld_core.batch import FALLS, LOCKED, OPEN, PROVEN, chosen, fits
 from jld_core.limit import SolveOptions
 from jld_core.models import limit_analysis
 from kernel_proofs import assert_proven, lanes_of
@@ -28,7 +28,7 @@ LEFT = {
     *(f"edge of standing: {edge}" for edge in ("1e-10", "1e-09", "1e-06", "-1e-12")),
     "rank-deficient equilibrium: cubes without friction",
 }
-"""What the kernel may leave to others: next to no friction, six decades of weights, edges of standing."""
+"""What the batch solver may leave to others: next to no friction, six decades of weights, edges of standing."""
 
 
 @pytest.fixture(autouse=True)

@@ -11,8 +11,8 @@ import pytest
 import cases_spatial
 from cases import grid_assembly
 from jld_core import InputError, LimitAnalysis, SolveOptions, Status, solve
-from jld_core.limit import LADDER, Climb, Rung, result_of
-from jld_core.models import LADDERS, limit_analysis, solve_labelling
+from jld_core.limit import FALLBACKS, Fallback, ProofAttempt, result_of
+from jld_core.models import FALLBACKS_BY_FRICTION, limit_analysis, solve_labelling
 from jld_core.program import ConicProgram
 from jld_core.solvers import HighsSolver, RawSolution, Solver
 
@@ -105,9 +105,9 @@ def test_proofs_are_about_the_assembly_whatever_was_modelled(options: SolveOptio
 
 
 def test_every_ladder_ends_and_begins_with_what_is_solved() -> None:
-    assert LADDERS["off"] == LADDER
-    names = [rung.name for rung in LADDERS["auto"]]
-    assert [name for name in names if "rigid" not in name] == [rung.name for rung in LADDER]
+    assert FALLBACKS_BY_FRICTION["off"] == FALLBACKS
+    names = [rung.name for rung in FALLBACKS_BY_FRICTION["auto"]]
+    assert [name for name in names if "rigid" not in name] == [rung.name for rung in FALLBACKS]
     assert names[0].startswith("rigid")
     assert names[-1].startswith("rigid")
 
@@ -117,15 +117,15 @@ def test_no_repair_after_a_proof() -> None:
     analysis = LimitAnalysis(assembly)
     asked: list[tuple[str, Status]] = []
 
-    def watched(rung: Rung) -> Rung:
-        def take(climb: Climb) -> None:
+    def watched(rung: Fallback) -> Fallback:
+        def take(climb: ProofAttempt) -> None:
             asked.append((rung.name, climb.proof.status))
             rung.take(climb)
 
         return replace(rung, take=take)
 
-    ladder = tuple(watched(rung) for rung in LADDER)
-    order = [rung.name for rung in LADDER]
+    ladder = tuple(watched(rung) for rung in FALLBACKS)
+    order = [rung.name for rung in FALLBACKS]
     for labels in np.random.default_rng(0).random((20, len(assembly.interfaces))) < 0.5:
         asked.clear()
         analysis.prove(labels, ladder)

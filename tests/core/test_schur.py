@@ -113,7 +113,8 @@ def test_repairs_of_large_assemblies(name: str, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(LARGE, True, 1)
     for labels, other in zip(labellings, first, strict=True):
         found = LimitAnalysis(built).solve(labels)
-        # the kernel, which no solver named is asked beside, settles one of the weak arches that Clarabel leaves open
+        # the batch solver, which no solver named is asked beside, settles one of the weak arches that Clarabel leaves
+        # open
         if other.status is not Status.UNCERTIFIED:
             assert (found.status, found.stands_at_zero) == (other.status, other.stands_at_zero)
         assert found.status is not Status.UNCERTIFIED

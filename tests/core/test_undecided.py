@@ -15,12 +15,12 @@ import pytest
 from cases import CASES, grid_assembly
 from cases_spatial import box, scene
 from jld_core.assembly import Assembly
+from jld_core.batch import ConflictRequest, MinimizationOptions
 from jld_core.build import build_assembly
-from jld_core.lanes import Shrinking, ToShrink
 from jld_core.limit import LimitAnalysis, Relaxation, Status
 from jld_core.scene import parse_scene
 from jld_explore.drivers import conflict_of
-from jld_explore.drivers.exact.shrinking import Conflict
+from jld_explore.drivers.exact.conflict_minimization import Conflict
 
 OPEN = 6
 """Faces left undecided: 64 labellings each."""
@@ -111,8 +111,10 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
     found = [conflict_of(relaxation, row, np.ones(m, dtype=bool), threshold) for row in rows[:40]]
     conflicts = [c for c in found if c is not None]
     if relaxation.many:
-        asked = ToShrink(rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), how=Shrinking(neighbours=2))
-        whole = relaxation.shrink(asked)
+        asked = ConflictRequest(
+            rows[:40], np.ones(m, dtype=bool), np.full(40, threshold), how=MinimizationOptions(neighbours=2)
+        )
+        whole = relaxation.minimize_conflicts(asked)
         refuted = {one.labelling for one in whole if one.drawn and one.bound is not None}
         # what it leaves open is for the other route
         assert refuted
@@ -120,7 +122,7 @@ def test_conflicts_rule_out_nothing_that_reaches_the_threshold(name: str) -> Non
         if any(one.decided.any() for one in whole):
             assert sum(one.bound is not None and not one.drawn for one in whole) > len(refuted)
         outside = rng.random((40, m)) < 0.3
-        parts = relaxation.shrink(replace(asked, how=Shrinking(), undecided=outside))
+        parts = relaxation.minimize_conflicts(replace(asked, how=MinimizationOptions(), undecided=outside))
         assert {one.labelling for one in parts if one.bound is not None} <= refuted
         assert not any((one.decided & outside[one.labelling]).any() for one in parts)
         for one in (*whole, *parts):
@@ -184,7 +186,9 @@ def memory_grown() -> tuple[int, int]:
     for call in range(80 if relaxation.many else 0):
         rows = rng.random((8, len(free))) < 0.8
         threshold = np.full(8, 0.73 / relaxation.template.scaling.load)
-        for one in relaxation.shrink(ToShrink(rows, free, threshold, how=Shrinking(neighbours=3))):
+        for one in relaxation.minimize_conflicts(
+            ConflictRequest(rows, free, threshold, how=MinimizationOptions(neighbours=3))
+        ):
             kept.append((np.flatnonzero(one.decided), rows[one.labelling][one.decided]))
         resident = 4096 * int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
         first = resident if call == 20 else first

@@ -231,9 +231,9 @@ def test_the_kernel_proves_what_the_solver_does(case: Case) -> None:
         load = rng.choice(case.load)
         for threshold in (0.0, float(load) if np.isfinite(load) and load > 0.0 else 0.3):
             asked.append((allowed, threshold, 1e3))
-    both = case.relaxation.choose_all(asked)
+    both = case.relaxation.bound_all(asked)
     with ThreadPoolExecutor(1) as pool:
-        shared = case.relaxation.choose_all(asked, pool)
+        shared = case.relaxation.bound_all(asked, pool)
     for (allowed, threshold, most), one, other in zip(asked, both, shared, strict=True):
         # lanes know nothing of their neighbours
         assert (one.bound, one.refuted) == (other.bound, other.refuted)

@@ -18,27 +18,27 @@ from cases import CASES, grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysis, Scene, build_assembly, parse_scene, solve
 from jld_core.arrays import Floats
 from jld_core.models.zero_dilation.blocks import BlockCertifier, relax_in_blocks
-from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
 from jld_core.models.zero_dilation.certificate import Certifier
-from jld_core.models.zero_dilation.floor import FloorSearch
-from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.loops import face_loops, opened
+from jld_core.models.zero_dilation.lower_bound import FloorSearch
+from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes, modes_of
-from jld_core.models.zero_dilation.products import Region, relax
-from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.rlt_relaxation import Region, relax
+from jld_core.models.zero_dilation.search import ProximalOptions
 from jld_core.models.zero_dilation.statics import Statics, reach
 from jld_core.models.zero_dilation.sweep import BlockSweep
 from nondilatant import block
 
 
-def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, Floor, float]:
+def below(assembly: Assembly, seconds: float = 60.0) -> tuple[float, LowerBound, float]:
     """Lowest found, the floor (scaled), and the scale of λ."""
     analysis = LimitAnalysis(assembly)
-    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     found = side.search(thorough=False)
     assert found.lowest is not None
     assert side.modes is not None
-    search = FloorSearch(analysis, assembly.labels, side.modes, Ceiling(found.low, seconds))
+    search = FloorSearch(analysis, assembly.labels, side.modes, LowerBoundProblem(found.low, seconds))
     return found.lowest.state.load, search.search(), analysis.template.scaling.load
 
 
@@ -104,7 +104,7 @@ def test_no_solution_of_any_start_lies_below(seed: int) -> None:
     lowest, floor, _ = below(assembly)
     assert floor.tolerance == 0.0
     analysis = LimitAnalysis(assembly)
-    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     for forces in np.random.default_rng(seed).normal(size=(6, side.pairs.count)):
         side.search_from(0.1 * forces)
     assert min(side.found.loads) >= floor.proven * (1.0 - 1e-9)
@@ -172,7 +172,7 @@ def test_the_first_step_of_large_scenes_excludes_a_part_of_the_way(times: float)
     assembly = build_assembly(halved_bond(2, 2, friction=friction))
     scale = LimitAnalysis(assembly).template.scaling.load
     modes, _, statics, check = certifier(assembly, 1.1 * times * friction / scale)
-    ceiling = Ceiling(times * friction / scale, 60.0)
+    ceiling = LowerBoundProblem(times * friction / scale, 60.0)
     proven = BlockSweep(modes, statics.size, check.reach, ceiling).first(0.0) * scale
     assert ceiling.route == ["part of the way"]
     least = 0.98 * min(0.75 * times, 1.0) * friction
@@ -195,7 +195,7 @@ def test_walls_with_openings_have_a_floor() -> None:
 def solutions(assembly: Assembly) -> tuple[Modes, list[Floats]]:
     """Every certified mechanism that a search from every side keeps, as (u, t) with t = max(0, −s)."""
     analysis = LimitAnalysis(assembly)
-    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     found = side.search()
     assert side.modes is not None
     out = []
@@ -276,7 +276,7 @@ def test_velocities_stay_within_their_reach() -> None:
     """|u| and t of solutions, found by pivots, against the bound that the certificate charges residuals to."""
     assembly = build_assembly(halved_bond(2, 3))
     analysis = LimitAnalysis(assembly)
-    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     found = side.search()
     assert side.modes is not None
     most = 1.01 * found.highest.state.load if found.highest is not None else 0.0

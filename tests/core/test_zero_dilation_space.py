@@ -20,13 +20,13 @@ from cases_spatial import box
 from jld_core import Assembly, LimitAnalysis, build_assembly, load_scene, solve
 from jld_core.arrays import Floats
 from jld_core.geometry import rectangle_torsion_length
-from jld_core.models import Scheme
-from jld_core.models.zero_dilation.ceiling import Ceiling
-from jld_core.models.zero_dilation.found import FromEverySide
-from jld_core.models.zero_dilation.products import Region
-from jld_core.models.zero_dilation.space_certificate import SpaceCertifier
-from jld_core.models.zero_dilation.space_floor import SpaceFloorSearch
-from jld_core.models.zero_dilation.space_modes import (
+from jld_core.models import ProximalOptions
+from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
+from jld_core.models.zero_dilation.rlt_relaxation import Region
+from jld_core.models.zero_dilation.spatial_certificate import SpaceCertifier
+from jld_core.models.zero_dilation.spatial_lower_bound import SpaceFloorSearch
+from jld_core.models.zero_dilation.spatial_modes import (
     AXES,
     SpaceModes,
     space_modes_of,
@@ -34,8 +34,8 @@ from jld_core.models.zero_dilation.space_modes import (
     widest,
     with_direction,
 )
-from jld_core.models.zero_dilation.space_products import SpaceRelaxed, relax_space
-from jld_core.models.zero_dilation.space_statics import SpaceStatics, space_reach
+from jld_core.models.zero_dilation.spatial_rlt_relaxation import SpaceRelaxed, relax_space
+from jld_core.models.zero_dilation.spatial_statics import SpaceStatics, space_reach
 from paths import SCENES
 
 GROUND = box("ground", [-3.0, -3.0, -0.5], [9.0, 3.0, 0.0], support=True)
@@ -187,7 +187,7 @@ def test_the_lowest_of_a_wall_pushed_askew_is_proven() -> None:
 # --- the relaxation and its certificate ------------------------------------------------------------------------------
 
 
-def product_of(modes: SpaceModes, side: FromEverySide) -> list[tuple[Floats, Floats]]:
+def product_of(modes: SpaceModes, side: MultiStartSearch) -> list[tuple[Floats, Floats]]:
     """(F, T, λ, 1) and w of the solutions at both ends: T = |mT|, z by least squares with z ≥ 0, t the rate of slip."""
     out = []
     for pair in (side.found.lowest, side.found.highest):
@@ -209,7 +209,7 @@ def product_of(modes: SpaceModes, side: FromEverySide) -> list[tuple[Floats, Flo
 def test_true_solutions_obey_every_row_and_reach_no_further(live: tuple[float, float, float]) -> None:
     assembly = extruded(1, 2, live)
     analysis = LimitAnalysis(assembly)
-    side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+    side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
     side.search()
     modes, region, statics, _, check, _ = program(assembly, with_direction(AXES, np.array([0.3, 1.0])))
     size = statics.size
@@ -260,6 +260,6 @@ def test_what_has_no_bound() -> None:
     analysis = LimitAnalysis(row)
     modes = space_modes_of(analysis.template, row.labels)
     assert modes is not None
-    ceiling = Ceiling(analysis.prove(row.labels).bracket[1], 1.0)
+    ceiling = LowerBoundProblem(analysis.prove(row.labels).bracket[1], 1.0)
     floor = SpaceFloorSearch(analysis, row.labels, modes, ceiling).search()
     assert floor.route[-1] == "no products: 27 faces"

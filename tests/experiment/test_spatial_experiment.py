@@ -105,7 +105,7 @@ def test_invariance_to_a_turn_in_space() -> None:
 
 
 def test_forces_at_rest_are_in_equilibrium() -> None:
-    """The kernel's resultants against the equilibrium of limit analysis, which is built elsewhere."""
+    """The batch solver's resultants against the equilibrium of limit analysis, which is built elsewhere."""
     assembly = build_assembly(stacked_cubes(3, friction=0.5, tension=1.0, shear=0.5, direction=0.4))
     specimen = specimen_of(assembly, assembly.labels, Joints(inner="plastic"), Settings())
     settled, standing = specimen.settle()

@@ -26,7 +26,7 @@ def labellings(assembly: Assembly, count: int = 40) -> Bits:
 
 
 def force_method(analysis: LimitAnalysis) -> ForceMethod:
-    return ForceMethod(analysis.template, analysis.prover, analysis.interior)
+    return ForceMethod(analysis.template, analysis.prover, analysis.repair)
 
 
 @pytest.mark.parametrize("name", LINEAR)

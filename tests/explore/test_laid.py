@@ -11,7 +11,7 @@ import pytest
 
 from cases import grid_document
 from jld_core import InputError, build_assembly, parse_scene, samples, solve
-from jld_core.laying import Layability, laying_order, locked_blocks
+from jld_core.assembly_sequence import SequenceConstraint, assembly_order, locked_blocks
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import Enumeration
 from jld_explore.space import from_string
@@ -39,7 +39,7 @@ def test_a_lock_speaks_for_others_and_never_wrongly(rows: list[str]) -> None:
     labellings = np.concatenate([found for found, _ in Enumeration(space).batches()])
     labellings = labellings[np.random.default_rng(1).permutation(len(labellings))[:150]]
     alone = [not locked_blocks(assembly, labels) for labels in labellings]
-    asked = Layability(assembly, "translation", np.ones(len(assembly.interfaces), dtype=bool))
+    asked = SequenceConstraint(assembly, "translation", np.ones(len(assembly.interfaces), dtype=bool))
     assert asked.possible(labellings).tolist() == alone
     assert 0 < sum(alone) < len(alone)
     # what one labelling is locked by settles others
@@ -70,7 +70,7 @@ def test_exact_is_brute_force(rows: list[str], assemble: Any, search: dict[str, 
         labels = from_string(text)
         if locked_blocks(assembly, labels):
             continue
-        laying = None if assemble == "translation" else laying_order(assembly, labels, wish="standing")
+        laying = None if assemble == "translation" else assembly_order(assembly, labels, wish="standing")
         if laying is None or (laying.possible and laying.stands):
             kept.add(text)
     assert 0 < len(kept) < len(every.results)
@@ -108,7 +108,7 @@ def test_load_cases_do_not_matter_to_laying() -> None:
         "cases": [{"name": "a", "live": [{"body": [1, 0]}]}, {"name": "b", "live": [{"body": [0, 1]}]}]
     }
     several, one = build_assembly(parse_scene(document)), build_assembly(parse_scene(grid_document(ARCH)))
-    with_cases, without = laying_order(several, several.labels), laying_order(one, one.labels)
+    with_cases, without = assembly_order(several, several.labels), assembly_order(one, one.labels)
     assert [s.stage.stands for s in with_cases.steps] == [s.stage.stands for s in without.steps]
 
 
@@ -137,8 +137,8 @@ def test_building_up_agrees_with_taking_apart(rows: list[str], sizes: list[int])
     free = scene.model_copy(update={"search": scene.search.model_copy(update={"assemble": None})})
     labellings = np.concatenate([found for found, _ in Enumeration(search_space(free, assembly)).batches()])
     labellings = labellings[np.random.default_rng(2).permutation(len(labellings))[:40]]
-    asked = Layability(assembly, "standing", np.ones(len(assembly.interfaces), dtype=bool))
-    orders = [laying_order(assembly, labels, wish="standing") for labels in labellings]
+    asked = SequenceConstraint(assembly, "standing", np.ones(len(assembly.interfaces), dtype=bool))
+    orders = [assembly_order(assembly, labels, wish="standing") for labels in labellings]
     assert asked.possible(labellings).tolist() == [bool(order.possible and order.stands) for order in orders]
 
 

@@ -1,4 +1,4 @@
-"""Results show themselves in a notebook: in a real kernel, as Jupyter would ask them."""
+"""Results show themselves in a notebook: in a real batch solver, as Jupyter would ask them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def drawing(html: str) -> str:
 
 
 def test_each_shows_a_table_and_its_drawing(tmp_path: Path) -> None:
-    """What the last three cells show, by media type; in one test, since the kernel is what takes time."""
+    """What the last three cells show, by media type; in one test, since the batch solver is what takes time."""
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in CELLS])
     NotebookClient(book, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [cell.outputs[-1].data for cell in book.cells[1:]]

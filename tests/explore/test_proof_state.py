@@ -16,12 +16,12 @@ from benchmarks.claims import proofs
 
 from cases import grid_document
 from jld_core import build_assembly, parse_scene
-from jld_core.lanes import chosen
+from jld_core.batch import chosen
 from jld_explore import ExploreSettings, explore
 from jld_explore.drivers import Exact
+from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.proof_state import ProofState
-from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.evaluation import Records
 from jld_explore.report import Exploration
 from jld_explore.space import BlockShapes, blocks_of, search_space

@@ -126,7 +126,7 @@ def test_balances_are_those_of_the_search_to_rounding(name: str) -> None:
     assembly = build_assembly(parse_scene(SCENES[name]))
     analysis, balances = LimitAnalysis(assembly), Balances(assembly)
     sets, template, rng = analysis.template.yield_set, analysis.template, np.random.default_rng(3)
-    opening = analysis.interior.opening()
+    opening = analysis.repair.opening()
     assert opening is not None
     every, free = np.ones(len(assembly.interfaces), dtype=bool), assembly.elements.free
     for share in (0.0, 0.3, 3.0):

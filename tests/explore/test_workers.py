@@ -172,7 +172,7 @@ def test_workers_of_a_cluster_join_and_die(tmp_path: Path) -> None:
             (first,) = client.run(os.getpid).values()
         events: list[str] = []
 
-        def disturb(now: Progress) -> None:
+        def raise_deferred(now: Progress) -> None:
             if now.done >= 60 and not events:
                 cluster.scale(2)
                 events.append("joined")
@@ -180,7 +180,7 @@ def test_workers_of_a_cluster_join_and_die(tmp_path: Path) -> None:
                 os.kill(first, signal.SIGKILL)
                 events.append("killed")
 
-        away = explore(scene, tmp_path / "away", replace(settings, cluster=address), report=disturb)
+        away = explore(scene, tmp_path / "away", replace(settings, cluster=address), report=raise_deferred)
         assert events == ["joined", "killed"]
     finally:
         cluster.close()

@@ -26,8 +26,8 @@ uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not install
 
 from jld_explore.studio import guard, server  # noqa: E402
 from jld_explore.studio.app import Answers, build_app  # noqa: E402
-from jld_explore.studio.desk import Desk  # noqa: E402
 from jld_explore.studio.jobs import Jobs  # noqa: E402
+from jld_explore.studio.session import StudioSession  # noqa: E402
 
 TOKEN = "t0ken-of-this-test"
 
@@ -37,7 +37,7 @@ class Local:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.desk = Desk(parse_scene(small_scene(name=HOSTILE)))
+        self.desk = StudioSession(parse_scene(small_scene(name=HOSTILE)))
         self.jobs = Jobs(root)
         answers = Answers(self.desk, self.jobs, root, lambda: server.first_data(self.desk, root, None))
         listener = socket.create_server(("127.0.0.1", 0))

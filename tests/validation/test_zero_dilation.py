@@ -25,7 +25,7 @@ from jld_core import (
     build_assembly,
     load_scene,
 )
-from jld_core.models import Scheme
+from jld_core.models import ProximalOptions
 from nondilatant import block, certify
 from paths import SCENES
 
@@ -175,11 +175,11 @@ def test_an_analysis_is_used_again_and_options_are_checked() -> None:
     first, again = (zero_dilation(analysis, associative=associative) for _ in range(2))
     assert first.load_factor == again.load_factor
     with pytest.raises(InputError, match="start"):
-        Scheme(start="other")  # type: ignore[arg-type]
+        ProximalOptions(start="other")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="alpha"):
-        Scheme(alpha=2.0)
+        ProximalOptions(alpha=2.0)
     with pytest.raises(InputError, match="positive"):
-        Scheme(block=0)
+        ProximalOptions(block=0)
     spatial = build_assembly(load_scene(SCENES / "spatial_cubes.json"))
     with pytest.raises(InputError, match="vertex"):
         solve_zero_dilation(spatial, start="vertex")

@@ -34,8 +34,8 @@ from jld_core import (
     solve,
 )
 from jld_core.models.zero_dilation.binary_fractions import BinaryFractions
-from jld_core.models.zero_dilation.found import FromEverySide
-from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.search import ProximalOptions
 from jld_core.models.zero_dilation.starts import certified, first_forces
 from jld_explore.explore import ExploreSettings, explore
 from nondilatant import block, certify
@@ -85,7 +85,7 @@ def test_forces_that_no_mechanism_completes_are_brought_to_a_solution() -> None:
             element["weight"] *= unit
         assembly = build_assembly(parse_scene(document))
         analysis = LimitAnalysis(assembly)
-        side = FromEverySide(analysis, assembly.labels, Scheme(), analysis.prove(assembly.labels))
+        side = MultiStartSearch(analysis, assembly.labels, ProximalOptions(), analysis.prove(assembly.labels))
         gravity = first_forces(side.pairs, side.associative, "gravity")
         assert side.pivots is not None
         assert side.pivots.descend(np.append(gravity, 0.0), 0) is None

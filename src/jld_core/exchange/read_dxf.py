@@ -204,7 +204,7 @@ class _Reader:
     _mpolygon = _hatch
 
     def _region(self, entity: Any, layer: str) -> bool:
-        """Faces with straight edges; others the library does not take out of their kernel's text."""
+        """Faces with straight edges; others the library does not take out of their batch solver's text."""
         found = False
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):

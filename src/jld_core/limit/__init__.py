@@ -1,21 +1,21 @@
 """A raw answer → a proof: bounds, repairs, status, result.
 
 - `FLOOR_SECONDS`: processor time for the bound below every λ without dilation
-- `LADDER`: what `LimitAnalysis.prove` tries by default, from the top down
+- `FALLBACKS`: what `LimitAnalysis.prove` tries by default, from the top down
 - `AnyBlockRelaxation`: the relaxation by blocks, under one load or several
 - `AnyRelaxation`: what refutes partial labellings, under one load or several
 - `Asked`: what `BlockRelaxation.choose` is asked: blocks allowed, λ to reach, λ that is not exceeded
-- `Batch`: the kernel for one limit analysis
+- `Batch`: the batch solver for one limit analysis
 - `BatchAnswers`: what is settled of k labellings
 - `BlockRelaxation`: bounds on λ over all choices of blocks
 - `CaseBlockRelaxation`: the same of the choice of blocks
 - `CaseRelaxation`: bounds on the governing factor where faces are undecided
 - `Choice`: what that relaxation says of some blocks
-- `Climb`: one labelling on its way up
+- `ProofAttempt`: one labelling on its way up
 - `Condense`: when blocks are taken as rigid: auto, on or off
 - `Contacts`: how dry faces touch: convex or concave
 - `DualBound`: why no labelling that agrees on some faces reaches a λ
-- `Fallen`: what became of a labelling, or of a neighbour of it, that was shrunk
+- `MinimizedConflict`: what became of a labelling, or of a neighbour of it, that was shrunk
 - `Friction`: associative or zero-dilation
 - `Governing`: what is known of the governing factor
 - `Known`: what is known of one load case
@@ -28,7 +28,7 @@
 - `Prover`: raw points and multipliers → checked bounds
 - `Relaxation`: bounds on λ where some faces are undecided
 - `Repair`: auxiliary programs that make an answer admissible
-- `Rung`: one way to a proof
+- `Fallback`: one way to a proof
 - `Settled`: what a settlement leaves
 - `SolveOptions`: what is modelled, as on the command line
 - `State`: forces and λ with their slack and error
@@ -45,7 +45,7 @@
 - `face_motions`: what each face does in a mechanism
 - `governing`: the governing factor of a labelling from what is known of its load cases
 - `governing_result`: results of load cases → the result of the structure
-- `load_floor`: λ below which differences are no matter
+- `load_scale`: λ below which differences are no matter
 - `number`: a JSON number, or null
 - `reactions`: (k, q) what interfaces put on some elements (k,), supports too, about their centroids
 - `relative_width`: width of a bracket, relative
@@ -59,7 +59,7 @@ from __future__ import annotations
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.batch import Batch, BatchAnswers
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice, applies_to
-from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, exceeds, load_floor, relative_width
+from jld_core.limit.bounds import Motion, Prover, State, apart, crossed, exceeds, load_scale, relative_width
 from jld_core.limit.case_relaxation import (
     AnyBlockRelaxation,
     AnyRelaxation,
@@ -68,7 +68,6 @@ from jld_core.limit.case_relaxation import (
     block_relaxation_of,
     relaxation_of,
 )
-from jld_core.limit.climb import LADDER, Climb, Rung
 from jld_core.limit.governing import Governing, Known, governing
 from jld_core.limit.mechanism import (
     Movement,
@@ -79,15 +78,16 @@ from jld_core.limit.mechanism import (
 from jld_core.limit.movements import Movements
 from jld_core.limit.options import FLOOR_SECONDS, Condense, Contacts, Friction, SolveOptions
 from jld_core.limit.proof import Proof
-from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
+from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
+from jld_core.limit.relaxation import DualBound, MinimizedConflict, Relaxation
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, element_velocities, governing_result, number, result_of
 from jld_core.limit.settlement import Settled, Thrust, reactions, settle
 from jld_core.limit.status import Status
 
 __all__ = [
+    "FALLBACKS",
     "FLOOR_SECONDS",
-    "LADDER",
     "AnyBlockRelaxation",
     "AnyRelaxation",
     "Asked",
@@ -97,24 +97,24 @@ __all__ = [
     "CaseBlockRelaxation",
     "CaseRelaxation",
     "Choice",
-    "Climb",
     "Condense",
     "Contacts",
     "DualBound",
-    "Fallen",
+    "Fallback",
     "Friction",
     "Governing",
     "Known",
     "LimitAnalysis",
     "LimitAnalysisResult",
+    "MinimizedConflict",
     "Motion",
     "Movement",
     "Movements",
     "Proof",
+    "ProofAttempt",
     "Prover",
     "Relaxation",
     "Repair",
-    "Rung",
     "Settled",
     "SolveOptions",
     "State",
@@ -131,7 +131,7 @@ __all__ = [
     "face_motions",
     "governing",
     "governing_result",
-    "load_floor",
+    "load_scale",
     "number",
     "reactions",
     "relative_width",

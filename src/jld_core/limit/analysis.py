@@ -10,12 +10,12 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
-from jld_core.lanes import Lanes, chosen, fits
-from jld_core.limit.bounds import Prover, State, load_floor, relative_width
-from jld_core.limit.climb import LADDER, Climb, Rung
-from jld_core.limit.lane_answers import ALONE
+from jld_core.batch import BatchSolver, chosen, fits
+from jld_core.limit.batch_results import ALONE
+from jld_core.limit.bounds import Prover, State, load_scale, relative_width
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
+from jld_core.limit.proof_attempt import FALLBACKS, Fallback, ProofAttempt
 from jld_core.limit.repair import Repair
 from jld_core.limit.result import LimitAnalysisResult, result_of
 from jld_core.limit.status import Status
@@ -33,7 +33,8 @@ class LimitAnalysis:
 
     assembly: the structure. solver, gap, inner_bending: see `SolveOptions`. margin: see `Template.program`. reference:
     (m,) labelling that solvers are set up on. template: where it exists already. single: one labelling is all that
-    will be asked, so the kernel is made for it alone where that is the quicker way. Structure, scaling and projectors
+    will be asked, so the batch solver is made for it alone where that is the quicker way. Structure, scaling and
+    projectors
     are built once; the answer for a labelling does not depend on what was solved before it.
     """
 
@@ -59,39 +60,39 @@ class LimitAnalysis:
         self.prover = Prover(self.template)
         precision = self.template.precision
         self.route = make_solver(solver, tolerance=precision.residual, structure=self.template.structure)
-        self.interior = Repair(self.template, self.prover)
+        self.repair = Repair(self.template, self.prover)
         self.margin = precision.margin if margin is None else margin
-        self.floor = load_floor(self.template.assembly) / self.template.scaling.load
+        self.floor = load_scale(self.template.assembly) / self.template.scaling.load
         self.reference = np.ones(len(assembly.interfaces), dtype=bool) if reference is None else reference
         self.seconds = time.perf_counter() - start
 
     @cached_property
-    def lanes(self) -> Lanes | None:
-        """The kernel for labellings of this analysis, where there is one that knows its rows."""
+    def batch(self) -> BatchSolver | None:
+        """The batch solver for labellings of this analysis, where there is one that knows its rows."""
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
-        plain = self.interior.expansion() if self.single else None
-        opening = self.interior.opening() if plain is None else plain
-        return Lanes(
+        plain = self.repair.expansion() if self.single else None
+        opening = self.repair.opening() if plain is None else plain
+        return BatchSolver(
             self.template, None if opening is None else opening.velocity, zero=self.floor, drawn=not self.single
         )
 
     @property
     def quick(self) -> bool:
-        """Is a kernel made and asked sooner than a solver answers one labelling?"""
+        """Is a batch solver made and asked sooner than a solver answers one labelling?"""
         return self.assembly.dimension == 3 and ALONE[0] <= len(self.assembly.interfaces) <= ALONE[1]
 
     def under(self, template: Template, reference: Bits) -> LimitAnalysis:
         """An analysis of the same assembly by another template of it; reference: (m,) labelling it is set up on."""
         return LimitAnalysis(self.assembly, template=template, gap=self.gap, reference=reference)
 
-    def prove(self, labels: Bits, ladder: tuple[Rung, ...] = LADDER, *, stands: bool = False) -> Proof:
+    def prove(self, labels: Bits, ladder: tuple[Fallback, ...] = FALLBACKS, *, stands: bool = False) -> Proof:
         """Proof of one labelling, by as many rungs as it takes.
 
         labels: (m,) True dry. stands: also decide whether it stands at λ = 0.
         """
         start = time.perf_counter()
-        proof = Climb(self, labels).up(ladder)
+        proof = ProofAttempt(self, labels).up(ladder)
         proof.seconds = time.perf_counter() - start
         if stands:
             proof.stands = False if proof.status is Status.UNSTABLE else self.stands(labels, proof.state)
@@ -123,13 +124,13 @@ class LimitAnalysis:
         """
         if not self.template.dead.any():
             return True
-        if known is not None and known.load >= 0.0 and self.single and self.quick and self.lanes is not None:
-            found = self.lanes.reversed().solve(labels[None], thresholds=np.zeros(1), vectors=True)
+        if known is not None and known.load >= 0.0 and self.single and self.quick and self.batch is not None:
+            found = self.batch.reversed().solve(labels[None], thresholds=np.zeros(1), vectors=True)
             if found.forces is not None and found.low[0] >= 0.0:
                 state = self.prover.state(np.append(found.forces[0], -found.low[0]), labels)
                 if state.admissible and state.load <= 0.0:
                     return True
-        return self.interior.stands(labels)
+        return self.repair.stands(labels)
 
     @one_thread()
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:

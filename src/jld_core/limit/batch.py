@@ -1,4 +1,4 @@
-"""Many labellings of one assembly at once, where the kernel can: what it leaves open is for `LimitAnalysis`."""
+"""Many labellings of one assembly at once, where the batch solver can: what it leaves open is for `LimitAnalysis`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.lanes import FALLS, LOCKED, Lanes
+from jld_core.batch import FALLS, LOCKED, BatchSolver
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.bounds import crossed
 from jld_core.limit.status import Status
@@ -36,27 +36,28 @@ class BatchAnswers:
 
 
 class Batch:
-    """The kernel for one limit analysis, for any number of threads at once. lanes: the kernel itself. load: λ in scene
+    """The batch solver for one limit analysis, for any number of threads at once. lanes: the batch solver itself. load:
+    λ in scene
     units for each scaled one."""
 
-    def __init__(self, analysis: LimitAnalysis, lanes: Lanes) -> None:
+    def __init__(self, analysis: LimitAnalysis, batch: BatchSolver) -> None:
         self._gap, self._floor = analysis.gap, analysis.floor
         self.load = analysis.template.scaling.load
-        self.lanes = lanes
+        self.batch = batch
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> Batch | None:
-        """For analyses whose rows have the kernel's shape, where there is a kernel; else None."""
-        return None if analysis.lanes is None else cls(analysis, analysis.lanes)
+        """For analyses whose rows have the batch solver's shape, where there is a batch solver; else None."""
+        return None if analysis.batch is None else cls(analysis, analysis.batch)
 
     @property
     def worthwhile(self) -> bool:
-        """Does the kernel settle most labellings here?"""
-        return self.lanes.settles >= 0.8
+        """Does the batch solver settle most labellings here?"""
+        return self.batch.settles >= 0.8
 
     def prove(self, labellings: Bits) -> BatchAnswers:
         """Bounds of labellings (k, m), True dry; what stands as settled is what `LimitAnalysis.judge` would settle."""
-        found = self.lanes.solve(labellings)
+        found = self.batch.solve(labellings)
         low, high = found.low, found.high
         falls, locked = found.verdict == FALLS, found.verdict == LOCKED
         size = np.maximum(abs(low), abs(high))

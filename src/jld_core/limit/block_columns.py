@@ -1,4 +1,4 @@
-"""The program of the relaxation by blocks as columns of single blocks, in standard form, for the kernel.
+"""The program of the relaxation by blocks as columns of single blocks, in standard form, for the batch solver.
 
 What `BlockProgram` states with rows that bound a variable by a block's share is stated here by columns: the load factor
 of a block is between two bounds as its share is the sum of two parts, one at each; shear between ±τA x as x is the sum
@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from jld_core.arrays import Floats, Ints
-from jld_core.lanes import BlockColumns
+from jld_core.batch import BlockColumns
 from jld_core.limit.block_parts import BlockParts, Q
-from jld_core.mechanics import Wedge
+from jld_core.mechanics import CoulombWedge
 
 Column = tuple[list[int], list[float]]
 
 
-def columns_of(parts: BlockParts, dry: Wedge, inner: Wedge) -> list[BlockColumns] | None:
+def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:
     """Columns of every block; None where shear of a joint has no strength without compression.
 
     Shared rows: three for each face that is shared, then three for each element: the cover, the share of λ, nothing.
@@ -34,7 +34,9 @@ def columns_of(parts: BlockParts, dry: Wedge, inner: Wedge) -> list[BlockColumns
 class _Block:
     """One block: its parts (k,), sides (s,) and joints (j,), by their places in `BlockParts`."""
 
-    def __init__(self, parts: BlockParts, dry: Wedge, inner: Wedge, own: Ints, sides: Ints, joints: Ints) -> None:
+    def __init__(
+        self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, own: Ints, sides: Ints, joints: Ints
+    ) -> None:
         self._parts, self._dry, self._inner = parts, dry, inner
         self._own, self._sides, self._joints = own, sides, joints
         self._place = {int(k): Q * i for i, k in enumerate(own)}

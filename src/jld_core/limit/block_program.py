@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.block_parts import BlockParts, Q
-from jld_core.mechanics import Wedge
+from jld_core.mechanics import CoulombWedge
 from jld_core.program import ConicProgram, pack
 
 LEAST: Final = 0.5
@@ -73,7 +73,7 @@ class BlockProgram(WholeProgram):
     with cohesion.
     """
 
-    def __init__(self, parts: BlockParts, dry: Wedge, inner: Wedge) -> None:
+    def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
         self._parts, self._entries = parts, Entries()
         self.stuck = np.flatnonzero(dry.cohesion[parts.side_face] > 0.0)
         p, n = np.arange(parts.blocks), parts.elements
@@ -119,7 +119,7 @@ class BlockProgram(WholeProgram):
         self._table = self._entries.finished()
         self._row_block, self._column_block = rows.owner, columns.owner
 
-    def _sides(self, dry: Wedge, rays: Ints, sticks: Ints) -> None:
+    def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
         """Forces on the sides: rays (1, ±μ, ±1) of dry faces, over their size; cohesion besides, |V₀| ≤ c x."""
         parts, stuck, add = self._parts, self.stuck, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
@@ -135,7 +135,7 @@ class BlockProgram(WholeProgram):
         across = parts.sign[stuck, None] * np.eye(Q)[1]
         add(self.agree[parts.side_shared[stuck][known]], sticks[known], across[known])
 
-    def _joints(self, inner: Wedge, bends: Ints) -> None:
+    def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
         """Forces at the joints: N = N' − σtA x with N' = r + r', m = (r − r') / bending."""
         parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
@@ -143,7 +143,7 @@ class BlockProgram(WholeProgram):
                 add(self.balance[part], bends[:, turn], arm @ vector)
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
-    def _shear(self, inner: Wedge, bends: Ints, shear: Ints) -> None:
+    def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
         """|V| ≤ τA x + μN: with N' − σtA x for N what is left of τA."""
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]

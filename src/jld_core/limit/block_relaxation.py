@@ -30,13 +30,13 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bools, Floats, Ints
 from jld_core.limit.analysis import LimitAnalysis
+from jld_core.limit.block_batch import BatchBlockProgram, Multipliers
 from jld_core.limit.block_cones import ConeProgram
 from jld_core.limit.block_faces import BlockFaces, FacesOfSets
-from jld_core.limit.block_lanes import LaneProgram, Multipliers
 from jld_core.limit.block_parts import block_parts
 from jld_core.limit.block_program import BlockProgram
 from jld_core.limit.bounds import usable
-from jld_core.mechanics import Wedge
+from jld_core.mechanics import CoulombWedge
 from jld_core.solvers import ClarabelSolver, Solver
 
 _RESIDUAL: Final = 1e-7
@@ -115,12 +115,12 @@ class BlockRelaxation:
             self._states = BlockProgram(self._parts, dry, inner)
         strong = self._dry.strength(self._parts.side_face)
         self._stuck = np.flatnonzero(strong > 0.0)
-        opening = analysis.interior.opening()
+        opening = analysis.repair.opening()
         self._opening = None if opening is None else self._parts.halved(opening)
         self._opening_margin = np.inf if self._opening is None else self._margin(*self._opening)
         if not self._opening_margin > 0.0:
             raise ArithmeticError("the motion that opens all faces does not open them on both sides")
-        self._many: LaneProgram | None = None
+        self._many: BatchBlockProgram | None = None
         self._asked = False
         limit: dict[str, Any] = {} if seconds == math.inf else {"time_limit": seconds}
         self._quick = ClarabelSolver(_RESIDUAL, **limit)
@@ -142,16 +142,16 @@ class BlockRelaxation:
 
     @property
     def many(self) -> bool:
-        """Whether the kernel solves many programs at a time."""
+        """Whether the batch solver solves many programs at a time."""
         if not self._asked:
             self._asked = True
-            if isinstance(self._dry, Wedge) and isinstance(self._inner, Wedge):
+            if isinstance(self._dry, CoulombWedge) and isinstance(self._inner, CoulombWedge):
                 elements = self.template.assembly.elements
-                self._many = LaneProgram.of(self._parts, self._dry, self._inner, elements.centroid[elements.free])
+                self._many = BatchBlockProgram.of(self._parts, self._dry, self._inner, elements.centroid[elements.free])
         return self._many is not None
 
-    def choose_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
-        """`choose` of many at a time, where the kernel can; pool: one more thread for it."""
+    def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
+        """`choose` of many at a time, where the batch solver can; pool: one more thread for it."""
         if not self.many or not asked:
             return [self.choose(*one) for one in asked]
         assert self._many is not None
@@ -265,7 +265,7 @@ def applies_to(analysis: LimitAnalysis) -> bool:
     sets = analysis.template.yield_set
     if sets.hull() is None:
         return False
-    if analysis.interior.opening() is not None:
+    if analysis.repair.opening() is not None:
         return True
     strengths = analysis.template.assembly.strengths
     return bool(np.isfinite(strengths.crush_dry).all() and np.isfinite(strengths.crush_inner).all())

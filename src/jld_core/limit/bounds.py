@@ -254,7 +254,7 @@ def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
 
 
-def load_floor(assembly: Assembly) -> float:
+def load_scale(assembly: Assembly) -> float:
     """Compute the load factor below which differences do not count: 1e-3 · total weight / total live load, scene units.
 
     Without weight `reference_load` stands in its place. Of several load cases: the least, over what each requires.

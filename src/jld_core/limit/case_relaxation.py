@@ -12,10 +12,10 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
-from jld_core.lanes import ToShrink
+from jld_core.batch import ConflictRequest
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
-from jld_core.limit.relaxation import DualBound, Fallen, Relaxation
+from jld_core.limit.relaxation import DualBound, MinimizedConflict, Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
 """Part by which bounds are raised, and thresholds lowered, so that nothing is lost by putting them into other units."""
@@ -97,9 +97,10 @@ class CaseRelaxation(_Cases[Relaxation]):
         self._reorder(counts)
         return found
 
-    def shrink(self, asked: ToShrink) -> list[Fallen]:
-        """See `Relaxation.shrink`, with governing factors: each labelling under the first case that refutes it."""
-        found: list[Fallen] = []
+    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
+        """See `Relaxation.minimize_conflicts`, with governing factors: each labelling under the first case that refutes
+        it."""
+        found: list[MinimizedConflict] = []
         left, carried = np.arange(len(asked.labellings)), np.ones(len(asked.labellings), dtype=bool)
         counts = [0] * len(self._cases)
         for case in tuple(self._order):
@@ -107,7 +108,7 @@ class CaseRelaxation(_Cases[Relaxation]):
                 break
             unit = self._units[case]
             fallen: set[int] = set()
-            for one in self._cases[case].shrink(asked.take(left).in_units(unit)):
+            for one in self._cases[case].minimize_conflicts(asked.take(left).in_units(unit)):
                 labelling = int(left[one.labelling])
                 if one.bound is None:
                     carried[labelling] &= one.carries or not one.drawn
@@ -118,7 +119,7 @@ class CaseRelaxation(_Cases[Relaxation]):
             counts[case] = len(fallen)
             left = np.array([k for k in left.tolist() if k not in fallen], dtype=np.int64)
         self._reorder(counts)
-        return found + [Fallen(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
+        return found + [MinimizedConflict(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
     def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
         """Weigh known mechanisms again: see `Relaxation.weigh`; bounds (k,) are governing factors."""
@@ -152,16 +153,16 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
         """What is known of the segmentations into allowed blocks (p,); threshold, most: governing factors."""
-        return self.choose_all([(allowed, threshold, most)])[0]
+        return self.bound_all([(allowed, threshold, most)])[0]
 
-    def choose_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
+    def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
         """The same of many at a time; pool: as of one case."""
         found: list[Choice | None] = [None] * len(asked)
         left, counts = list(range(len(asked))), [0] * len(self._cases)
         for case in tuple(self._order):
             unit = self._units[case]
             scaled = [(allowed, *self._in_units(threshold, most, unit)) for allowed, threshold, most in asked]
-            answers = self._cases[case].choose_all([scaled[k] for k in left], pool)
+            answers = self._cases[case].bound_all([scaled[k] for k in left], pool)
             for k, one in zip(left, answers, strict=True):
                 _, threshold, most = asked[k]
                 before = found[k]

@@ -12,15 +12,15 @@ from jld_core.limit.bounds import usable
 from jld_core.solvers import make_solver
 
 _RESIDUAL: Final = 1e-8
-"""Asked of the solver where there is no kernel: a hint needs no more digits."""
+"""Asked of the solver where there is no batch solver: a hint needs no more digits."""
 
 
 class Movements:
-    """Jumps of the mechanisms of labellings of one assembly, in the kernel where that knows the rows."""
+    """Jumps of the mechanisms of labellings of one assembly, in the batch solver where that knows the rows."""
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template, self._prover = analysis.template, analysis.prover
-        self._lanes = analysis.lanes
+        self._batch = analysis.batch
         self._route = make_solver("clarabel", tolerance=_RESIDUAL)
 
     def of(self, labellings: Bits) -> Floats:
@@ -28,8 +28,8 @@ class Movements:
 
         labellings: (k, m) True dry.
         """
-        if self._lanes is not None:
-            velocities = self._lanes.solve(labellings, vectors=True).velocity
+        if self._batch is not None:
+            velocities = self._batch.solve(labellings, vectors=True).velocity
             assert velocities is not None
         else:
             rows = self.template.matrix.shape[0]

@@ -2,7 +2,8 @@
 
 The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3), which the
 yield set knows (`YieldSet.hull`); a set that does not leaves no relaxation. Where planar joints may crush, its rows are
-wide of the hull, and two copies share the forces instead (`SharedHull`); the kernel follows it with rows of its own, to
+wide of the hull, and two copies share the forces instead (`SharedHull`); the batch solver follows it with rows of its
+own, to
 some hundredths of a percent in an arch (`YieldSet.bow`).
 
 What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the
@@ -19,8 +20,8 @@ import numpy as np
 
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.batch import CARRIED, CARRIES, FALLS, OPEN, REFUTED, BatchSolver, ConflictRequest, chosen, fits
 from jld_core.deadline import checkpoint
-from jld_core.lanes import CARRIED, CARRIES, FALLS, OPEN, REFUTED, Lanes, ToShrink, chosen, fits
 from jld_core.limit.analysis import LimitAnalysis
 from jld_core.limit.shared_hull import SharedHull
 from jld_core.program import ConicProgram
@@ -57,7 +58,7 @@ class DualBound:
 
 
 @dataclass(frozen=True)
-class Fallen:
+class MinimizedConflict:
     """What became of a labelling, or of a neighbour of it, that was shrunk.
 
     labelling: which of those asked. drawn: that one itself. decided: (m,) faces that matter. bound: scaled λ that no
@@ -100,7 +101,7 @@ class Relaxation:
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template = analysis.template
-        self._prover, self._interior = analysis.prover, analysis.interior
+        self._prover, self._interior = analysis.prover, analysis.repair
         hull = self.template.yield_set.hull()
         if hull is None:
             raise TypeError("no hull is known of these yield sets")
@@ -108,11 +109,11 @@ class Relaxation:
         strengths, planar = self.template.assembly.strengths, self.template.assembly.dimension == 2
         # while dry joints never crush the hull has rows
         self._shared = SharedHull(self.template) if planar and np.isfinite(strengths.crush_dry).any() else None
-        self._lanes: Lanes | None = None
+        self._batch: BatchSolver | None = None
         if chosen() is not None and fits(self.template, hull):
-            opening = analysis.interior.opening()
+            opening = analysis.repair.opening()
             velocity = None if opening is None else opening.velocity
-            self._lanes = Lanes(self.template, velocity, zero=analysis.floor, undecided=hull)
+            self._batch = BatchSolver(self.template, velocity, zero=analysis.floor, undecided=hull)
         self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
@@ -133,7 +134,7 @@ class Relaxation:
     @property
     def many(self) -> bool:
         """Whether relaxations are solved many at a time."""
-        return self._lanes is not None
+        return self._batch is not None
 
     @property
     def unit(self) -> float:
@@ -148,21 +149,21 @@ class Relaxation:
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """The same for labellings and undecided faces (k, m) and thresholds (k,): at once where the kernel can.
+        """The same for labellings and undecided faces (k, m) and thresholds (k,): at once where the batch solver can.
 
-        thorough: (k,) whether what the kernel leaves open is worth another route, default all.
+        thorough: (k,) whether what the batch solver leaves open is worth another route, default all.
         """
         count = len(labellings)
         self.solves += count
         found: list[DualBound | None] = [None] * count
         left = np.arange(count)
-        if self._lanes is not None:
-            answers = self._lanes.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
+        if self._batch is not None:
+            answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             assert answers.velocity is not None
             # forces that carry more are a hint: to refute nothing is never wrong
             told = np.flatnonzero(answers.verdict != CARRIES)
             self._weigh_all(answers.velocity[told], told, labellings, undecided, thresholds, found)
-            # between abutments the kernel bounds what a weighing, which is to the last digit, does not
+            # between abutments the batch solver bounds what a weighing, which is to the last digit, does not
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
             left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
             if thorough is not None:
@@ -173,12 +174,12 @@ class Relaxation:
                 found[k] = one
         return found
 
-    def shrink(self, asked: ToShrink) -> list[Fallen]:
+    def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
         """Labellings with as few faces decided as still keep λ at their thresholds, scaled, and neighbours of them;
-        where the kernel solves many at a time. Whatever it refuted is weighed here.
+        where the batch solver solves many at a time. Whatever it refuted is weighed here.
         """
-        assert self._lanes is not None
-        raw = self._lanes.shrink(asked)
+        assert self._batch is not None
+        raw = self._batch.minimize_conflicts(asked)
         with _COUNTING:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
@@ -190,9 +191,9 @@ class Relaxation:
         drawn = begun % (1 + asked.how.neighbours) == 0
         rows = zip(of.tolist(), drawn.tolist(), raw.decided[begun], found, raw.fate[begun].tolist(), strict=True)
         return [
-            Fallen(k, own, faces, None, fate == CARRIED)
+            MinimizedConflict(k, own, faces, None, fate == CARRIED)
             if one is None
-            else Fallen(k, own, faces, one.bound, fate == CARRIED, one.velocity)
+            else MinimizedConflict(k, own, faces, one.bound, fate == CARRIED, one.velocity)
             for k, own, faces, one, fate in rows
         ]
 
@@ -270,8 +271,9 @@ class Relaxation:
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
         """The mechanism of least bound that was found for a partial labelling; None where none was."""
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
-        if self._shared is not None and self._lanes is not None:
-            # the kernel's rows enclose the hull of joints that crush: what the hull itself bounds is a little less
+        if self._shared is not None and self._batch is not None:
+            # the batch solver's rows enclose the hull of joints that crush: what the hull itself bounds is a little
+            # less
             found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
         return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 

@@ -10,18 +10,18 @@ import numpy as np
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
-from jld_core.limit.bounds import load_floor, relative_width
+from jld_core.limit.bounds import load_scale, relative_width
 from jld_core.limit.governing import Known, governing
 from jld_core.limit.options import SolveOptions
 from jld_core.limit.proof import Proof
 from jld_core.limit.reasons import reason_of
 from jld_core.limit.status import Status
+from jld_core.notebook_repr import NotebookRepr
 from jld_core.program import Template
-from jld_core.shown import Shown
 
 
 @dataclass(frozen=True)
-class LimitAnalysisResult(Shown):
+class LimitAnalysisResult(NotebookRepr):
     """One assembly under one labelling, solved, with proof.
 
     load_factor: λ, NaN where none. bracket: (lo, hi), NaN where an end is unproven or infinite. gap: relative
@@ -136,7 +136,7 @@ def result_of(
     labels: (m,) True dry. assemble, elapsed: seconds of building the analysis, and of all since.
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
-    floor = load_floor(template.assembly) / scaling.load
+    floor = load_scale(template.assembly) / scaling.load
     held, motion = proof.found or proof.state, proof.motion
     forces = None if held is None or status is Status.UNSTABLE else held.forces * scaling.face
     moves = motion is not None and status not in (Status.UNSTABLE, Status.LOCKED)
@@ -181,7 +181,7 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
     known = [Known(one.status, *one.bracket, one.load_factor) for one in found]
     decided = governing(known, assembly.required.tolist())
     first = found[decided.case]
-    floor = max(1e-300, load_floor(first.assembly) / float(assembly.required[decided.case]))
+    floor = max(1e-300, load_scale(first.assembly) / float(assembly.required[decided.case]))
     width = relative_width(decided.low, decided.high, floor)
     stands = [one.stands_at_zero for one in found]
     return replace(

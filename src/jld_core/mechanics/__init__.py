@@ -9,7 +9,7 @@
 - `Rows`: what a program asks of yield sets
 - `Scaling`: scene values ↔ scaled values
 - `SpatialYield`: yield sets of spatial faces
-- `Wedge`: planar faces of one label that nothing crushes
+- `CoulombWedge`: planar faces of one label that nothing crushes
 - `YieldSet`: what a proof asks of yield sets
 - `equilibrium_matrix`: A_eq
 - `load_vectors`: b and b_λ
@@ -28,10 +28,11 @@ from jld_core.mechanics.equilibrium import equilibrium_matrix, load_vectors
 from jld_core.mechanics.prescribed_friction import EffectiveAreas, PrescribedFriction
 from jld_core.mechanics.scaling import Scaling, reference_load, scaling_of
 from jld_core.mechanics.yield_planar import PlanarYield
-from jld_core.mechanics.yield_set import FrictionSet, RowPattern, Rows, Wedge, YieldSet, require_materials
+from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, RowPattern, Rows, YieldSet, require_materials
 from jld_core.mechanics.yield_spatial import SpatialYield, spatial_yield, yield_set
 
 __all__ = [
+    "CoulombWedge",
     "EffectiveAreas",
     "FrictionSet",
     "InnerBending",
@@ -41,7 +42,6 @@ __all__ = [
     "Rows",
     "Scaling",
     "SpatialYield",
-    "Wedge",
     "YieldSet",
     "equilibrium_matrix",
     "load_vectors",

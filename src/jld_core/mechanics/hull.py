@@ -15,7 +15,7 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Floats, Ints
 from jld_core.mechanics.frictional import Frictional
-from jld_core.mechanics.yield_set import Bow, RowPattern
+from jld_core.mechanics.yield_set import ParabolicBending, RowPattern
 
 _STEPS: Final = 257
 """Places on a parabola at which planes are weighed."""
@@ -51,7 +51,7 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
     return replace(pattern, dry=data, h_dry=rhs)
 
 
-def bow_of_hull(sets: Frictional, crushed: Ints) -> Bow | None:
+def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     """What encloses either label of planar faces (k,) that crush; None where inner ones carry more N than dry ones.
 
     In N and m it is the hull of the parabola N − N²/N_c and of the triangle of the inner set with its foot (−T, 0),
@@ -87,7 +87,7 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> Bow | None:
     strengths = np.column_stack([limit, dry, sets.cohesion[crushed], tension, inner_limit, sets.shear[crushed], inner])
     meeting = _meeting(strengths)
     meeting[~holds] = 0.0
-    return Bow(crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([meeting, strengths]))
+    return ParabolicBending(crushed, np.column_stack([1.0 / limit, knee]), rows, np.column_stack([meeting, strengths]))
 
 
 def _meeting(strengths: Floats) -> Floats:
@@ -98,7 +98,7 @@ def _meeting(strengths: Floats) -> Floats:
     (n, m) and the parabola: of planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁, a = 1 + μb − 2N₁/N_c, that with
     b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. Where the others do not pass it, it is
     one of the hull. The corner is (−T, 0) where it has any, else the one that has most: at the top, where planes of
-    all directions meet, one plane alone says little. strengths: (k, 7) as `Bow.meeting` has them.
+    all directions meet, one plane alone says little. strengths: (k, 7) as `ParabolicBending.meeting` has them.
     """
     limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
     top = 0.5 * (inner_limit - tension)

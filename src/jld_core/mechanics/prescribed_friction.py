@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats
-from jld_core.mechanics.yield_set import Bow, FrictionSet, RowPattern, Rows, Wedge
+from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, ParabolicBending, RowPattern, Rows
 
 
 @dataclass(frozen=True)
@@ -183,10 +183,10 @@ class PrescribedFriction:
     def hull(self) -> Rows | None:
         return None
 
-    def bow(self, *, undecided: bool) -> Bow | None:
+    def bow(self, *, undecided: bool) -> ParabolicBending | None:
         return None
 
-    def wedge(self, dry: bool) -> Wedge | None:
+    def wedge(self, dry: bool) -> CoulombWedge | None:
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

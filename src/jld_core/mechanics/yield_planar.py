@@ -18,7 +18,7 @@ from jld_core.assembly import Assembly, Strengths
 from jld_core.mechanics.frictional import Frictional, scaled_strengths
 from jld_core.mechanics.hull import bow_of_hull, hull_rows
 from jld_core.mechanics.scaling import Scaling
-from jld_core.mechanics.yield_set import Bow, Hull, RowPattern, Rows, Wedge, used
+from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, RowPattern, Rows, used
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class PlanarYield(Frictional):
         either = self.active(every) | self.active(~every)
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
 
-    def bow(self, *, undecided: bool) -> Bow | None:
+    def bow(self, *, undecided: bool) -> ParabolicBending | None:
         """Dry: |m| ≤ N − N²/N_c, |V| ≤ c + μN. None for undecided faces whose inner set reaches beyond."""
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         one = np.ones(len(crushed))
@@ -145,15 +145,15 @@ class PlanarYield(Frictional):
         rows = np.array([[one, one, none], slide, [none, none, one]]).transpose(2, 0, 1)
         # where nothing resists shear V is dropped, and its row idles
         rows[friction + cohesion == 0.0, 1] = (0.0, 1.0, 1.0)
-        return Bow(crushed, np.column_stack([1.0 / limit, none]), rows)
+        return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
-    def wedge(self, dry: bool) -> Wedge | None:
+    def wedge(self, dry: bool) -> CoulombWedge | None:
         """None where a compressive strength is given for any face, under either label."""
         if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
             return None
         if dry:
-            return Wedge(np.zeros(len(self.friction)), 1.0, self.friction, self.cohesion)
-        return Wedge(self.tension, 3.0, self.inner_friction, self.shear)
+            return CoulombWedge(np.zeros(len(self.friction)), 1.0, self.friction, self.cohesion)
+        return CoulombWedge(self.tension, 3.0, self.inner_friction, self.shear)
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:

@@ -60,7 +60,7 @@ class Hull:
 
 
 @dataclass(frozen=True)
-class Bow:
+class ParabolicBending:
     """Planar faces that crush: b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, and their shear.
 
     crushed: (k,) faces. bow: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending, of −a N ± b V ≤ h, and of a line
@@ -77,7 +77,7 @@ class Bow:
 
 
 @dataclass(frozen=True)
-class Wedge:
+class CoulombWedge:
     """Planar faces of one label that nothing crushes: bending |m| ≤ N + tension, |V| ≤ cohesion + friction N, scaled.
 
     tension, friction, cohesion: (m,). bending: 1 or 3, of all faces. Directions of recession are N (1, ±μ, ±1/bending).
@@ -135,10 +135,10 @@ class YieldSet(Rows, Protocol):
     def hull(self) -> Rows | None:
         """Rows that hold whatever either label admits, with the sparsity of `pattern`."""
 
-    def bow(self, *, undecided: bool) -> Bow | None:
+    def bow(self, *, undecided: bool) -> ParabolicBending | None:
         """Dry planar faces that crush, or what encloses either label where those are undecided; None: not known."""
 
-    def wedge(self, dry: bool) -> Wedge | None:
+    def wedge(self, dry: bool) -> CoulombWedge | None:
         """All faces under one label, as wedges with recession directions."""
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

@@ -21,7 +21,7 @@ from jld_core.mechanics.frictional import Frictional, scaled_strengths
 from jld_core.mechanics.hull import hull_rows
 from jld_core.mechanics.scaling import Scaling
 from jld_core.mechanics.yield_planar import planar_yield
-from jld_core.mechanics.yield_set import Bow, FrictionSet, Hull, Rows, Wedge, used
+from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, Hull, ParabolicBending, Rows, used
 from jld_core.mechanics.yield_spatial_rows import spatial_rows, without_crushing
 
 
@@ -139,10 +139,10 @@ class SpatialYield(Frictional):
             sets = replace(self, pattern=without_crushing(self.pattern, self, self.point, self.bending))
         return Hull(hull_rows(sets, freedoms=6, shear=5, parabolas=False), either)
 
-    def bow(self, *, undecided: bool) -> Bow | None:
+    def bow(self, *, undecided: bool) -> ParabolicBending | None:
         return None
 
-    def wedge(self, dry: bool) -> Wedge | None:
+    def wedge(self, dry: bool) -> CoulombWedge | None:
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:

@@ -1,13 +1,13 @@
 """What is modelled, and the one policy how.
 
-- `LADDERS`: what is tried, in order, by `SolveOptions.condense`
-- `Effort`: what one labelling takes
-- `Scheme`: how a solution without dilation is sought
+- `FALLBACKS_BY_FRICTION`: what is tried, in order, by `SolveOptions.condense`
+- `CostEstimate`: what one labelling takes
+- `ProximalOptions`: how a solution without dilation is sought
 - `Sensitivity`: the rate of λ by one number
 - `SolveOptions`: what is modelled, as on the command line
 - `areas_under`: effective areas under given forces
 - `change`: how far effective areas moved between two iterates
-- `effort_of`: what one labelling is expected to take
+- `cost_estimate`: what one labelling is expected to take
 - `frozen_areas`: a template with effective areas frozen
 - `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
 - `point_contact_assembly`: the assembly of concave contact
@@ -24,23 +24,23 @@
 from __future__ import annotations
 
 from jld_core.limit import SolveOptions
+from jld_core.models.cost_estimate import CostEstimate, cost_estimate, require_memory
 from jld_core.models.effective_area import areas_under, change, frozen_areas
-from jld_core.models.effort import Effort, effort_of, require_memory
 from jld_core.models.point_contacts import point_contact_assembly
 from jld_core.models.rigid_blocks import prove_condensed, rigid_blocks, worth_condensing
 from jld_core.models.sensitivity import Sensitivity, sensitivities
-from jld_core.models.solve import LADDERS, limit_analysis, require_model, solve, solve_labelling
-from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.solve import FALLBACKS_BY_FRICTION, limit_analysis, require_model, solve, solve_labelling
+from jld_core.models.zero_dilation.search import ProximalOptions
 
 __all__ = [
-    "LADDERS",
-    "Effort",
-    "Scheme",
+    "FALLBACKS_BY_FRICTION",
+    "CostEstimate",
+    "ProximalOptions",
     "Sensitivity",
     "SolveOptions",
     "areas_under",
     "change",
-    "effort_of",
+    "cost_estimate",
     "frozen_areas",
     "limit_analysis",
     "point_contact_assembly",

@@ -19,12 +19,12 @@ from jld_core.arrays import Bits
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError, SolverError
 from jld_core.limit import (
-    LADDER,
-    Climb,
+    FALLBACKS,
+    Fallback,
     LimitAnalysis,
     LimitAnalysisResult,
     Proof,
-    Rung,
+    ProofAttempt,
     SolveOptions,
     governing_result,
     result_of,
@@ -33,7 +33,7 @@ from jld_core.mechanics import require_materials
 from jld_core.models.effective_area import prove_effective_area, require_rectangles
 from jld_core.models.point_contacts import point_contact_assembly, proof_of_faces
 from jld_core.models.rigid_blocks import prove_condensed, worth_condensing
-from jld_core.models.zero_dilation.search import Scheme
+from jld_core.models.zero_dilation.search import ProximalOptions
 from jld_core.models.zero_dilation.solve import prove_zero_dilation
 from jld_core.solvers import is_large
 from jld_core.threads import one_thread
@@ -124,46 +124,46 @@ def solve_labelling(
 def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands: bool, floor: float) -> Proof:
     """The proof under convex contact."""
     if options.friction == "zero-dilation":
-        scheme = Scheme(effective_area=options.effective_area)
+        scheme = ProximalOptions(effective_area=options.effective_area)
         seconds = options.floor_seconds if options.range else None
         return prove_zero_dilation(analysis, labels, scheme, stands=stands, floor=floor, range=seconds)
     if options.effective_area:
         return prove_effective_area(analysis, labels, stands=stands)
-    return analysis.prove(labels, LADDERS[options.condense], stands=stands)
+    return analysis.prove(labels, FALLBACKS_BY_FRICTION[options.condense], stands=stands)
 
 
 # --- the ladder with rigid blocks ---------------------------------------------------------------------------
 
 
-def _rigid_blocks(climb: Climb) -> None:
+def _rigid_blocks(climb: ProofAttempt) -> None:
     found = prove_condensed(cast(LimitAnalysis, climb.analysis), climb.labels)
     if found is not None:
         climb.take(found)
 
 
-def _strong(climb: Climb) -> bool:
+def _strong(climb: ProofAttempt) -> bool:
     return worth_condensing(climb.template, climb.labels)
 
 
-def _large(climb: Climb) -> bool:
+def _large(climb: ProofAttempt) -> bool:
     return climb.open and not climb.labels.all() and is_large(climb.template.structure)
 
 
-def _left(climb: Climb) -> bool:
+def _left(climb: ProofAttempt) -> bool:
     return climb.open and not climb.labels.all() and not is_large(climb.template.structure)
 
 
 _OFFER: Final = "both sides by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
 
-LADDERS: Final[dict[str, tuple[Rung, ...]]] = {
-    "off": LADDER,
-    "on": (Rung("rigid blocks", lambda climb: True, _rigid_blocks, _OFFER), *LADDER),
+FALLBACKS_BY_FRICTION: Final[dict[str, tuple[Fallback, ...]]] = {
+    "off": FALLBACKS,
+    "on": (Fallback("rigid blocks", lambda climb: True, _rigid_blocks, _OFFER), *FALLBACKS),
     "auto": (
-        Rung("rigid blocks: strong inner faces", _strong, _rigid_blocks, _OFFER),
-        *LADDER[:2],
-        Rung("rigid blocks: repairs would take longer", _large, _rigid_blocks, _OFFER),
-        *LADDER[2:],
-        Rung("rigid blocks: strengths far above some loads", _left, _rigid_blocks, _OFFER),
+        Fallback("rigid blocks: strong inner faces", _strong, _rigid_blocks, _OFFER),
+        *FALLBACKS[:2],
+        Fallback("rigid blocks: repairs would take longer", _large, _rigid_blocks, _OFFER),
+        *FALLBACKS[2:],
+        Fallback("rigid blocks: strengths far above some loads", _left, _rigid_blocks, _OFFER),
     ),
 }
 """What is tried, in order, by `SolveOptions.condense`."""

@@ -16,8 +16,8 @@ import numpy as np
 from jld_core.assembly import Assembly
 from jld_core.build import Resultant, resultant
 from jld_core.limit import LimitAnalysisResult, number
+from jld_core.notebook_repr import register_repr
 from jld_core.program import Template
-from jld_core.shown import show_with
 from jld_core.views.advice import advice
 
 LARGEST: Final = 1500
@@ -174,8 +174,8 @@ class ResultView:
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 
 
-show_with(Assembly, AssemblyView())
-show_with(LimitAnalysisResult, ResultView())
+register_repr(Assembly, AssemblyView())
+register_repr(LimitAnalysisResult, ResultView())
 
 
 def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import typer
 
-from jld_core.laying import Laying, laying_order
+from jld_core.assembly_sequence import Laying, assembly_order
 from jld_explore.cli.layout import layout_of
 from jld_explore.cli.options import Rank, Source
 from jld_explore.cli.streams import say
@@ -33,7 +33,7 @@ def assembly(
         check_writable(out)
     scene, found, labels = layout_of(source, rank)
     sideways = scene.search.assemble_out_of_plane
-    laying = laying_order(found, labels, wish=wish, sideways=sideways, group=group)
+    laying = assembly_order(found, labels, wish=wish, sideways=sideways, group=group)
     table = table_of(laying)
     if out is not None:
         from jld_core.views.figures import save_figure

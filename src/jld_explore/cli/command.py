@@ -17,12 +17,12 @@ from typer.core import TyperGroup
 
 from jld_core._version import __version__
 from jld_core.assembly import Assembly
+from jld_core.batch import described as kernel_in_use
 from jld_core.build import build_assembly, build_robust, settlements_of
 from jld_core.errors import InputError
-from jld_core.lanes import described as kernel_in_use
 from jld_core.limit import FLOOR_SECONDS, Condense, Contacts, Friction, LimitAnalysisResult, SolveOptions, Status
 from jld_core.mechanics import InnerBending, require_materials
-from jld_core.models import effort_of, require_memory, require_model, sensitivities
+from jld_core.models import cost_estimate, require_memory, require_model, sensitivities
 from jld_core.models import solve as solve_assembly
 from jld_core.scene import Scene, load_scene
 from jld_core.solvers import SOLVERS
@@ -33,7 +33,7 @@ from jld_explore.cli.assembly import assembly as laying
 from jld_explore.cli.ending import UNCERTIFIED, raise_on_signals, run
 from jld_explore.cli.experiment import experiment
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, SceneFile, refuse_itself, speaking_of
+from jld_explore.cli.options import AsJson, Rank, SceneFile, error_context, refuse_itself
 from jld_explore.cli.progress import ProgressBar
 from jld_explore.cli.settlement import settlement
 from jld_explore.cli.streams import say, warn
@@ -105,7 +105,7 @@ Robust = Annotated[
 def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
     """A scene and its assembly."""
     scene = load_scene(path)
-    with speaking_of(path):
+    with error_context(path):
         assembly = build_assembly(scene)
         require_memory(assembly)
     if assembly.warnings and strict:
@@ -123,7 +123,7 @@ def _warn_of(path: Path, assembly: Assembly) -> None:
 def _check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
     """What may be labelled; refused as `jld explore` would where the scene asks for a search."""
     asked = "search" in scene.model_fields_set
-    with speaking_of(path):
+    with error_context(path):
         return search_space(scene, assembly, allow_empty=not asked, need_materials=asked)
 
 
@@ -132,7 +132,7 @@ def check(scene: SceneFile, strict: Strict = False) -> None:
     """Parse a scene, find its interfaces, and print what will be modelled."""
     parsed, assembly = _load(scene, strict)
     space = _check_search(scene, parsed, assembly)
-    with speaking_of(scene):
+    with error_context(scene):
         require_materials(assembly, assembly.labels, ~assembly.labels)
         settlements_of(parsed, assembly)
     _warn_of(scene, assembly)
@@ -185,15 +185,15 @@ def solve(
         _check_search(scene, parsed, assembly)
     if robust:
         assembly = build_robust(parsed)
-    with speaking_of(scene):
+    with error_context(scene):
         require_materials(assembly, labels, ~labels)
         settlements_of(parsed, assembly)
         require_model(assembly, options, labels)
     if own and not as_json:
         _warn_of(scene, assembly)
-    if (long := effort_of(assembly).long) is not None and not as_json:
+    if (long := cost_estimate(assembly).long) is not None and not as_json:
         warn(f"jld: {long}")
-    with speaking_of(scene):
+    with error_context(scene):
         result = solve_assembly(assembly, labels, **vars(options))
     if robust:
         nominal = solve_assembly(assembly.at_nominal, result.labels, **vars(result.model)).load_factor
@@ -327,7 +327,7 @@ def explore_command(
     )
     announce = None if as_json else say
     try:
-        with ProgressBar(parsed.name) as bar, speaking_of(scene, str(out)):
+        with ProgressBar(parsed.name) as bar, error_context(scene, str(out)):
             done = explore(parsed, out, settings, report=bar, announce=announce, started=context.obj)
     except Interrupted as stop:
         if stop.done is not None:

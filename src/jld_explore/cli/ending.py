@@ -13,7 +13,7 @@ import typer
 from jld_core.errors import InputError, SolverError
 from jld_core.memory import memory_limit
 from jld_explore.cli.streams import STOPPED, warn
-from jld_explore.evaluation import disturb
+from jld_explore.evaluation import raise_deferred
 from jld_explore.study import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
@@ -29,7 +29,7 @@ def raise_on_signals() -> None:
     """Let signals end a search as what it finished is on disk; one that is ignored (nohup) stays so."""
 
     def stop(number: int, frame: object) -> None:
-        disturb(Interrupted())
+        raise_deferred(Interrupted())
 
     for name in _SIGNALS:
         number = getattr(signal, name, None)

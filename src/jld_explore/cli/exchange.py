@@ -14,7 +14,7 @@ from jld_core.models import solve
 from jld_core.refinement import KINDS, refine
 from jld_core.scene import load_scene, parse_scene
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import Rank, SceneFile, Source, refuse_itself, speaking_of
+from jld_explore.cli.options import Rank, SceneFile, Source, error_context, refuse_itself
 from jld_explore.cli.samples import Out, write_scene
 from jld_explore.cli.streams import say
 from jld_explore.report import write_text
@@ -86,7 +86,7 @@ def export_command(
         refuse_itself(source, file)
     scene, assembly, labels = layout_of(source, rank)
     layout = Layout(scene, assembly, labels, solve(assembly, labels) if kind == "vtk" else None)
-    with speaking_of(source, str(out)):
+    with error_context(source, str(out)):
         export(layout, kind, out, cells=cells)
     write_text(table, blocks_csv(layout))
     free = sum(1 for block in layout.blocks if block.cells)
@@ -112,7 +112,7 @@ def refine_command(
         raise InputError("--centre", f"{centre!r} is wrong", "x,y")
     parsed = load_scene(scene)
     place = None if middle is None else (middle[0], middle[1])
-    with speaking_of(scene):
+    with error_context(scene):
         found = refine(parsed, sizes, kind=kind, by=by, centre=place, seed=seed)
     write_scene(found.scene, out)
     before, after = len(set(found.parent.values())), len(found.parent)

@@ -18,7 +18,7 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.models import solve
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, Source, speaking_of
+from jld_explore.cli.options import AsJson, Rank, Source, error_context
 from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, csv_of, write_text
 
@@ -72,7 +72,7 @@ def experiment(
     settings = Settings(scheme=scheme, segments=segments, moving=moving)
     _, assembly, labels = layout_of(source, rank)
     start = time.perf_counter()
-    with speaking_of(source):
+    with error_context(source):
         curve = run_experiment(assembly, labels, joints=joints, settings=settings)
         spent = time.perf_counter() - start
         limit = solve(assembly, labels)

@@ -11,7 +11,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.scene import Scene, load_scene
-from jld_explore.cli.options import speaking_of
+from jld_explore.cli.options import error_context
 from jld_explore.report import Exploration, read_folder
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
         if rank is not None:
             raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
         scene = load_scene(source)
-        with speaking_of(source):
+        with error_context(source):
             assembly = build_assembly(scene)
         return scene, assembly, assembly.labels
     done = read_folder(source)

@@ -18,7 +18,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 
 
 @contextmanager
-def speaking_of(file: Path, *outside: str) -> Iterator[None]:
+def error_context(file: Path, *outside: str) -> Iterator[None]:
     """Complaints about what a file says name it; those about options, and about paths that begin so, stand alone."""
     try:
         yield

@@ -12,7 +12,7 @@ from jld_core.errors import InputError
 from jld_core.models import solve
 from jld_core.scene import load_scene
 from jld_explore.cli.layout import layout_of, plot_ranks
-from jld_explore.cli.options import Source, refuse_itself, speaking_of
+from jld_explore.cli.options import Source, error_context, refuse_itself
 from jld_explore.cli.streams import say
 from jld_explore.report import read_folder, scene_page, write_pictures, write_report, write_text
 
@@ -58,7 +58,7 @@ def plot_command(
 
 def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool) -> Path:
     scene = load_scene(source)
-    with speaking_of(source):
+    with error_context(source):
         assembly = build_assembly(scene)
     target = out or Path(source.with_suffix(f".{kind}").name)
     refuse_itself(source, target)

@@ -14,7 +14,7 @@ from jld_core.errors import InputError
 from jld_core.limit import Settled, settle
 from jld_explore.cli.ending import UNCERTIFIED
 from jld_explore.cli.layout import layout_of
-from jld_explore.cli.options import AsJson, Rank, speaking_of
+from jld_explore.cli.options import AsJson, Rank, error_context
 from jld_explore.cli.streams import say
 from jld_explore.report import check_writable, write_text
 
@@ -34,7 +34,7 @@ def settlement(
     scene, assembly, labels = layout_of(source, rank)
     if not scene.settlements:
         raise InputError(f"{source}: settlements", "the scene has none", "a list of movements of supports")
-    with speaking_of(source):
+    with error_context(source):
         found = [settle(assembly, one, labels) for one in settlements_of(scene, assembly)]
     told = {"name": scene.name, "settlements": [one.to_json() for one in found]}
     if out is not None:

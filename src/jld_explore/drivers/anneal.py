@@ -89,7 +89,7 @@ class AnnealOptions(DriverOptions):
 class Anneal(Searcher):
     """Chains that each change one labelling, step by step, ever colder, and a population beside them.
 
-    chains: how many. What a mechanism moves is asked of the kernel, or of a solver where there is none.
+    chains: how many. What a mechanism moves is asked of the batch solver, or of a solver where there is none.
     """
 
     name = "anneal"

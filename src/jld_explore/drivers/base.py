@@ -120,7 +120,7 @@ class Driver(ABC):
         reason: one line that says what contradicts what.
         """
 
-    def employ(self, jobs: int) -> None:  # noqa: B027 – most leave that to whoever evaluates
+    def set_workers(self, jobs: int) -> None:  # noqa: B027 – most leave that to whoever evaluates
         """Told once before the start: how many processes may help a driver that has work of its own."""
 
     def start(  # noqa: B027 – most ask in no time

@@ -9,7 +9,7 @@ from jld_core.errors import InputError
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Driver
 from jld_explore.drivers.enumeration import Enumeration
-from jld_explore.drivers.exact import Exact, Lightest
+from jld_explore.drivers.exact import Exact, MinimumCount
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.drivers.hillclimb import HillClimb
 from jld_explore.drivers.optuna import Optuna
@@ -40,5 +40,5 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
     kind = DRIVERS[name]
     if kind is Exact and space.search.require is not None:
         # a count is what is proven then
-        return Lightest.made(space, seed, given)
+        return MinimumCount.made(space, seed, given)
     return kind.made(space, seed, given)

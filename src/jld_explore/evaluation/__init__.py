@@ -16,15 +16,15 @@
 - `ForceMethod`: both sides of λ at a vertex
 - `Forces`: a certificate from below
 - `IncumbentFront`: the largest λ known for each count
-- `LeavingOutEvaluator`: evaluates labellings of an assembly with a sink (`space.void`), each on the structure that …
+- `VoidCellsEvaluator`: evaluates labellings of an assembly with a sink (`space.void`), each on the structure that …
 - `MakeEvaluator`: makes what evaluates in a worker
 - `Mechanism`: a certificate from above
 - `Pool`: certificates that are worth their place
 - `Proofs`: what one solve leaves behind
 - `RecordedEvaluator`: workers with a record
 - `Records`: evaluations, proofs and conflicts on disk
-- `Seat`: a process that is given task after task
-- `Seats`: as many of them as there are jobs, or workers of a cluster
+- `PoolWorker`: a process that is given task after task
+- `WorkerPool`: as many of them as there are jobs, or workers of a cluster
 - `Sent`: labellings on their way
 - `Vertex`: what was found at a vertex
 - `WorkerSpec`: what a worker needs
@@ -32,7 +32,7 @@
 - `aims`: the number to be made large
 - `batch_size`: labellings per task
 - `client_of_cluster`: the client of the cluster that is used
-- `disturb`: raise an error, or after what is undisturbed
+- `raise_deferred`: raise an error, or after what is undisturbed
 - `evaluator_of`: what evaluates labellings of an assembly
 - `front_counts`: counts of the scene's front
 - `is_small`: whether a solve takes less than to send it
@@ -54,10 +54,10 @@ from __future__ import annotations
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.certificates import Bounds, Forces, Mechanism, Pool, Proofs, proofs_of
 from jld_explore.evaluation.cluster import client_of_cluster, on_cluster
+from jld_explore.evaluation.deferred_signals import raise_deferred
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, FAILED, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 from jld_explore.evaluation.force_method import ForceMethod, Vertex
-from jld_explore.evaluation.leaving_out import LeavingOutEvaluator
 from jld_explore.evaluation.pruning import IncumbentFront
 from jld_explore.evaluation.ranking import (
     ORDER,
@@ -74,9 +74,9 @@ from jld_explore.evaluation.ranking import (
 from jld_explore.evaluation.recorded import Evaluating, RecordedEvaluator, Sent
 from jld_explore.evaluation.records import RECORDS_FILE, Records
 from jld_explore.evaluation.rows import load_factors, settled, statuses
-from jld_explore.evaluation.seats import Seat, Seats
-from jld_explore.evaluation.undisturbed import disturb
+from jld_explore.evaluation.void_cells import VoidCellsEvaluator
 from jld_explore.evaluation.with_certificates import CertificateEvaluator, is_small
+from jld_explore.evaluation.worker_pool import PoolWorker, WorkerPool
 from jld_explore.evaluation.workers import HANG, MakeEvaluator, Workers, WorkerSpec, batch_size
 
 __all__ = [
@@ -96,23 +96,22 @@ __all__ = [
     "ForceMethod",
     "Forces",
     "IncumbentFront",
-    "LeavingOutEvaluator",
     "MakeEvaluator",
     "Mechanism",
     "Pool",
+    "PoolWorker",
     "Proofs",
     "RecordedEvaluator",
     "Records",
-    "Seat",
-    "Seats",
     "Sent",
     "Vertex",
+    "VoidCellsEvaluator",
+    "WorkerPool",
     "WorkerSpec",
     "Workers",
     "aims",
     "batch_size",
     "client_of_cluster",
-    "disturb",
     "evaluator_of",
     "front_counts",
     "is_small",
@@ -123,6 +122,7 @@ __all__ = [
     "on_cluster",
     "places",
     "proofs_of",
+    "raise_deferred",
     "settled",
     "standing",
     "statuses",

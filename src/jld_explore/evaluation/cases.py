@@ -51,7 +51,7 @@ class CasesEvaluator:
 
         A labelling counts as evaluated when all its cases are.
         """
-        if not self.settings.in_lanes:
+        if not self.settings.batched:
             return self._one_by_one(labellings, floors, waiting, deadline)
         found: list[list[Evaluation]] = []
         count = len(labellings)

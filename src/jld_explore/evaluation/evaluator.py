@@ -26,7 +26,8 @@ class EvaluatorSettings:
     """What an evaluator is asked for.
 
     model: what is modelled. prove: also say what a solve proves about other labellings, where bounds speak of
-    more than one (`SolveOptions.modular`). many: the assembly has labellings enough for the kernel, which is made in
+    more than one (`SolveOptions.modular`). many: the assembly has labellings enough for the batch solver, which is made
+    in
     the time of some ten solves.
     """
 
@@ -35,16 +36,17 @@ class EvaluatorSettings:
     many: bool = True
 
     @property
-    def in_lanes(self) -> bool:
-        """Whether bounds on λ of many labellings are all that is asked, which is what the kernel gives."""
+    def batched(self) -> bool:
+        """Whether bounds on λ of many labellings are all that is asked, which is what the batch solver gives."""
         return self.many and self.model.modular and not self.prove
 
 
 class Evaluator:
     """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order.
 
-    like: another of the same assembly and settings, whose kernel is taken. An evaluator is for one thread at a time; a
-    kernel is for all.
+    like: another of the same assembly and settings, whose batch solver is taken. An evaluator is for one thread at a
+    time; a
+    batch solver is for all.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: Evaluator | None = None) -> None:
@@ -55,7 +57,7 @@ class Evaluator:
         if like is not None:
             self._batch = like._batch
         else:
-            self._batch = Batch.of(self._analysis) if settings.in_lanes else None
+            self._batch = Batch.of(self._analysis) if settings.batched else None
 
     @cached_property
     def _analysis(self) -> LimitAnalysis:
@@ -63,12 +65,14 @@ class Evaluator:
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
-        """Another one, for another thread: it answers alike, and is made in no time where the kernel settles all."""
+        """Another one, for another thread: it answers alike, and is made in no time where the batch solver settles
+        all."""
         return Evaluator(self.assembly, self.settings, self)
 
     @property
     def settles(self) -> bool:
-        """Whether nearly all labellings are the kernel's to settle, so that one process does what several would."""
+        """Whether nearly all labellings are the batch solver's to settle, so that one process does what several
+        would."""
         return self._batch is not None and self._batch.worthwhile
 
     def evaluate_all(
@@ -78,7 +82,7 @@ class Evaluator:
         waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m), many at once where the kernel can, the others one by one.
+        """Evaluate labellings (k, m), many at once where the batch solver can, the others one by one.
 
         floors: (k,), waiting: see `evaluate`. deadline: after which no further labelling is begun:
         evaluations are then of the first labellings only. Each depends on its own labelling alone.
@@ -110,7 +114,7 @@ class Evaluator:
         return None
 
     def _in_lanes(self, labellings: Bits) -> list[Evaluation | None]:
-        """Evaluations by the kernel, None where it leaves a labelling open."""
+        """Evaluations by the batch solver, None where it leaves a labelling open."""
         if self._batch is None:
             return [None] * len(labellings)
         start = time.perf_counter()
@@ -177,7 +181,7 @@ class Evaluator:
         """The evaluation by the force method; None where its vertex does not prove a narrow bracket."""
         if self._force_method is None:
             own = self._analysis
-            self._force_method = ForceMethod(own.template, own.prover, own.interior)
+            self._force_method = ForceMethod(own.template, own.prover, own.repair)
         if not self._force_method.usable:
             return None
         vertex = self._force_method.solve(labels, waiting)

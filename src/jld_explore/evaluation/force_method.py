@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from jld_core import tolerances
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Motion, Prover, Repair, State, load_floor
+from jld_core.limit import Motion, Prover, Repair, State, load_scale
 from jld_core.mechanics import RowPattern
 from jld_core.program import Template
 from jld_core.solvers import highs_of
@@ -74,14 +74,14 @@ class ForceMethod:
     """The linear program of one template; `usable` says whether it has one."""
 
     def __init__(
-        self, template: Template, prover: Prover, interior: Repair, settings: VertexSettings | None = None
+        self, template: Template, prover: Prover, repair: Repair, settings: VertexSettings | None = None
     ) -> None:
-        self.template, self.prover, self.interior = template, prover, interior
+        self.template, self.prover, self.repair = template, prover, repair
         self.settings = settings or VertexSettings()
         assembly, sets = template.assembly, template.yield_set
         faces = len(assembly.interfaces)
         every = np.ones(faces, dtype=bool)
-        self._floor = load_floor(template.assembly) / template.scaling.load
+        self._floor = load_scale(template.assembly) / template.scaling.load
         self._asked: tuple[Bits | None, Floats] = (None, np.empty((0, faces)))
         self.usable = False
         if template.structure.cones or faces > LARGEST:
@@ -254,7 +254,7 @@ class ForceMethod:
 
     def _checked(self, velocity: Floats, labels: Bits) -> Motion:
         """The motion with every joint opened by more than rounding, or, in confined assemblies, rid of rounding."""
-        opening = self.interior.opening()
+        opening = self.repair.opening()
         size = float(abs(velocity).max())
         if opening is not None and np.isfinite(size):
             jumps = (velocity @ self._matrix).reshape(len(labels), -1)

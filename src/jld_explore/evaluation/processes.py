@@ -20,7 +20,7 @@ from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import ShutdownExecutorError, TerminatedWorkerError
 
 from jld_core.deadline import Deadline
-from jld_explore.evaluation.undisturbed import undisturbed
+from jld_explore.evaluation.deferred_signals import deferred_signals
 
 DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
 """What is raised where a worker died or hung."""
@@ -47,10 +47,10 @@ class Processes:
 
     def submit(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
         """Begin a task."""
-        with undisturbed():
+        with deferred_signals():
             self._executor = get_reusable_executor(
                 max_workers=self.jobs,
-                initializer=attend,
+                initializer=worker_init,
                 initargs=(os.getpid(),),
                 env=SINGLE_THREADED,
             )
@@ -108,7 +108,7 @@ class Flight:
                 yield result
 
 
-def attend(parent: int) -> None:
+def worker_init(parent: int) -> None:
     """Begin a worker: leave Ctrl-C to the parent, and do not outlive it when it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()

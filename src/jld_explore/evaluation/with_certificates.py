@@ -15,7 +15,7 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Status, crossed, load_floor
+from jld_core.limit import Status, crossed, load_scale
 from jld_core.program import Template
 from jld_explore.evaluation.certificates import FEW, ROUND, Bounds, Pool, Proofs, unknown
 from jld_explore.evaluation.evaluation import CERTIFICATE, Evaluation
@@ -39,7 +39,7 @@ class CertificateEvaluator:
     def __init__(self, solver: RecordedEvaluator, pool: Pool, template: Template, gap: float) -> None:
         self.solver, self.pool, self.gap = solver, pool, gap
         self.scale = template.scaling.load
-        self.floor = load_floor(template.assembly) / self.scale
+        self.floor = load_scale(template.assembly) / self.scale
         self.small = is_small(template)
         self._round_size = FEW if self.small else ROUND
         self._asks = _asks(template.assembly)

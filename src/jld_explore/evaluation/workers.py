@@ -27,9 +27,9 @@ import numpy as np
 from jld_core import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
+from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.errors import InputError
-from jld_core.lanes import chosen
 from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
@@ -46,7 +46,7 @@ _MOST: Final = 64
 """Labellings of a task at the most."""
 
 _IN_LANES: Final = 200_000
-"""Faces of the labellings of a task at the most, where the kernel solves them, many at once: within a second."""
+"""Faces of the labellings of a task at the most, where the batch solver solves them, many at once: within a second."""
 
 _FEWEST: Final = 32
 """Labellings of such a task at the least: with fewer lanes stand idle, and another portion is under way anyhow."""
@@ -55,7 +55,7 @@ _THREADS: Final = 2
 """Threads of one process that are of use: what is not within a solver waits for its turn."""
 
 _TURN: Final = 5e-4
-"""Seconds a thread waits for the interpreter at the most: the usual 5 ms are as long as the kernel takes for a
+"""Seconds a thread waits for the interpreter at the most: the usual 5 ms are as long as the batch solver takes for a
 generation of 48 labellings of 88 faces, and a search took a tenth longer by the clock."""
 
 _own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
@@ -143,19 +143,20 @@ class Workers:
     """A pool of `jobs` processes for one recipe; with one job everything runs in this process.
 
     hang: seconds without any result after which the workers are taken to hang. quick: labellings are solved sooner
-    than they are sent, so stay in this process, in as many threads as are of use. lanes: the same, since the kernel
+    than they are sent, so stay in this process, in as many threads as are of use. lanes: the same, since the batch
+    solver
     solves them. deaths: how often workers died or
     hung.
     """
 
     def __init__(
-        self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False, lanes: bool = False
+        self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False, batch: bool = False
     ) -> None:
         self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
         self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
-        self.lanes = lanes and not self.outside
-        self.quick = (quick or lanes) and not self.outside
+        self.batch = batch and not self.outside
+        self.quick = (quick or batch) and not self.outside
         self.here = self.quick or (jobs == 1 and not self.outside)
         self.begun: list[Run] = []
         self.threads = min(jobs, _THREADS) if self.here else 0
@@ -247,8 +248,8 @@ class Run:
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:
             # as few tasks as there are threads, so that these seldom wait
-            most = max(_MOST, _IN_LANES // workers.faces) if workers.lanes else _MOST
-            least = _FEWEST if workers.lanes else 1
+            most = max(_MOST, _IN_LANES // workers.faces) if workers.batch else _MOST
+            least = _FEWEST if workers.batch else 1
             size = max(least, min(most, -(-len(labellings) // workers.threads)))
         # what is owed is a task of its own, which no deadline cuts short
         starts = [0, *range(1, len(labellings), size)] if self._owed else list(range(0, len(labellings), size))

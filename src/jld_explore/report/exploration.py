@@ -13,8 +13,8 @@ from jld_core.errors import InputError
 from jld_core.exchange import Layout
 from jld_core.limit import LimitAnalysisResult, SolveOptions, Status
 from jld_core.models import solve
+from jld_core.notebook_repr import NotebookRepr
 from jld_core.scene import Scene
-from jld_core.shown import Shown
 from jld_explore.space import cut
 from jld_explore.study import StopReason
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Exploration(Shown):
+class Exploration(NotebookRepr):
     """A finished study: its tables (columns as in results.csv), its summary and its folder.
 
     results: one row per class, ranked. front: those of its rows that are on the front. summary: as in summary.json.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass
 
-from jld_core.shown import show_with
+from jld_core.notebook_repr import register_repr
 from jld_core.views import notebook
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
@@ -33,7 +33,7 @@ class ExplorationView:
         return notebook.page(thing.scene.name, words.facts_of_exploration(thing), drawing, *parts)
 
 
-show_with(Exploration, ExplorationView())
+register_repr(Exploration, ExplorationView())
 
 
 @dataclass(frozen=True)

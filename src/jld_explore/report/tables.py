@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.limit import Status, load_floor, relative_width
+from jld_core.limit import Status, load_scale, relative_width
 from jld_core.tolerances import GAP
 from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, load_factors, settled, statuses
 from jld_explore.report import required
@@ -186,7 +186,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         bound = float(ranked["bracket_hi"].max())
     gap = None
     if best is not None and bound is not None:
-        width = relative_width(float(ranked["bracket_lo"].max()), bound, load_floor(study.assembly))
+        width = relative_width(float(ranked["bracket_lo"].max()), bound, load_scale(study.assembly))
         gap = width if math.isfinite(width) else None
     # a search may come upon the bound known before it: then nothing is stronger, though it goes on for its front
     met = dilates and not unbounded and driver.bound is None and not driver.checks and gap is not None and gap <= GAP

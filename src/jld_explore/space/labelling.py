@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.assembly import Assembly
-from jld_core.lanes import Graph
+from jld_core.batch import Graph
 
 Packed = NDArray[np.uint8]
 """Labellings as bits, (k, ceil(m / 8)): rows sort by the first face that differs, inner before dry."""
@@ -89,7 +89,7 @@ class Connectivity:
 
     @cached_property
     def compiled(self) -> Graph:
-        """The same graph to the compiled kernel."""
+        """The same graph to the compiled batch solver."""
         return Graph(len(self.start), self.a, self.b, self.touching)
 
 

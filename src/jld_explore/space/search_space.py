@@ -10,9 +10,9 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.assembly import DRY, INNER, Assembly
+from jld_core.assembly_sequence import SequenceConstraint
 from jld_core.build import faces_of_pairs
 from jld_core.errors import InputError
-from jld_core.laying import Layability
 from jld_core.mechanics import require_materials
 from jld_core.scene import Scene, Search
 from jld_explore.space.counts import Terms, count_named
@@ -61,12 +61,12 @@ class SearchSpace:
         return Limits(self.assembly, self.search)
 
     @cached_property
-    def laying(self) -> Layability | None:
+    def laying(self) -> SequenceConstraint | None:
         """Which labellings can be laid, where that is asked for; asked of canonical ones, so that images agree."""
         if self.search.assemble is None:
             return None
         sideways = self.search.assemble_out_of_plane
-        return Layability(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
+        return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
 
     def can_be_laid(self, labellings: Bits) -> Bools:
         """(k,) True where labellings (k, m) can be laid as the search asks, or it does not ask."""

@@ -21,9 +21,9 @@ from starlette.routing import Route
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
 from jld_explore.report import asset, asset_names, read_folder, study_data, study_page, write_text
-from jld_explore.studio.desk import Desk
 from jld_explore.studio.guard import Guard
 from jld_explore.studio.jobs import Jobs, orders_for
+from jld_explore.studio.session import StudioSession
 
 KINDS: Final = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
 SECONDS: Final = (1.0, 86_400.0)
@@ -34,13 +34,13 @@ PAGES: Final = 64
 CANDIDATES: Final = "candidates.json"
 
 
-class Answers:
+class Api:
     """The studio's memory, and its answers to a page.
 
     desk: the scene. jobs: searches. root: the only folder that anything is written into. first: the page's data.
     """
 
-    def __init__(self, desk: Desk, jobs: Jobs, root: Path, first: Callable[[], dict[str, Any]]) -> None:
+    def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], dict[str, Any]]) -> None:
         self.desk, self.jobs, self.root, self._first = desk, jobs, root, first
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._counting, self._turn = threading.Lock(), threading.Lock()
@@ -172,7 +172,7 @@ def _changes(asked: dict[str, Any]) -> dict[str, Any]:
     return changes
 
 
-def build_app(answers: Answers, token: str, hosts: tuple[str, ...]) -> Guard:
+def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
     """The ASGI application. token: first part of every path; hosts: what `Host` may be."""
 
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:

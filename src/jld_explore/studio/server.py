@@ -15,7 +15,7 @@ from jld_core.errors import InputError
 from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
 from jld_explore.report import page_data, read_folder, solution_of, study_data
-from jld_explore.studio.desk import Desk
+from jld_explore.studio.session import StudioSession
 
 START: dict[str, Any] = {
     "name": "a wall to begin with",
@@ -40,18 +40,18 @@ def open_studio(source: Path | None, port: int, announce: Callable[[str], None],
     try:
         import uvicorn
 
-        from jld_explore.studio.app import Answers, build_app
+        from jld_explore.studio.app import Api, build_app
     except ImportError as error:
         raise InputError("jld studio", f"{error.name} is not installed", "pip install 'jld[studio]'") from None
     from jld_explore.studio.jobs import Jobs
 
     scene, root, study = opened(source)
-    desk = Desk(scene)
+    desk = StudioSession(scene)
     listener = _listener(port)
     number = listener.getsockname()[1]
     token = secrets.token_urlsafe(24)
     jobs = Jobs(root, study)
-    answers = Answers(desk, jobs, root, lambda: first_data(desk, root, study))
+    answers = Api(desk, jobs, root, lambda: first_data(desk, root, study))
     app = build_app(answers, token, (f"127.0.0.1:{number}", f"localhost:{number}"))
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
     address = f"http://127.0.0.1:{number}/{token}/"
@@ -95,7 +95,7 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
     return load_scene(source), source.with_name(f"{source.stem}_studio"), None
 
 
-def first_data(desk: Desk, root: Path, study: Path | None) -> dict[str, Any]:
+def first_data(desk: StudioSession, root: Path, study: Path | None) -> dict[str, Any]:
     """The data of the page: a study's table where one was opened, else the scene with its own labels, solved."""
     extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
     extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}

@@ -13,7 +13,7 @@ from typing import Any, Final
 from jld_core.errors import InputError
 from jld_core.scene import load_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.evaluation import disturb
+from jld_explore.evaluation import raise_deferred
 from jld_explore.study import Interrupted, Progress
 
 EVERY: Final = 0.2
@@ -44,7 +44,7 @@ def main(scene: str, folder: str, orders: str) -> int:
     """Search a scene into a folder. Returns the exit code: 0 done, 2 bad input, 3 stopped."""
 
     def stop(number: int, frame: object) -> None:
-        disturb(Interrupted())
+        raise_deferred(Interrupted())
 
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)

@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats
-from jld_core.models.zero_dilation.around import Surroundings, lone_faces, velocities_of
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation.certificate import Certifier, clean
 from jld_core.models.zero_dilation.interior import ProductProgram, minimise
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.normal import NormalEquations
-from jld_core.models.zero_dilation.products import (
+from jld_core.models.zero_dilation.product_space import LocalProductSpace, lone_faces, velocities_of
+from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,
     Region,
     cost_of,
@@ -67,7 +67,7 @@ def relax_in_blocks(
     unit, wide = units_of(region, size), region.high - region.low
     facts = extended(modes, region) @ unit
     largest = row_sizes(facts)
-    around = Surroundings(modes, region.closed, distance)
+    around = LocalProductSpace(modes, region.closed, distance)
     held, moving = np.flatnonzero(region.held), np.flatnonzero(~region.closed)
     equal, positive = np.zeros((2, len(facts), len(around.forms)), dtype=bool)
     equal[equal_pairs(held, moving)] = True
@@ -110,7 +110,7 @@ class BlockCertifier(Certifier):
         self, modes: Modes, region: Region, slack: float, size: Floats, reach: Floats, distance: int | None = None
     ) -> None:
         super().__init__(modes, region, slack, size, reach)
-        self.around = Surroundings(modes, region.closed, distance)
+        self.around = LocalProductSpace(modes, region.closed, distance)
         self._equilibrium = lambda rest: self.around.equilibrium(modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:

@@ -25,7 +25,7 @@ from jld_core.arrays import Bools, Floats
 from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.products import (
+from jld_core.models.zero_dilation.rlt_relaxation import (
     Multipliers,
     Region,
     extended,

@@ -14,8 +14,8 @@ from jld_core.arrays import Bits, Floats
 from jld_core.limit import LimitAnalysis, Proof
 from jld_core.models.zero_dilation.modes import Modes, modes_of
 from jld_core.models.zero_dilation.pivots import Pivots
-from jld_core.models.zero_dilation.search import Pair, PairSearch, Scheme
-from jld_core.models.zero_dilation.starts import certified, of_little_pressure, starts
+from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
+from jld_core.models.zero_dilation.starts import certified, low_compression_states, starts
 
 _DRAWS: Final = 8  # mechanisms in the plane at a time,
 _ENOUGH: Final = 4  # and after the first so often as long as some go with forces; until any solution is known
@@ -40,9 +40,9 @@ class Found:
 
     width: float
     nothing: float
-    lowest: Pair | None = None
-    highest: Pair | None = None
-    best: Pair | None = None
+    lowest: PrimalDualPair | None = None
+    highest: PrimalDualPair | None = None
+    best: PrimalDualPair | None = None
     loads: list[float] = field(default_factory=list)
 
     @property
@@ -50,7 +50,7 @@ class Found:
         """λ of the lowest, +inf where there is none."""
         return math.inf if self.lowest is None else self.lowest.state.load
 
-    def offer(self, pair: Pair) -> bool:
+    def offer(self, pair: PrimalDualPair) -> bool:
         """Keep a pair that is a solution; say whether it is."""
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
@@ -68,11 +68,11 @@ class Found:
         return load < -self.nothing, load
 
 
-class FromEverySide:
+class MultiStartSearch:
     """The search of one labelling; further starts may be handed in as they turn up."""
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme, associative: Proof) -> None:
-        self.pairs = PairSearch(analysis, labels, scheme)
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: ProximalOptions, associative: Proof) -> None:
+        self.pairs = FixedPointSearch(analysis, labels, scheme)
         self.associative = associative
         self.found = Found(analysis.gap, tolerances.GAP * self.pairs.floor)
         self.modes: Modes | None = None if scheme.effective_area else modes_of(analysis.template, labels)
@@ -163,7 +163,7 @@ class FromEverySide:
         for _ in range(_LITTLE):
             low = self.found.low
             most = min(low, self.associative.bracket[1])
-            pair = of_little_pressure(self.pairs, rng.random() * most if 0.0 < most < math.inf else 0.0, rng)
+            pair = low_compression_states(self.pairs, rng.random() * most if 0.0 < most < math.inf else 0.0, rng)
             if pair is not None:
                 self.found.offer(pair)
             idle = idle + 1 if math.isclose(self.found.low, low, rel_tol=_LOWER) else 0
@@ -204,5 +204,5 @@ class FromEverySide:
             self.found.offer(certified(self.pairs, point))
 
 
-def _low(pair: Pair | None) -> float:
+def _low(pair: PrimalDualPair | None) -> float:
     return math.nan if pair is None else pair.state.load

@@ -9,7 +9,7 @@ import numpy as np
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.limit import LimitAnalysis
 from jld_core.mechanics import PrescribedFriction
-from jld_core.models.zero_dilation.ceiling import Ceiling
+from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.models.zero_dilation.statics import Statics
 
@@ -17,7 +17,7 @@ _ROUNDS: Final = 8
 
 
 def frozen_friction(
-    analysis: LimitAnalysis, labels: Bits, modes: LinearModes, normals: Ints, size: Floats, ceiling: Ceiling
+    analysis: LimitAnalysis, labels: Bits, modes: LinearModes, normals: Ints, size: Floats, ceiling: LowerBoundProblem
 ) -> float:
     """A proven bound, scaled, 0 where none is won; every next step asks for the least N above the last.
 

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation.around import Point, ProductSpace
 from jld_core.models.zero_dilation.normal import NormalEquations
+from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 
 _STEPS: Final = 120
 _FIRST: Final = 0.1  # slacks and multipliers to begin with; of 0.01 and 1 walls take half as many steps again

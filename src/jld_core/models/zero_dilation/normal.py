@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from scipy.linalg import blas, lapack
 
 from jld_core.arrays import Bools, Floats, Ints
-from jld_core.models.zero_dilation.around import Point, ProductSpace
+from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 
 Solve = Callable[[Point, float, int], Point]
 """(right-hand side, share of it that may be left, corrections at the most) → solution."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from jld_core.limit import LimitAnalysis, Proof, Status, number, relative_width
-from jld_core.models.zero_dilation.search import Pair
+from jld_core.models.zero_dilation.search import PrimalDualPair
 
 
-def proof_of(associative: Proof, analysis: LimitAnalysis, pair: Pair | None, solves: int) -> Proof:
+def proof_of(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
     """The proof of a pair; where there is none, associative friction has decided."""
     converged = pair is not None and bool(pair.converged)
     proof = Proof(

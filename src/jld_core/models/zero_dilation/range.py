@@ -13,13 +13,13 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import DeadlinePassed
 from jld_core.limit import LimitAnalysis, LimitAnalysisResult, Proof, Status, number, result_of
-from jld_core.models.zero_dilation.ceiling import Ceiling, Floor
-from jld_core.models.zero_dilation.floor import FloorSearch
-from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.found import MultiStartSearch
+from jld_core.models.zero_dilation.lower_bound import FloorSearch
+from jld_core.models.zero_dilation.lower_bound_problem import LowerBound, LowerBoundProblem
 from jld_core.models.zero_dilation.proof import proof_of
-from jld_core.models.zero_dilation.search import Scheme
-from jld_core.models.zero_dilation.space_floor import SpaceFloorSearch
-from jld_core.models.zero_dilation.space_modes import space_modes_of
+from jld_core.models.zero_dilation.search import ProximalOptions
+from jld_core.models.zero_dilation.spatial_lower_bound import SpaceFloorSearch
+from jld_core.models.zero_dilation.spatial_modes import space_modes_of
 from jld_core.models.zero_dilation.starts import certified
 
 _TRIED: Final = 3  # states of the relaxation that are walked on from
@@ -28,7 +28,7 @@ _TRIED: Final = 3  # states of the relaxation that are walked on from
 def load_range(
     analysis: LimitAnalysis,
     labels: Bits,
-    scheme: Scheme,
+    scheme: ProximalOptions,
     associative: Proof,
     seconds: float,
     enough: float = -math.inf,
@@ -52,7 +52,7 @@ def load_range(
         return _without_range(proof_of(associative, analysis, None, 0))
     if associative.status is Status.LOCKED:
         scheme = replace(scheme, alpha=0.0)
-    side = FromEverySide(analysis, labels, scheme, associative)
+    side = MultiStartSearch(analysis, labels, scheme, associative)
     unit = analysis.template.scaling.load
     found, floor = side.found, None
     with suppress(DeadlinePassed):  # what was found by then stands
@@ -76,7 +76,7 @@ def load_range(
     return replace(proof, extra={**proof.extra, **ends})
 
 
-def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: float) -> Floor | None:
+def _floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
     """The bound; solutions that its relaxations lead to are taken in."""
     found, modes = side.found, side.modes
     if found.lowest is None or not seconds > 0.0 or side.pairs.scheme.effective_area:
@@ -84,7 +84,7 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
     if side.pairs.base.rough or side.pairs.base.cohesive:
         return None  # its certificates were derived for friction of dry faces alone
     if found.low <= tolerances.GAP * side.pairs.floor:
-        return Floor(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
+        return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
     if modes is None:
         return _space_floor(analysis, labels, side, seconds)
 
@@ -93,10 +93,10 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: 
             side.search_from(state[:-1], thorough=False)
         return found.low
 
-    return FloorSearch(analysis, labels, modes, Ceiling(found.low, seconds, offer)).search()
+    return FloorSearch(analysis, labels, modes, LowerBoundProblem(found.low, seconds, offer)).search()
 
 
-def _space_floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, seconds: float) -> Floor | None:
+def _space_floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
     """The same in space, where states of the relaxation often are solutions that no other start leads to."""
     found, modes = side.found, space_modes_of(analysis.template, labels)
     if modes is None:
@@ -109,10 +109,10 @@ def _space_floor(analysis: LimitAnalysis, labels: Bits, side: FromEverySide, sec
             side.search_from(state[:-1], thorough=False)
         return found.low
 
-    return SpaceFloorSearch(analysis, labels, modes, Ceiling(found.low, seconds, offer)).search()
+    return SpaceFloorSearch(analysis, labels, modes, LowerBoundProblem(found.low, seconds, offer)).search()
 
 
-def _of_floor(floor: Floor | None, load: float) -> dict[str, Any]:
+def _of_floor(floor: LowerBound | None, load: float) -> dict[str, Any]:
     if floor is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
         return {**none, "proven": False, "closed": False, "floor_route": [], "floor_programs": 0, "floor_seconds": 0.0}

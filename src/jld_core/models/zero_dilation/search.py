@@ -13,7 +13,7 @@ from jld_core import tolerances
 from jld_core.arrays import Bits, Floats
 from jld_core.deadline import checkpoint
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_floor
+from jld_core.limit import LimitAnalysis, Motion, Prover, State, Status, load_scale
 from jld_core.mechanics import EffectiveAreas, PrescribedFriction
 from jld_core.models.effective_area import HOLD, areas_under, change, slack_to_ask, under_own_areas
 from jld_core.program import ConicProgram, Template
@@ -29,7 +29,7 @@ _PRESSED = 1e-6  # share of the largest N above which a face counts as pressed a
 
 
 @dataclass(frozen=True)
-class Scheme:
+class ProximalOptions:
     """How the fixed point is sought, by proximal steps and minimisation of Γ in turn.
 
     alpha: share of the present N in friction at first; later steps have none. damping: weight ε of the proximal term
@@ -59,7 +59,7 @@ class Scheme:
 
 
 @dataclass(frozen=True)
-class Pair:
+class PrimalDualPair:
     """Forces and velocities held against one another, scaled.
 
     state: in equilibrium, and admissible under true friction as far as that could be had. motion: of the
@@ -114,10 +114,10 @@ class Pair:
         )
 
 
-class PairSearch:
+class FixedPointSearch:
     """The search for such a pair: the programs it solves share solvers and are counted together."""
 
-    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: Scheme) -> None:
+    def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: ProximalOptions) -> None:
         self.analysis, self.labels, self.scheme = analysis, labels, scheme
         template = analysis.template
         self.count = template.matrix.shape[1]
@@ -130,7 +130,7 @@ class PairSearch:
         self.holding = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
         self.route = ClarabelSolver(residual)
         self.shared: Template = template
-        self.floor = load_floor(template.assembly) / template.scaling.load
+        self.floor = load_scale(template.assembly) / template.scaling.load
         self.reached = np.zeros(self.count)
         self.solves = self.end = 0
 
@@ -229,16 +229,16 @@ class PairSearch:
         if state.admissible:
             return state
         analysis = self.analysis if areas is None else self.analysis.under(template, labels)
-        inside = analysis.interior.state(labels)
+        inside = analysis.repair.state(labels)
         self.solves += 1
         if inside is not None:
             state = prover.blend(state, inside, labels)
         if not state.admissible:
             self.solves += 1
-            state = analysis.interior.edge_state(point, labels) or state
+            state = analysis.repair.edge_state(point, labels) or state
         return state
 
-    def judge(self, state: State, areas: EffectiveAreas | None) -> Pair:
+    def judge(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
         """Velocities without any dilation for the N of a state: the last of the programs, and Γ."""
         labels = self.labels
         template, sets = self.frozen(0.0, state.forces[:, 0], areas)
@@ -246,7 +246,7 @@ class PairSearch:
         raw = self.route.solve(template.program(labels, self.margin))
         self.solves += 1
         motion = prover.motion(raw.dual, labels)
-        opening = None if motion.margin >= 0.0 else self.analysis.interior.opening()
+        opening = None if motion.margin >= 0.0 else self.analysis.repair.opening()
         if opening is not None:
             motion = prover.open_up(motion, opening, labels)
         locked = False
@@ -261,7 +261,7 @@ class PairSearch:
         largest = float(np.abs(state.forces[:, 0]).max(initial=0.0)) or 1.0
         violation = float(max(0.0, sets.excess(state.forces, labels).max(initial=0.0))) / largest
         if locked or motion.margin < 0.0 or not motion.work > 0.0:
-            return Pair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
+            return PrimalDualPair(state, None, locked, violation, math.inf, math.inf, 0.0, 0.0, self.floor, False)
         jumps = motion.jumps
         slip = sets.slip(jumps, labels)[sets.slides(labels)].max(initial=0.0)
         widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
@@ -273,20 +273,22 @@ class PairSearch:
         moved = 0.0 if areas is None else change(areas, areas_under(self.analysis.assembly, state.forces, labels))
         size = max(abs(motion.bound), abs(state.load), self.floor)
         settled = abs(gap) <= tolerances.SETTLED * size
-        return Pair(state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled)
+        return PrimalDualPair(
+            state, motion, False, violation, max(dilation, 0.0), gap, dissipation, moved, self.floor, settled
+        )
 
     # --- the search ----------------------------------------------------------------------------------------
 
-    def pair_from(self, forces: Floats) -> Pair:
+    def pair_from(self, forces: Floats) -> PrimalDualPair:
         """The best of the attempts from scaled forces (q·m,)."""
-        best: Pair | None = None
+        best: PrimalDualPair | None = None
         for pair in self.attempts(forces):
             if best is None or pair.locked or _better(pair, best):
                 best = pair
         assert best is not None
         return best
 
-    def attempts(self, forces: Floats) -> Iterator[Pair]:
+    def attempts(self, forces: Floats) -> Iterator[PrimalDualPair]:
         """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict.
 
         The last is locked, or a solution, or as many programs were solved as the scheme has. With effective areas
@@ -337,9 +339,9 @@ class PairSearch:
         return state, areas
 
 
-def _better(one: Pair, other: Pair) -> bool:
+def _better(one: PrimalDualPair, other: PrimalDualPair) -> bool:
     return _rank(one) > _rank(other)
 
 
-def _rank(pair: Pair) -> tuple[bool, bool, float]:
+def _rank(pair: PrimalDualPair) -> tuple[bool, bool, float]:
     return pair.solves(tolerances.GAP), pair.state.admissible, -pair.gap

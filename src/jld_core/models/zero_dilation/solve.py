@@ -24,10 +24,10 @@ from jld_core.arrays import Bits
 from jld_core.errors import InputError
 from jld_core.limit import LimitAnalysis, Proof, Status
 from jld_core.models.effective_area import require_rectangles
-from jld_core.models.zero_dilation.found import FromEverySide
+from jld_core.models.zero_dilation.found import MultiStartSearch
 from jld_core.models.zero_dilation.proof import proof_of
 from jld_core.models.zero_dilation.range import load_range
-from jld_core.models.zero_dilation.search import PairSearch, Scheme
+from jld_core.models.zero_dilation.search import FixedPointSearch, ProximalOptions
 from jld_core.models.zero_dilation.starts import first_forces
 
 _SEVERAL: Final = 1000  # faces up to which linear programs in turn are tried where proximal steps do not arrive
@@ -36,7 +36,7 @@ _SEVERAL: Final = 1000  # faces up to which linear programs in turn are tried wh
 def prove_zero_dilation(
     analysis: LimitAnalysis,
     labels: Bits,
-    scheme: Scheme | None = None,
+    scheme: ProximalOptions | None = None,
     *,
     associative: Proof | None = None,
     stands: bool = False,
@@ -63,7 +63,7 @@ def prove_zero_dilation(
     Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
     """
     start = time.perf_counter()
-    scheme = scheme or Scheme()
+    scheme = scheme or ProximalOptions()
     if scheme.effective_area:
         require_rectangles(analysis.assembly, labels)
     if scheme.start == "vertex" and analysis.template.structure.cones:
@@ -81,11 +81,11 @@ def prove_zero_dilation(
         if associative.status is Status.LOCKED:
             # whatever friction follows the present N would build up self-stress without end
             scheme = replace(scheme, alpha=0.0)
-        search = PairSearch(analysis, labels, scheme)
+        search = FixedPointSearch(analysis, labels, scheme)
         pair = search.pair_from(first_forces(search, associative, scheme.start))
         solves = search.solves
         if not pair.solves(analysis.gap) and len(labels) <= _SEVERAL:
-            side = FromEverySide(analysis, labels, scheme, associative)
+            side = MultiStartSearch(analysis, labels, scheme, associative)
             side.close(np.append(pair.state.forces.ravel(), pair.state.load))
             if side.found.lowest is None:
                 side.draw()

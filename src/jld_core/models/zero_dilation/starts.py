@@ -9,7 +9,7 @@ import numpy as np
 
 from jld_core.arrays import Floats
 from jld_core.limit import Proof, State, Status
-from jld_core.models.zero_dilation.search import Pair, PairSearch
+from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
 
@@ -22,7 +22,7 @@ _MATCHES: Final = 3  # of forces with the last mechanism and of a mechanism with
 _DRAWN: Final = 1e-3  # mean of what draws a mechanism, in scaled forces of order one
 
 
-def starts(search: PairSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
+def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
     """Scaled forces (q·m,) to search from, most telling first; thorough: also those that cost more programs."""
     first = first_forces(search, associative, "associative")
     yield first
@@ -33,7 +33,7 @@ def starts(search: PairSearch, associative: Proof, thorough: bool = True) -> Ite
         yield falling_friction(search, first)
 
 
-def first_forces(search: PairSearch, associative: Proof, start: str) -> Floats:
+def first_forces(search: FixedPointSearch, associative: Proof, start: str) -> Floats:
     """Forces to start from, scaled (q·m,): those of "associative" friction, of one "vertex" of it, or of "gravity"."""
     labels, template = search.labels, search.analysis.template
     if start == "vertex":
@@ -49,7 +49,7 @@ def first_forces(search: PairSearch, associative: Proof, start: str) -> Floats:
     return np.zeros(search.count) if associative.state is None else associative.state.forces.ravel()
 
 
-def along_the_load(search: PairSearch, gravity: Floats, most: float) -> Floats:
+def along_the_load(search: FixedPointSearch, gravity: Floats, most: float) -> Floats:
     """Forces at the end of a path from those of gravity: λ grows by steps, each state the nearest to the last.
 
     most: λ beyond which there are no states, scaled; NaN where that is not known. Distinct elements go such a path:
@@ -69,13 +69,13 @@ def along_the_load(search: PairSearch, gravity: Floats, most: float) -> Floats:
     return forces
 
 
-def _nearest(search: PairSearch, forces: Floats, load: float) -> RawSolution:
+def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
     """The state at a given λ nearest to given forces: λ leaves equilibrium for the right-hand side."""
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
 
-def _at_load(search: PairSearch, load: float) -> ConicProgram:
+def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
     """The program of states at a given λ, without an objective in forces."""
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
@@ -89,7 +89,7 @@ def _at_load(search: PairSearch, load: float) -> ConicProgram:
     return ConicProgram(s, data, rhs, objective)
 
 
-def falling_friction(search: PairSearch, forces: Floats) -> Floats:
+def falling_friction(search: FixedPointSearch, forces: Floats) -> Floats:
     """Forces to which friction that falls with N leads: thrust that a mechanism does not need is given up."""
     previous = search.normals(forces)
     for _ in range(_FALLS):
@@ -103,7 +103,7 @@ def falling_friction(search: PairSearch, forces: Floats) -> Floats:
     return forces
 
 
-def of_little_pressure(search: PairSearch, load: float, rng: np.random.Generator) -> Pair | None:
+def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
     """A pair from the state at a given λ that presses least on faces drawn at random; None where there is none.
 
     Every solution has the λ of its own frozen friction, which rises with N: where faces carry nothing, they resist
@@ -132,7 +132,7 @@ def of_little_pressure(search: PairSearch, load: float, rng: np.random.Generator
     return pair
 
 
-def certified(search: PairSearch, point: Floats) -> Pair:
+def certified(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
     """A pair for forces and λ (q·m + 1,): moved inside the true cone where they stand on its edge, then judged."""
     areas = search.areas(point)
     state: State = search.admissible(point, search.analysis.template, areas)

@@ -14,9 +14,9 @@ import numpy as np
 
 from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation.blocks import BlockAnswer, BlockCertifier, relax_in_blocks
-from jld_core.models.zero_dilation.ceiling import Ceiling
+from jld_core.models.zero_dilation.lower_bound_problem import LowerBoundProblem
 from jld_core.models.zero_dilation.modes import Modes
-from jld_core.models.zero_dilation.products import Region
+from jld_core.models.zero_dilation.rlt_relaxation import Region
 from jld_core.models.zero_dilation.statics import Statics
 
 _ENOUGH: Final = 4e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
@@ -39,7 +39,7 @@ _DEPTH: Final = 12  # branches above one another
 class BlockSweep:
     """One labelling. size, reach: see `Statics.size` and `statics.reach`."""
 
-    def __init__(self, modes: Modes, size: Floats, reach: Floats, ceiling: Ceiling) -> None:
+    def __init__(self, modes: Modes, size: Floats, reach: Floats, ceiling: LowerBoundProblem) -> None:
         self.modes, self.size, self.reach, self.ceiling = modes, size, reach, ceiling
         own = np.kron(np.eye(modes.faces, dtype=bool), np.ones((4, 4), dtype=bool))
         few = np.hstack([modes.hinges | own, np.zeros((len(own), len(modes.loops)), dtype=bool)])

@@ -3,7 +3,7 @@
 - `Conflict`: labels that no labelling worth finding has together
 - `Exact`: proof by conflicts
 - `Formula`: labellings that nothing rules out yet
-- `Lightest`: the best count among labellings that carry enough, proven
+- `MinimumCount`: the best count among labellings that carry enough, proven
 - `PossibleBlocks`: all blocks there can be
 - `certify`: write the proof of a bound as a file that others can check
 - `check_certifiable`: refuse a proof that has no certificate
@@ -14,17 +14,17 @@
 from __future__ import annotations
 
 from jld_explore.drivers.exact.certifying import certify, check_certifiable
+from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
 from jld_explore.drivers.exact.driver import Exact
 from jld_explore.drivers.exact.formula import Formula
-from jld_explore.drivers.exact.lightest import Lightest
+from jld_explore.drivers.exact.minimum_count import MinimumCount
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks, possible_blocks
-from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
 
 __all__ = [
     "Conflict",
     "Exact",
     "Formula",
-    "Lightest",
+    "MinimumCount",
     "PossibleBlocks",
     "certify",
     "check_certifiable",

@@ -15,11 +15,11 @@ import numpy as np
 
 from jld_core.arrays import Bits
 from jld_core.limit import AnyRelaxation, LimitAnalysis, applies_to
+from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
 from jld_explore.drivers.exact.block_tree import BlockTree, Node
-from jld_explore.drivers.exact.choosers import Choosers
+from jld_explore.drivers.exact.conflict_minimization import Conflict
 from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]
@@ -29,7 +29,8 @@ _CLOSER: Final = 0.25
 """Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
 
 _NEAR: Final = (0.28, 0.2)
-"""Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree, where the kernel
+"""Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree, where the batch
+solver
 shrinks them; the second where it solves programs of the tree too. Then walls in blocks of two take by conflicts and by
 a tree 0.9 and 1.8 s (6 × 8 cells, 19 %), 10 and 5 s (8 × 10, 26 %); that of 10 × 12, with 31 %, 19 s by a tree and
 far more by conflicts."""
@@ -76,7 +77,7 @@ class BlockSearch:
         self._wanted = wanted
         self._analyses, self._space, self._relaxation = analyses, space, relaxation
         self._blocks = blocks
-        self._choices: Choosers | None = None
+        self._choices: BlockBoundPool | None = None
         self._jobs = 1
         self._tree: BlockTree | None = None
         self._seen: set[bytes] = set()
@@ -96,8 +97,8 @@ class BlockSearch:
         listed = _LISTED * len(self._space.assembly.elements.free)
         if self._wanted == "auto" and len(blocks) > listed:
             return root
-        self._choices = Choosers(self._analyses, self._space, blocks)
-        self._choices.employ(self._jobs)
+        self._choices = BlockBoundPool(self._analyses, self._space, blocks)
+        self._choices.set_workers(self._jobs)
         tree = BlockTree(self._choices, self._space, blocks, least, root)
         near = self._relaxation.many and root - least <= _NEAR[self._choices.many] * abs(root)
         quick = all(map(_has_wedges, self._analyses))
@@ -105,7 +106,7 @@ class BlockSearch:
             self._tree = tree
         return min(root, tree.root.bound)
 
-    def employ(self, jobs: int) -> None:
+    def set_workers(self, jobs: int) -> None:
         """How many processes there may be."""
         self._jobs = jobs
 

@@ -23,13 +23,14 @@ import numpy as np
 
 from jld_core.arrays import Bits, Bools, Ints
 from jld_core.limit import Asked, Choice
-from jld_explore.drivers.exact.choosers import Choosers
+from jld_explore.drivers.exact.block_bound_pool import BlockBoundPool
+from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.space import SearchSpace
 
 _TRIED: Final = (2, 4)
-"""Faces tried at a node, one program after another, and where the kernel solves as many as a register has lanes. With
+"""Faces tried at a node, one program after another, and where the batch solver solves as many as a register has lanes.
+With
 1, 2, 4 and 8 the wall of 10 × 12 cells in blocks of two takes 50, 16, 13 and 10 nodes, 100, 69, 110, 163 programs."""
 
 _SMALL: Final = 1e-5
@@ -100,7 +101,7 @@ class BlockTree:
 
     def __init__(
         self,
-        relaxation: Choosers,
+        relaxation: BlockBoundPool,
         space: SearchSpace,
         blocks: PossibleBlocks,
         threshold: float,
@@ -186,10 +187,10 @@ class BlockTree:
         """Labels (k,) of faces (k,) that the larger shares of a node's blocks suggest, with those it decides."""
         chosen = np.flatnonzero(node.allowed & (node.choice.share > 0.5))
         held = self._held[:, chosen].any(axis=1)
-        parted = self._parted[:, chosen].any(axis=1) & ~held
+        split_cube = self._parted[:, chosen].any(axis=1) & ~held
         known = np.isin(self._faces, node.faces)
-        faces = np.concatenate([node.faces, self._faces[held & ~known], self._faces[parted & ~known]])
-        counts = int((held & ~known).sum()), int((parted & ~known).sum())
+        faces = np.concatenate([node.faces, self._faces[held & ~known], self._faces[split_cube & ~known]])
+        counts = int((held & ~known).sum()), int((split_cube & ~known).sum())
         return faces, np.concatenate([node.labels, np.zeros(counts[0], dtype=bool), np.ones(counts[1], dtype=bool)])
 
     # --- deciding ---------------------------------------------------------------------------------------
@@ -244,7 +245,7 @@ class BlockTree:
             if asked.late():
                 return None
             waiting = self._children(asked, [face], conflicts)
-            choices = self._relaxation.choose_all([self._program(asked, child) for _, child in waiting])
+            choices = self._relaxation.bound_all([self._program(asked, child) for _, child in waiting])
             found += self._tried(asked, [face], waiting, choices, conflicts)
             if len(found[-1].left) < 2:
                 break
@@ -258,7 +259,7 @@ class BlockTree:
             conflicts: list[Conflict] = []
             parts.append((one, own, self._children(one, own, conflicts), conflicts))
         programs = [self._program(one, child) for one, _, waiting, _ in parts for _, child in waiting]
-        choices = iter(self._relaxation.choose_all(programs))
+        choices = iter(self._relaxation.bound_all(programs))
         found = []
         for one, own, waiting, conflicts in parts:
             tried = self._tried(one, own, waiting, list(islice(choices, len(waiting))), conflicts)

@@ -19,14 +19,14 @@ from pysat.solvers import Solver
 from jld_core._version import __version__
 from jld_core.arrays import Bits, Floats
 from jld_core.errors import InputError
-from jld_core.limit import LimitAnalysis, SolveOptions, load_floor, relaxation_of
+from jld_core.limit import LimitAnalysis, SolveOptions, load_scale, relaxation_of
 from jld_core.scene import Scene
 from jld_core.solvers import make_solver
 from jld_explore.drivers.base import Driver
+from jld_explore.drivers.exact.conflict_minimization import Conflict, conflict_of
 from jld_explore.drivers.exact.driver import Exact
-from jld_explore.drivers.exact.shrinking import Conflict, conflict_of
+from jld_explore.drivers.exact.inner_paths import InnerPaths
 from jld_explore.drivers.exact.trimming import refutation
-from jld_explore.drivers.exact.ways import Ways
 from jld_explore.space import SearchSpace, blocks_of, to_string
 from jld_explore.verification import Balances, Checker, Claim, Labellings, Lemma, Mechanism, Reason, Rule, write
 
@@ -89,7 +89,7 @@ class Certifier:
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:
         self._scene, self._space = scene, space
         assembly = space.assembly
-        self.bound = bound + _SLACK * max(abs(bound), load_floor(assembly))
+        self.bound = bound + _SLACK * max(abs(bound), load_scale(assembly))
         self._claim = Claim(
             scene.model_dump(mode="json", exclude_defaults=True), self.bound, made_by=f"jld {__version__}"
         )
@@ -98,16 +98,16 @@ class Certifier:
         assert relaxation is not None  # or the search would have proven nothing
         self._relaxation, self._scale = relaxation, relaxation.unit
         self._checker = Checker(scene, assembly, self._claim)
-        self._ways = Ways(space)
+        self._paths = InnerPaths(space)
         self._clauses: list[list[int]] = list(self._checker.labellings.beginning)
         self._reasons: list[Reason | None] = [None] * len(self._clauses)
         self._hints: dict[int, tuple[Bits, Bits]] = {}
         self._route = make_solver("clarabel", tolerance=1e-10)
         rules = self._checker.labellings
         candidates = np.flatnonzero(space.candidates).tolist()
-        parted = [face for face in candidates if rules.too_large([face]) is not None]
+        split_cube = [face for face in candidates if rules.too_large([face]) is not None]
         self._free = space.candidates.copy()
-        self._free[parted] = False  # a formula knows that these are dry
+        self._free[split_cube] = False  # a formula knows that these are dry
         self._units = [_Units(analysis) for analysis in self._analyses]
 
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
@@ -261,7 +261,7 @@ class Certifier:
         blocks, limits = blocks_of(graph, labels), space.limits
         if space.search.segmentation:
             for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
-                path = self._ways.path(labels, int(graph.a[face]), int(graph.b[face]))
+                path = self._paths.path(labels, int(graph.a[face]), int(graph.b[face]))
                 if path:
                     yield Rule("slit", (face, *path))
         free = set(space.assembly.elements.free.tolist())
@@ -270,7 +270,7 @@ class Certifier:
             block = np.flatnonzero(blocks == name).tolist()
             members = frozenset(block) & free
             if limits.too_large(sized.one(members)):
-                yield Rule("large", tuple(self._ways.tree(labels, min(members))))
+                yield Rule("large", tuple(self._paths.tree(labels, min(members))))
             elif limits.too_small(sized.one(members)):
                 yield Rule("small", tuple(block))
 
@@ -283,7 +283,7 @@ class _Units:
         self._free = template.assembly.elements.free
         self.row = template.scaling.row
         self._size = template.assembly.size
-        opening = analysis.interior.opening()
+        opening = analysis.repair.opening()
         self._opening = None if opening is None else opening.velocity / float(abs(opening.velocity).max())
 
     def opened(self, velocity: Floats, share: float) -> Floats | None:

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from jld_core.program import Template
+from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict, Evidence
 from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
 

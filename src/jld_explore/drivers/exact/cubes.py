@@ -36,7 +36,7 @@ class Cube:
 EVERYTHING: Final = Cube()
 
 
-def parted(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
+def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
     """Two parts of a cube, or what is left of it where unit propagation leaves one, or itself where no face is left.
 
     The face is taken of which both labels say most about others: the product of what propagation derives from each.

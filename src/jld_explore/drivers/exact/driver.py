@@ -9,7 +9,7 @@ formula has no model left, nothing is stronger than the λ it was made for, and 
 Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
 branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything. Where it
 is cheap it bounds all labellings before the first step, and any other proof that lasts asks it once for a bound, and
-for blocks that are ruled out (`exact.narrowing`).
+for blocks that are ruled out (`exact.tightening`).
 
 What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`relaxation`,
 `block_relaxation`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
@@ -30,16 +30,16 @@ import numpy as np
 from jld_core import tolerances
 from jld_core.arrays import Bits
 from jld_core.errors import InputError
-from jld_core.limit import load_floor
+from jld_core.limit import load_scale
 from jld_explore.drivers.anneal import Anneal
 from jld_explore.drivers.base import Aim
+from jld_explore.drivers.exact.block_bound_tightening import BlockBoundTightening
 from jld_explore.drivers.exact.block_search import BlockSearch, ByBlocks
-from jld_explore.drivers.exact.incumbents import Incumbents, Turns
-from jld_explore.drivers.exact.ladder import Ladder
-from jld_explore.drivers.exact.narrowing import Narrowing
+from jld_explore.drivers.exact.conflict_driver import ConflictDriver
+from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence, Mechanism, conflict_of
+from jld_explore.drivers.exact.incumbents import HeuristicSchedule, Incumbents
 from jld_explore.drivers.exact.optimum import Best, claims_of, counts_of, front, front_of_all
-from jld_explore.drivers.exact.proving import Proving
-from jld_explore.drivers.exact.shrinking import Conflict, Evidence, Mechanism, conflict_of
+from jld_explore.drivers.exact.target_schedule import TargetSchedule
 from jld_explore.drivers.genetic import Genetic
 from jld_explore.evaluation import Evaluation
 from jld_explore.space import SearchSpace, count_named, registered
@@ -51,14 +51,14 @@ _STEP: Final = 0.5 * tolerances.PROVEN
 """How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
 
 _PATIENCE: Final = (6000, 500)
-"""Conflicts after which a bound is lowered in smaller steps, with the kernel and without: a few seconds."""
+"""Conflicts after which a bound is lowered in smaller steps, with the batch solver and without: a few seconds."""
 
 
 _COMPARED: Final = 300
 """Strongest evaluated layouts that are held against all conflicts when a proof ends."""
 
 
-class Exact(Proving):
+class Exact(ConflictDriver):
     """Proof by conflicts.
 
     aim: "best", or "front": the best for every value of the scene's count. search: labellings evaluated before the
@@ -92,20 +92,20 @@ class Exact(Proving):
             known = " or ".join(count.name for count in registered() if count.terms)
             raise InputError("search.front.count", f"{self._count.name} has no exact front", known)
         super().__init__(space, seed, self._count, list_blocks=list_blocks, alone=alone)
-        self._floor = load_floor(space.assembly)
+        self._floor = load_scale(space.assembly)
         self._by_blocks: BlockSearch | None = None
-        self._narrowing: Narrowing | None = None
+        self._tightening: BlockBoundTightening | None = None
         if self._relaxation is not None:
             self._by_blocks = BlockSearch(self._analyses, space, self._blocks, self._relaxation, by_blocks)
             many, wanted = self._relaxation.many, by_blocks != "off"
-            self._narrowing = Narrowing(self._analyses, space, self._blocks, many=many, wanted=wanted)
+            self._tightening = BlockBoundTightening(self._analyses, space, self._blocks, many=many, wanted=wanted)
         self._search = Genetic(space, seed, aim=aim) if aim == "front" else Anneal(space, seed)
         self._left = search * int(space.candidates.sum())
         self._incumbents = Incumbents(space, self._count)
         quick = self._relaxation is not None and self._relaxation.many
         self._patience = step_after or _PATIENCE[not quick]
-        self._ladder = Ladder(self._patience)
-        self._turns = Turns(quick=quick, never=search == 0)
+        self._schedule = TargetSchedule(self._patience)
+        self._heuristics = HeuristicSchedule(quick=quick, never=search == 0)
         self._none_asked = self._by_more_than_faces = True
         self._aimed = math.inf
         self._began = 0
@@ -120,8 +120,8 @@ class Exact(Proving):
 
     @property
     def relaxations(self) -> int:
-        """See `Proving.relaxations`."""
-        by_blocks = sum(part.solves for part in (self._by_blocks, self._narrowing) if part is not None)
+        """See `ConflictDriver.relaxations`."""
+        by_blocks = sum(part.solves for part in (self._by_blocks, self._tightening) if part is not None)
         return super().relaxations + by_blocks
 
     @property
@@ -166,16 +166,16 @@ class Exact(Proving):
         self.found = {None: Best(None, low if math.isfinite(low) else math.nan, math.inf, self._floor)}
         self._targets = [] if self._given_up else [None]
         self._listed = self.aim == "best"
-        self._ladder = Ladder(self._patience)
+        self._schedule = TargetSchedule(self._patience)
         self._begun = False
         if self._by_blocks is not None:
             self._by_blocks.abandon()
 
-    def employ(self, jobs: int) -> None:
-        """See `Driver.employ`: they refute parts of the space."""
-        super().employ(jobs)
+    def set_workers(self, jobs: int) -> None:
+        """See `Driver.set_workers`: they refute parts of the space."""
+        super().set_workers(jobs)
         if self._by_blocks is not None:
-            self._by_blocks.employ(jobs)
+            self._by_blocks.set_workers(jobs)
 
     def close(self) -> None:
         """See `Driver.close`."""
@@ -188,8 +188,8 @@ class Exact(Proving):
     def ask(self, limit: int | None = None) -> Bits:
         if self._everything is not None:
             return self._everything.ask(limit)
-        if self._hunters is not None:
-            self._hunters.pump()
+        if self._sources is not None:
+            self._sources.pump()
         while not len(self._waiting) and self._targets and not self._late:
             if self._left > 0:
                 self._waiting = self._search.ask(self._left if limit is None else min(limit, self._left))
@@ -235,7 +235,7 @@ class Exact(Proving):
     def _pursue(self, target: int | None) -> Bits:
         """Go on with a target: labellings to be evaluated, (k, m), or none when it is settled or time is up."""
         assert self._by_blocks is not None
-        assert self._hunters is not None
+        assert self._sources is not None
         if not self._begun:
             if target is None:
                 self._lower(target, self._root())
@@ -259,36 +259,36 @@ class Exact(Proving):
                 if len(proposed) or self._left:
                     return proposed
                 continue
-            if target is None and self._narrow(self._narrowing):
+            if target is None and self._tighten(self._tightening):
                 if self.found[None].proven:
                     self._settle(None)
                     return self._none
                 self._begin(None)
                 continue
-            exhausted = self._hunted(self._hunters, threshold)
+            exhausted = self._generate(self._sources, threshold)
             proposed = self._to_evaluate()
             if exhausted and not len(proposed):
                 self._lower(target, threshold)
-                self._ladder.proven(self.conflicts - self._began)
+                self._schedule.proven(self.conflicts - self._began)
                 if threshold <= self.least(target):
                     self._settle(target)
                     return self._none
                 self._begin(target)
                 continue
-            if self._ladder.stuck(self.conflicts - self._began, self.found[target].bound, threshold):
+            if self._schedule.stuck(self.conflicts - self._began, self.found[target].bound, threshold):
                 self._begin(target)
-            self._left = self._turns.due(self.relaxations)
+            self._left = self._heuristics.due(self.relaxations)
             if len(proposed) or self._left:
                 return proposed
         return self._none
 
-    def _narrow(self, narrowing: Narrowing | None) -> bool:
+    def _tighten(self, tightening: BlockBoundTightening | None) -> bool:
         """Have the relaxation by blocks bound all labellings, where its time has come; whether it has."""
         low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
-        if narrowing is None or not math.isfinite(high) or not narrowing.due(self.relaxations, low):
+        if tightening is None or not math.isfinite(high) or not tightening.due(self.relaxations, low):
             return False
         left = self._deadline.remaining()
-        found = narrowing.narrow(low, high, left, self._late_after_heartbeat)
+        found = tightening.tighten(low, high, left, self._late_after_heartbeat)
         self._state.add_conflicts(found.conflicts)
         self._bound_all(found.bound, Evidence.BLOCKS)
         self._lower(None, found.bound * self._scale)
@@ -308,8 +308,8 @@ class Exact(Proving):
     def prove_by_faces(self) -> None:
         """Do without what a certificate cannot say: a bound that mechanisms of blocks prove together."""
         self._by_more_than_faces = False
-        if self._narrowing is not None:
-            self._narrowing.leave()
+        if self._tightening is not None:
+            self._tightening.leave()
 
     def _add(self, conflict: Conflict) -> None:
         assert self._formula is not None
@@ -360,14 +360,14 @@ class Exact(Proving):
     def _begin(self, target: int | None) -> None:
         """Aim at what is left at the next step down."""
         assert self._by_blocks is not None
-        assert self._hunters is not None
+        assert self._sources is not None
         low = self.least(target)
-        self._aimed = low if self._by_blocks.active else self._ladder.aim(self.found[target].bound, low)
+        self._aimed = low if self._by_blocks.active else self._schedule.aim(self.found[target].bound, low)
         self._began = self.conflicts
         self._begun = True
         formula = self._told()
         formula.aim(self._aimed / self._scale, target)
-        self._hunters.begin(formula, target, self._aimed / self._scale)
+        self._sources.begin(formula, target, self._aimed / self._scale)
 
     def _lower(self, target: int | None, bound: float) -> None:
         """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
@@ -383,12 +383,12 @@ class Exact(Proving):
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)
         self._targets.remove(target)
-        self._ladder = Ladder(self._patience)
+        self._schedule = TargetSchedule(self._patience)
         if self._by_blocks is not None:
             self._by_blocks.abandon()
         if self._begun:
-            assert self._hunters is not None
-            self._hunters.end()
+            assert self._sources is not None
+            self._sources.end()
             self._begun = False
         if not self._listed:
             self._listed = True

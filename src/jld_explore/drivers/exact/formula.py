@@ -22,11 +22,11 @@ from pysat.card import CardEnc, EncType
 from pysat.solvers import Solver
 
 from jld_core.arrays import Bits, Ints
-from jld_explore.drivers.exact.guards import Guards
+from jld_explore.drivers.exact.assumption_literals import AssumptionLiterals
+from jld_explore.drivers.exact.conflict_minimization import Conflict
+from jld_explore.drivers.exact.inner_paths import InnerPaths
 from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
-from jld_explore.drivers.exact.shrinking import Conflict
-from jld_explore.drivers.exact.unary import Unary
-from jld_explore.drivers.exact.ways import Ways
+from jld_explore.drivers.exact.unary_counter import UnaryCounter
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
 _SOLVER: Final = "minisat22"
@@ -51,9 +51,9 @@ class Formula:
         self._top = candidates.size
         self._images = np.unique(np.argsort(space.group, axis=1), axis=0)
         self._limits, self._sized = space.limits, space.limits.sized
-        self._ways = Ways(space)
-        self._guards = Guards(self._new, self._rule_out)
-        self._unary: Unary | None = None
+        self._paths = InnerPaths(space)
+        self._assumption_literals = AssumptionLiterals(self._new, self._rule_out)
+        self._counter: UnaryCounter | None = None
         self._counted: list[int] = []
         self._aside: int | None = None
         self._chosen: list[int] = []
@@ -75,12 +75,12 @@ class Formula:
             if count is None
             else self._number().within(Range.of((count, count), whole=True) if isinstance(count, int) else count)
         )
-        self._guards.aim(threshold)
+        self._assumption_literals.aim(threshold)
 
     def rise(self, threshold: float) -> None:
         """Look for labellings above a scaled λ that is no lower than before, and for the same otherwise."""
-        if threshold > self._guards.threshold:
-            self._guards.aim(threshold)
+        if threshold > self._assumption_literals.threshold:
+            self._assumption_literals.aim(threshold)
 
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
         """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
@@ -133,7 +133,7 @@ class Formula:
         bound: scaled λ that they do not exceed; where it is aimed lower they are not ruled out.
         """
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
-        self._guards.hold(pairs, bound)
+        self._assumption_literals.hold(pairs, bound)
 
     def learn(self, conflicts: Iterable[Conflict], passed: Iterable[Bits] = ()) -> None:
         """Rule out what conflicts do, wherever their bounds allow, and labellings (m,) that are dealt with."""
@@ -151,7 +151,7 @@ class Formula:
 
     @property
     def _assumed(self) -> list[int]:
-        return self._guards.assumed + self._counted + ([] if self._aside is None else [self._aside])
+        return self._assumption_literals.assumed + self._counted + ([] if self._aside is None else [self._aside])
 
     def _new(self) -> int:
         self._top += 1
@@ -223,14 +223,14 @@ class Formula:
                 self._top = max(self._top, found.nv)
                 self._solver.append_formula(found.clauses)
 
-    def _number(self) -> Unary:
+    def _number(self) -> UnaryCounter:
         """The count of the front, made when it is first asked for."""
-        if self._unary is None:
+        if self._counter is None:
             literals, more = self._terms(count_named(self.space.search.front.axes[0][0]))
-            self._unary = Unary(literals, more, self._top)
-            self._top = self._unary.top
-            self._solver.append_formula(self._unary.clauses)
-        return self._unary
+            self._counter = UnaryCounter(literals, more, self._top)
+            self._top = self._counter.top
+            self._solver.append_formula(self._counter.clauses)
+        return self._counter
 
     # --- what is ruled out as it occurs -----------------------------------------------------------------
 
@@ -247,14 +247,14 @@ class Formula:
         graph, found = self.space.graph, []
         if self.space.search.segmentation:
             for face in np.flatnonzero(labels & (blocks[graph.a] == blocks[graph.b])).tolist():
-                path = self._ways.path(labels, int(graph.a[face]), int(graph.b[face]))
+                path = self._paths.path(labels, int(graph.a[face]), int(graph.b[face]))
                 found.append((np.array([face, *path]), np.array([True] + [False] * len(path))))
         free = self.space.assembly.elements.free
         for name in np.unique(blocks[free]).tolist():
             members = frozenset(free[blocks[free] == name].tolist())
             large = bool(self._limits.too_large(self._sized.one(members)))
             if large and not self._limits.mendable:
-                tree = self._ways.tree(labels, min(members))
+                tree = self._paths.tree(labels, min(members))
                 found.append((np.array(tree, dtype=np.int64), np.zeros(len(tree), dtype=bool)))
             elif self._limits.too_small(self._sized.one(members)):
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))

@@ -18,7 +18,8 @@ _EACH: Final = 4000
 """Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
 
 _SHARE: Final = (0.025, 0.15)
-"""Labellings annealed then for each relaxation since, with the kernel and without: some 10 to 15 % of the time."""
+"""Labellings annealed then for each relaxation since, with the batch solver and without: some 10 to 15 % of the
+time."""
 
 _LASTING: Final = 60_000
 _LATER: Final = 0.06
@@ -26,8 +27,9 @@ _LATER: Final = 0.06
 long as a labelling (0.24 and 0.5 ms of the crushable arch), in small walls a seventh."""
 
 
-class Turns:
-    """When annealing has another chance beside a proof. quick: the kernel solves relaxations; never: not at all."""
+class HeuristicSchedule:
+    """When annealing has another chance beside a proof. quick: the batch solver solves relaxations; never: not at
+    all."""
 
     def __init__(self, *, quick: bool, never: bool) -> None:
         self._share = _SHARE[not quick]

@@ -13,8 +13,8 @@ from threading import Lock
 import numpy as np
 
 from jld_core.arrays import Bits
+from jld_explore.drivers.exact.conflict_minimization import Conflict
 from jld_explore.drivers.exact.conflicts import Conflicts
-from jld_explore.drivers.exact.shrinking import Conflict
 from jld_explore.space import SearchSpace, canonical
 
 

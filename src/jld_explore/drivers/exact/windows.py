@@ -50,7 +50,7 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
     return tuple(found)
 
 
-class Worth:
+class WindowStatistics:
     """How much windows of each width are worth, by the share of labellings that they refute. widths: how many."""
 
     def __init__(self, widths: int) -> None:

@@ -3,7 +3,8 @@
 A **key** is a number for each pair of neighbouring atoms, low where they should be in one part. All rows of a
 batch join atoms in the order of their own keys, as long as parts stay within the most cells, up to the key that
 asks for a joint; parts that are still too small are then joined to what they touch. Rows in which a part stays
-too small are left out. One row costs a tenth of what it costs alone, in the compiled kernel a hundredth, which lets a
+too small are left out. One row costs a tenth of what it costs alone, in the compiled batch solver a hundredth, which
+lets a
 driver look at many children for each one it evaluates.
 """
 
@@ -15,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.batch import Joining
 from jld_core.deadline import checkpoint
-from jld_core.lanes import Joining
 from jld_explore.drivers.operators.atom_graph import AtomGraph, PartLimits
 from jld_explore.space import SearchSpace, blocks_of
 

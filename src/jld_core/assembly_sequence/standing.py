@@ -1,0 +1,197 @@
+"""Does a stage of laying stand under its own weight, and if not, which blocks need a prop and with how much force?
+
+A prop is an upward force, against the weight, on an element, at its centroid or at the ends of its width. The least
+sum of such forces is a conic program over equilibrium and the yield sets of the faces that are laid.
+
+What is laid in parts that do not touch one another stands where each part does, so parts are solved one by one, and
+each is solved once for all labellings of an assembly (`Parts`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.arrays import Bits, Bools, Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.assembly_sequence.blocks import Blocks
+from jld_core.deadline import checkpoint
+from jld_core.geometry import moment_about
+from jld_core.program import ConicProgram, Template, beginnings, pack
+from jld_core.solvers import auxiliary
+
+_NONE: Final = 1e-6
+"""Force of props, relative to the weight that is laid, below which a stage stands without them."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of laying. props: (k,) upward force on each block, scene units, 0 where none. error: residual of the
+    equations and of the yield rows, and the gap of the program, whichever is largest, relative to the weight."""
+
+    props: Floats
+    error: float
+    weight: float
+
+    @property
+    def stands(self) -> bool | None:
+        """Whether it stands without props; None where the program did not settle it."""
+        if not self.error <= _NONE:
+            return None
+        return bool(self.props.sum() <= 10.0 * _NONE * self.weight)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What props a part of a stage needs. props: (n,) upward force on each element; error, weight: see `Stage`."""
+
+    props: Floats
+    error: float
+    weight: float
+
+
+class Standing:
+    """Stages of one labelling. labels: (m,) True dry. parts: solved before, of the same assembly; default none."""
+
+    def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
+        self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
+        self.parts = Parts(blocks.assembly) if parts is None else parts
+        self._known: dict[bytes, Stage] = {}
+
+    def stage(self, laid: Bools) -> Stage:
+        """The stage in which these blocks (k,) are laid, fixed ones always."""
+        laid = laid | self.blocks.fixed
+        key = np.packbits(laid).tobytes()
+        if key not in self._known:
+            found = self.parts.of(laid[self.blocks.of], self.labels)
+            props = np.zeros(len(self.blocks))
+            for part in found:
+                np.add.at(props, self.blocks.of, part.props)
+            error = max((part.error for part in found), default=0.0)
+            self._known[key] = Stage(props, error, sum(part.weight for part in found))
+        return self._known[key]
+
+
+class Parts:
+    """Parts of stages of any labelling of one assembly, each solved once."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        self._known: dict[bytes, _Part] = {}
+
+    @cached_property
+    def template(self) -> Template:
+        """The program of a labelling: load cases differ in loads alone, and a stage carries nothing but its weight."""
+        return Template(self.assembly.by_case[0])
+
+    def of(self, here: Bools, labels: Bits) -> list[_Part]:
+        """The parts of what is laid that do not touch one another. here: (n,) elements; labels: (m,) True dry."""
+        faces, support = self.assembly.interfaces, self.assembly.elements.support
+        free = here & ~support
+        joined = np.flatnonzero(free[faces.a] & free[faces.b])
+        ends, count = (faces.a[joined], faces.b[joined]), len(here)
+        link = sp.coo_array((np.ones(len(joined)), ends), shape=(count, count))
+        name = connected_components(link, directed=False)[1]
+        return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
+
+    def _part(self, here: Bools, labels: Bits) -> _Part:
+        faces = self.assembly.interfaces
+        key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
+        if key not in self._known:
+            checkpoint()
+            self._known[key] = self._solved(here, labels)
+        return self._known[key]
+
+    def _solved(self, here: Bools, labels: Bits) -> _Part:
+        assembly, template = self.assembly, self.template
+        elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
+        props = np.zeros(len(here))
+        free = elements.free
+        standing = np.flatnonzero(here[free])
+        weight = float(np.linalg.norm(elements.weight[free[standing]], axis=1).sum())
+        if weight == 0.0:
+            return _Part(props, 0.0, weight)
+        program = template.program(labels)
+        own = np.zeros((len(free), q))
+        own[:, : assembly.dimension] = elements.weight[free]
+        weight_of = (own / template.scaling.row).ravel()
+        # faces between what is laid; rows of elements that are; the column of λ falls away
+        face = here[faces.a] & here[faces.b]
+        pattern = template.yield_set.pattern
+        equations = (q * standing[:, None] + np.arange(q)).ravel()
+        first = template.structure.equalities + 1
+        linear = first + np.flatnonzero(face[pattern.row_face[: pattern.linear]])
+        heads = pattern.linear + beginnings(pattern.cones)
+        kept = [k for k in range(len(pattern.cones)) if face[pattern.row_face[heads[k]]]]
+        conic = [first + heads[k] + np.arange(pattern.cones[k]) for k in kept]
+        yields = np.concatenate([linear, *conic]) if conic else linear
+        matrix = program.matrix.tocsr()
+        of_yield, of_equations = matrix[yields], matrix[equations]
+        used = np.flatnonzero(np.diff(of_yield.tocsc().indptr))
+        used = used[used < matrix.shape[1] - 1]
+        push, owner = self._props(standing)
+        size = push.shape[1]
+        forces = sp.vstack([of_equations[:, used], sp.csr_array((size, len(used))), of_yield[:, used]])
+        upward = sp.vstack([sp.csr_array(push), -sp.eye_array(size), sp.csr_array((len(yields), size))])
+        rows = sp.hstack([forces, upward])
+        rhs = np.concatenate([-weight_of[equations], np.zeros(size), program.rhs[yields]])
+        objective = np.concatenate([np.zeros(len(used)), np.ones(size)])
+        cones = tuple(pattern.cones[k] for k in kept)
+        stated = pack(rows, rhs, objective, len(equations), size + len(linear), cones)
+        answer = auxiliary(stated)
+        error = _error(stated, answer.point, answer.dual)
+        force = np.maximum(answer.point[len(used) :], 0.0) * template.scaling.force
+        np.add.at(props, owner, force)
+        relative = template.scaling.force / weight
+        return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
+
+    def _props(self, standing: Ints) -> tuple[Floats, Ints]:
+        """Columns of unit props on the equations of the elements that are laid, scaled, and the element of each."""
+        assembly, template = self.assembly, self.template
+        elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
+        total = elements.weight[elements.free].sum(axis=0)
+        up = -total / np.linalg.norm(total)
+        across = np.eye(d) - np.outer(up, up)
+        sides = across[np.argsort(-np.linalg.norm(across, axis=1))[: d - 1]]
+        columns, owner = [], []
+        for position, row in enumerate(standing.tolist()):
+            element = int(elements.free[row])
+            points = [elements.centroid[element]]
+            for side in sides:
+                along = elements.shape[element] @ side
+                points += [
+                    elements.shape[element][int(np.argmin(along))],
+                    elements.shape[element][int(np.argmax(along))],
+                ]
+            for point in points:
+                arm = point - elements.centroid[element]
+                column = np.zeros(q * len(standing))
+                column[q * position : q * (position + 1)] = (
+                    np.concatenate([up, moment_about(arm, up)]) * template.scaling.force / template.scaling.row[row]
+                )
+                columns.append(column)
+                owner.append(element)
+        return np.array(columns).T, np.array(owner, dtype=np.int64)
+
+
+def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
+    """Largest violation of the rows and the gap of an answer: nothing a solver says of itself is taken for it."""
+    if not (np.isfinite(point).all() and np.isfinite(dual).all()):
+        return np.inf
+    structure = program.structure
+    slack = program.rhs - program.matrix @ point
+    equal, end = structure.equalities, structure.equalities + structure.linear
+    worst = float(abs(slack[:equal]).max(initial=0.0))
+    worst = max(worst, float((-slack[equal:end]).max(initial=0.0)), float((-dual[equal:end]).max(initial=0.0)))
+    start = end
+    for size in structure.cones:
+        for part in (slack[start : start + size], dual[start : start + size]):
+            worst = max(worst, float(np.linalg.norm(part[1:]) - part[0]))
+        start += size
+    worst = max(worst, float(abs(program.objective + program.matrix.T @ dual).max(initial=0.0)))
+    return max(worst, abs(float(program.objective @ point + program.rhs @ dual)))

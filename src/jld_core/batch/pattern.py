@@ -1,0 +1,148 @@
+"""Elimination order and fill of a block-sparse symmetric matrix, and the products that its factor is made of.
+
+Made once per assembly: what the batch solver does with numbers follows these lists without a branch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jld_core.arrays import Floats, Ints
+from jld_core.batch import library
+from jld_core.linalg import nested_dissection
+
+Int32s = NDArray[np.int32]
+
+_LEAVES: Final = (4, 12)
+"""Sizes of the parts that dissection leaves, tried beside minimum degree."""
+
+
+@dataclass(frozen=True)
+class FactorPattern:
+    """Pattern of a block Cholesky factor, blocks numbered column by column in order of elimination.
+
+    order: (n,) node eliminated at each step. column_start (n + 1,), row (blocks,): blocks below the diagonal.
+    pair_start (blocks + 1,), pair (pairs, 2): products of two earlier blocks that each block loses. left_start
+    (n + 1,), left, left_column (blocks,): blocks of each block row, and their columns.
+    """
+
+    order: Ints
+    column_start: Int32s
+    row: Int32s
+    pair_start: Int32s
+    pair: Int32s
+    left_start: Int32s
+    left: Int32s
+    left_column: Int32s
+
+    def handed_over(self) -> library.FactorPattern:
+        """As the batch solver takes it; the arrays stay where they are."""
+        names = ("column_start", "row", "pair_start", "pair", "left_start", "left", "left_column")
+        arrays = {name: getattr(self, name) for name in names}
+        return library.FactorPattern(nodes=len(self.order), **library.pointers(**arrays))
+
+    @property
+    def products(self) -> int:
+        """Products of blocks in one factorisation, those of the diagonal included."""
+        return len(self.pair) + len(self.left)
+
+
+def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
+    """The pattern with the fewest products among a few orders; the load cases of one structure share it.
+
+    a, b: (e,) nodes that share a block, loops ignored. places: (n, d) where nodes are.
+    """
+    a, b, places = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64), np.asarray(places, dtype=float)
+    return _pattern(a.tobytes(), b.tobytes(), places.tobytes(), places.shape)
+
+
+@lru_cache(maxsize=4)
+def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) -> FactorPattern:
+    a, b = (np.frombuffer(ends, dtype=np.int64) for ends in (first, second))
+    places = np.frombuffer(where, dtype=float).reshape(shape)
+    count = len(places)
+    proper = a != b
+    a, b = a[proper], b[proper]
+    orders = [_minimum_degree(a, b, count)]
+    orders += [nested_dissection(a, b, count, leaf, places).order for leaf in _LEAVES if len(a) and count > leaf]
+    columns = [_fill(a, b, order) for order in orders]
+    # of a column with k blocks the factor takes k (k + 1) / 2 products; ties go to the order that came first
+    cost = [sum(len(column) * (len(column) + 1) // 2 for column in found) for found in columns]
+    best = int(np.argmin(cost))
+    return _laid_out(orders[best], columns[best])
+
+
+def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
+    """Neighbours of each node, in order."""
+    found: list[dict[int, None]] = [{} for _ in range(count)]
+    for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
+        found[one][other] = None
+        found[other][one] = None
+    return found
+
+
+def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
+    near = _neighbours(a, b, count)
+    left = dict.fromkeys(range(count))
+    order = []
+    while left:
+        node = min(left, key=lambda k: (len(near[k]), k))
+        del left[node]
+        order.append(node)
+        around = list(near[node])
+        for one in around:
+            del near[one][node]
+            near[one].update((other, None) for other in around if other != one)
+    return np.array(order, dtype=np.int64)
+
+
+def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
+    """Block rows below the diagonal of each column, in order of elimination, fill included."""
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    below: list[set[int]] = [set() for _ in order]
+    for one, other in zip(place[a].tolist(), place[b].tolist(), strict=True):
+        below[min(one, other)].add(max(one, other))
+    columns = []
+    for column in range(len(order)):
+        rows = sorted(below[column])
+        columns.append(rows)
+        if rows:
+            below[rows[0]].update(rows[1:])
+    return columns
+
+
+def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
+    start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
+    place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
+    lefts: list[list[tuple[int, int]]] = [[] for _ in columns]
+    products: list[list[tuple[int, int]]] = [[] for _ in range(int(start[-1]))]
+    for j, rows in enumerate(columns):
+        for k, row in enumerate(rows):
+            block = int(start[j]) + k
+            lefts[row].append((block, j))
+            for other in rows[k + 1 :]:
+                products[place[other, row]].append((place[other, j], block))
+    return FactorPattern(
+        order=order,
+        column_start=start.astype(np.int32),
+        row=_flat(columns),
+        pair_start=_starts(products),
+        pair=_flat([[end for pair in pairs for end in pair] for pairs in products]).reshape(-1, 2),
+        left_start=_starts(lefts),
+        left=_flat([[block for block, _ in row] for row in lefts]),
+        left_column=_flat([[column for _, column in row] for row in lefts]),
+    )
+
+
+def _starts(lists: list[list[tuple[int, int]]]) -> Int32s:
+    return np.concatenate([[0], np.cumsum([len(one) for one in lists])]).astype(np.int32)
+
+
+def _flat(lists: list[list[int]]) -> Int32s:
+    return np.array([value for one in lists for value in one], dtype=np.int32)

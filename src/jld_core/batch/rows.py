@@ -1,0 +1,251 @@
+"""Rows of a template's yield sets in the batch solver's shape, or the answer that they have another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.batch.pattern import FactorPattern, factor_pattern
+from jld_core.mechanics import RowPattern, Rows
+from jld_core.program import Template
+
+LARGEST: Final = 3000
+"""Faces above which one labelling alone is a long solve, and a solver made for large ones is the quicker."""
+
+EDGES: Final = 8
+"""Edges of a spatial face's hull at the most."""
+
+_SIZES: Final = (4, EDGES)
+"""Edges that the batch solver is compiled for."""
+
+_CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
+
+MOST: Final = 15_000_000
+"""The same in products of one factorisation, which bulky structures need far more of than thin ones with as many faces:
+with 6³ cubes 8 million, with 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million."""
+
+_SMALL: Final = 300  # faces up to which no structure needs so many
+
+
+def fits(template: Template, undecided: Rows | None = None) -> bool:
+    """Whether the batch solver knows rows of this shape and the structure is small enough for it; undecided: rows of a
+    third
+    label, see `rows_of`."""
+    return (
+        len(template.assembly.interfaces) <= LARGEST
+        and rows_of(template, undecided) is not None
+        and (len(template.assembly.interfaces) <= _SMALL or _products(template) <= MOST)
+    )
+
+
+def _products(template: Template) -> int:
+    """Products of numbers in one factorisation."""
+    return int(pattern_of(template.assembly)[0].products * template.assembly.freedoms**3)
+
+
+def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
+    """The pattern of an assembly's equilibrium, and the free elements (m,) on both sides of each face, −1 for none."""
+    elements, faces = assembly.elements, assembly.interfaces
+    node = np.full(len(elements), -1, dtype=np.int64)
+    node[elements.free] = np.arange(len(elements.free))
+    a, b = node[faces.a], node[faces.b]
+    both = (a >= 0) & (b >= 0)
+    return factor_pattern(a[both], b[both], elements.centroid[elements.free]), a, b
+
+
+@dataclass(frozen=True)
+class Sheets:
+    """Numbers of all labels, inner then dry, then undecided where there is a third.
+
+    rows: (labels, m, numbers). Planar: a, b, h of −a N ± b X ≤ h for each pair; X is M, V, and M where inner faces
+    crush. In space the same of M1, M2, and MT with t, the bound on shear; or, where any hull has other edges, a, p, q,
+    h of −a N + p M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h of MT. pairs: of rows, in space 2
+    of bending or how many edges there is room for. keep: (labels, m) 1 where V counts. bows: (labels, m, 2) c and n₀ of
+    a first pair b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, None where no face has one. meets:
+    where undecided faces crush V and M meet, and the numbers of `ParabolicBending.meeting` follow n₀ in `bows`, 0 where
+    a label is
+    decided.
+    """
+
+    rows: Floats
+    pairs: int
+    keep: Floats
+    bows: Floats | None = None
+    meets: bool = False
+
+
+def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
+    """The batch solver's numbers. undecided: rows of a third label, in the place of those of dry faces.
+
+    None where the pattern has rows of another shape.
+    """
+    # asked twice of each template: whether it fits, and when the batch solver is made
+    return _decided(template) if undecided is None else _rows_of(template, undecided)
+
+
+@lru_cache(maxsize=2)
+def _decided(template: Template) -> Sheets | None:
+    return _rows_of(template, None)
+
+
+def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
+    own = template.yield_set
+    every = np.ones(len(template.assembly.interfaces), dtype=bool)
+    labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
+    active = [own.active(~every), own.active(every)] + ([] if undecided is None else [undecided.active(every)])
+    planar = template.assembly.dimension == 2
+    make = planar_rows if planar else spatial_rows
+    sheets = [make(pattern, dry, len(every)) for pattern, dry in labels]
+    loose, held = ([0, 2], [1]) if planar else ([0, 3, 4], [1, 2, 5])
+    if any(sheet is None for sheet in sheets):
+        return None
+    # shear and torsion are dropped together or not at all
+    if not all(mask[:, loose].all() and (mask[:, held] == mask[:, held[:1]]).all() for mask in active):
+        return None
+    keep = np.ascontiguousarray([mask[:, 1].astype(float) for mask in active])
+    rows = np.array(sheets)
+    if not planar:
+        paired = _in_pairs(rows)
+        if paired is not None:
+            return Sheets(np.ascontiguousarray(paired), 2, keep)
+        rows = _along_edges(rows)
+        return Sheets(np.ascontiguousarray(rows), (rows.shape[-1] - 3) // 6, keep)
+    bows, meets = None, False
+    if own.pattern.cones:
+        bowed = [own.bow(undecided=False), *([] if undecided is None else [own.bow(undecided=True)])]
+        if any(one is None for one in bowed):
+            return None
+        meets = rows.shape[2] == 3 and any(one is not None and one.meeting is not None for one in bowed)
+        bows = np.zeros((len(rows), len(every), 14 if meets else 2))
+        for label, one in enumerate(bowed, start=1):
+            assert one is not None
+            crushed = one.crushed
+            bows[label, crushed, :2] = one.bow
+            rows[label, crushed] = one.rows[:, : rows.shape[2]]
+            if meets and one.meeting is not None:
+                bows[label, crushed, 2:] = one.meeting
+    flat = np.ascontiguousarray(rows.reshape(*rows.shape[:2], -1))
+    return Sheets(flat, rows.shape[2], keep, bows, meets)
+
+
+def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
+    """(m, pairs, 3) of one label of planar faces, see `rows_of`; cones are the parabolas of crushing joints."""
+    if pattern.extra:
+        return None
+    return _pairs(pattern, *((pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)), faces)
+
+
+def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
+    """(m, pairs, 3) of one label, pairs in the order M, V, M."""
+    linear = pattern.row < pattern.linear
+    row, resultant = pattern.row[linear], pattern.column[linear] % 3
+    sides = sides[: pattern.linear]
+    table = np.zeros((len(sides), 3))
+    table[row, resultant] = values[linear]
+    uses = np.zeros((len(sides), 3), dtype=bool)
+    uses[row, resultant] = True
+    if np.any(uses[:, 1] == uses[:, 2]):
+        return None
+    found = np.zeros((faces, 3, 3))
+    found[:, :, 2] = 1.0
+    filled = np.zeros((faces, 3), dtype=bool)
+    for face in range(faces):
+        own = np.flatnonzero(pattern.row_face[: pattern.linear] == face)
+        bending, sliding = own[uses[own, 2]], own[uses[own, 1]]
+        if len(sliding) != 2 or len(bending) not in (2, 4):
+            return None
+        for pair, column, two in ((0, 2, bending[:2]), (1, 1, sliding), (2, 2, bending[2:])):
+            if not len(two):
+                continue
+            (n, k), (x, y), (h, i) = table[two, 0], table[two, column], sides[two]
+            if n != k or x != -y or h != i:
+                return None
+            found[face, pair] = -n, abs(x), h
+            filled[face, pair] = True
+    if np.any(found[:, :2, 0] < 0.0) or np.any(found[:, 0, 0] == 0.0) or np.any(found[:, :2, 1] == 0.0):
+        return None
+    return found if filled[:, 2].any() else found[:, :2].copy()
+
+
+def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
+    """Rows of one label of spatial faces, see `_spatial_table`; None where they have another shape."""
+    if pattern.cones != (3,) * faces or pattern.extra != faces:
+        return None
+    values, sides = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
+    bound = np.zeros(faces, dtype=np.int64)
+    extra = pattern.column >= 6 * faces
+    bound[pattern.face[extra]] = pattern.column[extra]
+    # columns by face: its six resultants, then its bound on shear, then the right-hand side
+    if np.any(extra & (pattern.column != bound[pattern.face])):
+        return None
+    table = np.zeros((len(sides), 8))
+    table[pattern.row, np.where(extra, 6, pattern.column % 6)] = values
+    table[:, 7] = sides
+    return _spatial_table(table, pattern, faces)
+
+
+def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
+    """(m, EDGES + 1, 4) a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last, then a, b, h of torsion; or None."""
+    found = np.zeros((faces, EDGES + 1, 4))
+    found[:, :, 3] = 1.0
+    owners = pattern.row_face
+    for face in range(faces):
+        own = np.flatnonzero(owners == face)
+        linear, last = own[own < pattern.linear], own[own >= pattern.linear]
+        cone = table[last]
+        # the cone of a face that resists no shear idles, since V is dropped there
+        if not np.array_equal(cone[:, :7], _CONE) or cone[1:, 7].any() or cone[0, 7] not in (0.0, 1.0):
+            return None
+        twist = table[linear, 5] != 0.0
+        bending, torsion = table[linear[~twist]], table[linear[twist]]
+        if len(torsion) != 2 or not 3 <= len(bending) <= EDGES or np.any(bending[:, [1, 2, 6]]):
+            return None
+        one, size = torsion[0], abs(torsion[0, 5])
+        expected = np.array([[one[0], 0, 0, 0, 0, sign * one[5], size, one[7]] for sign in (1.0, -1.0)])
+        if not np.array_equal(torsion, expected) or one[0] > 0.0:
+            return None
+        # h over a is the same for all edges of a face, which what opens at a cost relies on
+        a, h = -bending[:, 0], bending[:, 7]
+        if np.any(a <= 0.0) or np.ptp(a) > 0.0 or np.ptp(h) > 0.0:
+            return None
+        found[face, : len(bending)] = np.column_stack([a, bending[:, 3:5], h])
+        found[face, EDGES] = -one[0], size, one[7], 0.0
+    return found
+
+
+def _in_pairs(found: Floats) -> Floats | None:
+    """(labels, m, 9) where all bending rows are pairs for either moment: a, b, h of M1, M2 and MT; else None."""
+    edges = found[:, :, :4]
+    used = edges[..., 1:3].any(axis=-1)
+    across = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    size = edges[:, :, 0, 1]
+    fits = used.all() and not found[:, :, 4:EDGES, 1:3].any()
+    if not fits or not np.array_equal(edges[..., 1:3], size[:, :, None, None] * across):
+        return None
+    a, h = edges[:, :, 0, 0], edges[:, :, 0, 3]
+    twist = found[:, :, EDGES, :3]
+    return np.concatenate([np.stack([a, size, h, a, size, h], axis=-1), twist], axis=-1)
+
+
+def _along_edges(found: Floats) -> Floats:
+    """(labels, m, 6 R + 3) rows of R edges, corners between them and torsion, R the least size that holds all."""
+    used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
+    most = next(size for size in _SIZES if size >= used)
+    corners = np.zeros((*found.shape[:2], most, 2))
+    for label, face in np.ndindex(found.shape[:2]):
+        rows = found[label, face, :EDGES]
+        rows = rows[rows[:, 1:3].any(axis=1)]
+        onward = np.roll(rows, -1, axis=0)
+        # corners of {p x + q y ≤ a} between a row and the next, in order of angle
+        cross = rows[:, 1] * onward[:, 2] - rows[:, 2] * onward[:, 1]
+        ends = np.stack([onward[:, 2] - rows[:, 2], rows[:, 1] - onward[:, 1]], axis=1) * rows[:, :1] / cross[:, None]
+        corners[label, face, : len(rows)] = ends
+        corners[label, face, len(rows) :] = ends[0]
+    count = found.shape[:2]
+    parts = [found[:, :, :most].reshape(*count, -1), corners.reshape(*count, -1), found[:, :, EDGES, :3]]
+    return np.concatenate(parts, axis=-1)

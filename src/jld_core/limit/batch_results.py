@@ -1,0 +1,36 @@
+"""What the batch solver says of one labelling, measured as everything else is before it counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.batch import LOCKED, PROVEN, BatchResults
+from jld_core.limit.bounds import Motion, Prover
+from jld_core.limit.proof import Proof
+
+ALONE: Final = (48, 400)
+"""Spatial faces between which the batch solver is quicker for one labelling too, its making included. Source:
+benchmarks/results/lanes_single.md."""
+
+
+def offer(
+    found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
+) -> None:
+    """Offer a proof the state, and the motion or the ray, of a labelling (m,) that the batch solver settled alone.
+
+    opening: a motion that opens all faces, asked for where a margin lacks.
+    """
+    if found.verdict[0] not in (PROVEN, LOCKED) or found.forces is None:
+        return
+    proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
+    if found.verdict[0] == LOCKED and found.rays is not None:
+        ray = prover.ray(np.append(found.rays[0], 1.0), labels)
+        proof.ray = ray if ray.to_rounding else proof.ray
+    elif found.velocity is not None:
+        motion = prover.motion(found.velocity[0], labels)
+        wider = opening() if motion.margin < 0.0 else None
+        proof.offer_motion(motion if wider is None else prover.open_up(motion, wider, labels))

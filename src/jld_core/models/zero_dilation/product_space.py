@@ -1,0 +1,248 @@
+"""The space in which products of forces with velocities live: each velocity knows the forces around it, near or far.
+
+X = Φ wᵀ column by column: what u_j multiplies is a state of equilibrium of the elements around, all of them or those
+within some distance. Fewer make the program smaller, and its bound lower but no less true: what is left out are rows.
+Slides that are multiplied with their own face alone have four products instead of a column.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.models.zero_dilation.modes import Modes
+from jld_core.models.zero_dilation.rlt_relaxation import row_sizes, without
+
+_NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
+
+Point = tuple[Floats, Floats]
+"""(Z, T): coefficients of the states by velocities (k, w), and own products of slides of lone faces (f, 4)."""
+
+
+@dataclass(frozen=True)
+class ProductSpace:
+    """Forms y_k z_l over (Z, T).
+
+    facts: (r, p) slacks and the like over Φ, the last of them 1. rates: (forms, w) of z and of loops over free
+    velocities. bases: of the states that velocities know, (p, k) each, and `of` (w,) which of them; Z has as many rows
+    as the widest. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s with t of their own: T
+    holds the products of t with the face's own forces and 1, places `at` (f, 4) of Φ, of which `own` (f, 5, 4) makes
+    its slacks and 1. live: (w,) b_λ·u.
+    """
+
+    facts: Floats
+    rates: Floats
+    bases: tuple[Floats, ...]
+    of: Ints
+    lone: Ints
+    own: Floats
+    at: Ints
+    live: Floats
+
+    def spread(self, z: Floats) -> Floats:
+        """(p, w) products that coefficients stand for."""
+        x = np.zeros((self.facts.shape[1], len(self.of)))
+        for basis, columns in zip(self.bases, self._columns, strict=True):
+            x[:, columns] = basis @ z[: basis.shape[1], columns]
+        return x
+
+    def gather(self, form: Floats) -> Floats:
+        """A form (p, w) of products over coefficients."""
+        out = np.zeros((max(basis.shape[1] for basis in self.bases), len(self.of)))
+        for basis, columns in zip(self.bases, self._columns, strict=True):
+            out[: basis.shape[1], columns] = basis.T @ form[:, columns]
+        return out
+
+    def values(self, point: Point) -> Floats:
+        """(r, forms) y_k z_l; of slides of lone faces those with their own slacks and 1 alone mean something."""
+        z, t = point
+        out = np.asarray(self.facts @ self.spread(z) @ self.rates.T)
+        more = np.einsum("frc,fc->rf", self.own, t)
+        for slide in (2, 3):
+            out[self.rows, self.ones * (4 * self.lone + slide)] += more
+        return out
+
+    def adjoint(self, table: Floats) -> Point:
+        """What a weighted sum of values (r, forms) is over (Z, T)."""
+        slides = self.ones * (4 * self.lone)
+        both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
+        return self.gather(self.facts.T @ (table @ self.rates)), np.einsum("frc,rf->fc", self.own, both)
+
+    @cached_property
+    def unit(self) -> Floats:
+        """(k, w) b_λ·u over Z."""
+        return self.gather(np.outer(self.facts[-1], self.live))
+
+    @cached_property
+    def rows(self) -> Ints:
+        """(5, f) rows of the own slacks of lone faces and of 1."""
+        return np.vstack([4 * self.lone + k for k in range(4)] + [np.full(len(self.lone), len(self.facts) - 1)])
+
+    @property
+    def ones(self) -> Ints:
+        """(5, 1), by which columns are repeated for `rows`."""
+        return np.ones((5, 1), dtype=np.int64)
+
+    @cached_property
+    def _columns(self) -> list[Ints]:
+        return [np.flatnonzero(self.of == basis) for basis in range(len(self.bases))]
+
+
+class LocalProductSpace:
+    """Elements and faces that velocities of a region know, those within a distance in faces; None: all there are.
+
+    What closed modes tie together knows the same. basis: (3n + m, w) of the velocities that closed modes leave free;
+    forms: (4m + 2e, w) over them, of which rates are the first. groups: (w,) velocities of one element, as numbers.
+    """
+
+    def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
+        self.modes, self.closed = modes, closed
+        self.basis = without(modes.rates[closed])
+        self.forms = modes.forms @ self.basis
+        self.forms[abs(self.forms) < _NOTHING] = 0.0
+        self.rates = self.forms[: len(modes.rows)]
+        width = len(modes.dead)
+        first = np.array([int(np.flatnonzero(column)[0]) for column in self.basis.T], dtype=np.int64)
+        self.groups = np.where(first < width, first // 3, first)
+        self.touches = (modes.matrix.reshape(width // 3, 3, modes.faces, 3) != 0.0).any(axis=(1, 3))
+        self.elements, self._of = self._sets(distance)
+        self.of = self._of[first]
+
+    def _sets(self, distance: int | None) -> tuple[list[Bools], Ints]:
+        """Distinct sets (n,) of elements, and which of them each velocity (3n + m,) has."""
+        count, faces = self.touches.shape
+        if distance is None:
+            return [np.ones(count, dtype=bool)], np.zeros(3 * count + faces, dtype=np.int64)
+        node = np.concatenate([np.repeat(np.arange(count), 3), count + np.arange(faces)])
+        row, column = np.nonzero(self.modes.rates[self.closed])
+        ties = sp.csr_array((np.ones(len(row)), (row, node[column])), shape=(int(self.closed.sum()), count + faces))
+        name = connected_components(ties.T @ ties, directed=False)[1]
+        meets = (self.touches.astype(int) @ self.touches.T) > 0
+        near = np.linalg.matrix_power(meets.astype(float), distance) > 0.0
+        of_face = self.touches.T @ near.astype(int) > 0
+        sets: dict[bytes, int] = {}
+        elements: list[Bools] = []
+        at = np.empty(count + faces, dtype=np.int64)
+        for part in range(int(name.max()) + 1):
+            members = np.flatnonzero(name == part)
+            own = [near[members[members < count]], of_face[members[members >= count] - count]]
+            inside = np.asarray(np.vstack(own).any(axis=0))
+            number = sets.setdefault(inside.tobytes(), len(sets))
+            if number == len(elements):
+                elements.append(inside)
+            at[members] = number
+        return elements, at[node]
+
+    @cached_property
+    def products(self) -> Bools:
+        """(4m + 3, 4m + 2e) rows that may be formed: all that a form's velocities know, and λ and 1 always."""
+        faces = [self.touches[inside].any(axis=0) for inside in self.elements]
+        known = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
+        for number, own in enumerate(faces):
+            known[:, (self.forms[:, self.of == number] != 0.0).any(axis=1)] &= own[:, None]
+        return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
+
+    def forces(self, number: int) -> tuple[Ints, Ints]:
+        """Equations of one set of elements, and the places of their forces, λ and 1 in Φ."""
+        inside = self.elements[number]
+        own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
+        return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(own)
+
+    def bases(self, statics: Floats) -> tuple[Floats, ...]:
+        """(3m + 2, k) states of each set, in equilibrium by statics (3n, 3m + 2)."""
+        out = []
+        for number in range(len(self.elements)):
+            rows, places = self.forces(number)
+            part = statics[np.ix_(rows, places)]
+            free = without(part / row_sizes(part)[:, None])
+            basis = np.zeros((statics.shape[1], free.shape[1]))
+            basis[places] = free
+            out.append(basis)
+        return tuple(out)
+
+    def equilibrium(self, statics: Floats, rest: Floats) -> Floats:
+        """(3n, 3n + m) multipliers of equilibrium, each of what its velocity knows, that take most off a rest."""
+        out = np.zeros((len(statics), rest.shape[1]))
+        for number in range(len(self.elements)):
+            rows, places = self.forces(number)
+            columns = np.flatnonzero(self._of == number)
+            out[np.ix_(rows, columns)] = self._inverse(number, statics) @ rest[np.ix_(places, columns)]
+        return out
+
+    def _inverse(self, number: int, statics: Floats) -> Floats:
+        if number not in self._inverses:
+            rows, places = self.forces(number)
+            self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, places)].T, rcond=1e-12))
+        return self._inverses[number]
+
+    @cached_property
+    def _inverses(self) -> dict[int, Floats]:
+        return {}
+
+
+@dataclass(frozen=True)
+class Velocities:
+    """Free velocities of a region and how X is split by them.
+
+    What bounds the slides of a lone face asks for its own forces alone, so that of its t there are four products in
+    the column `at` (f,), and no equilibrium; of all others, `whole` (w,), there are columns. On walls that takes
+    a third of X away, and so far it never cost anything.
+    """
+
+    space: ProductSpace
+    basis: Floats
+    whole: Bools
+    at: Ints
+    groups: Ints
+
+    def split(self, form: Floats) -> Point:
+        """A form (3m + 2, w) over (Z, T)."""
+        return self.space.gather(form[:, self.whole]), form[self.space.at, self.at[:, None]]
+
+    def joined(self, point: Point) -> Floats:
+        """(3m + 2, w) from (Z, T)."""
+        x = np.zeros((self.space.facts.shape[1], self.basis.shape[1]))
+        x[:, self.whole] = self.space.spread(point[0])
+        x[self.space.at, self.at[:, None]] = point[1]
+        return x
+
+
+def velocities_of(around: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
+    """facts: (4m + 3, 3m + 2) as `extended`, statics: (3n, 3m + 2), both of scaled Φ; lone: (m,)."""
+    modes, basis = around.modes, around.basis
+    faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
+    at = np.array([np.flatnonzero(basis[width + face])[0] for face in faces], dtype=np.int64)
+    whole = ~np.isin(np.arange(basis.shape[1]), at)
+    own = np.column_stack([3 * faces, 3 * faces + 1, 3 * faces + 2, np.full(len(faces), facts.shape[1] - 1)])
+    rows = np.column_stack([*(4 * faces + k for k in range(4)), np.full(len(faces), count + 2)])
+    space = ProductSpace(
+        facts=facts,
+        rates=around.forms[:, whole],
+        bases=around.bases(statics),
+        of=around.of[whole],
+        lone=faces,
+        own=facts[rows[:, :, None], own[:, None, :]],
+        at=own,
+        live=(modes.live_rate @ basis)[whole],
+    )
+    return Velocities(space, basis, whole, at, np.unique(around.groups[whole], return_inverse=True)[1])
+
+
+def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
+    """(m,) faces whose slides, both of which may move, are multiplied with their own slacks and 1 alone.
+
+    used: (4m + 3, 4m + 2e) rows y, λ − L, U − λ, 1 times z and forms of loops, (2e, 4m), that are there.
+    """
+    faces = len(closed) // 4
+    around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))
+    used = used[:, : 4 * faces]
+    other: Bools = np.any(used[: 4 * faces].reshape(faces, 4, faces, 4)[:, :, :, 2:], axis=(1, 3))
+    np.fill_diagonal(other, False)
+    bounded = used[4 * faces : -1].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))
+    return np.asarray(~other.any(axis=0) & ~bounded & ~around & ~closed.reshape(faces, 4)[:, 2:].any(axis=1))

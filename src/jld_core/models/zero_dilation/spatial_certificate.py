@@ -1,0 +1,107 @@
+"""The proof of a lower bound in space: the identity of `certificate`, with the forms that couple slip.
+
+    (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k z_l + Σ g_k ŷ_k (b_λ·u) + Σ ν_j B_j(Φ, w) + (K Φ)ᵀ Q w + Φᵀ Ψ w_still + Φᵀ R w
+
+with B_j = 0 in every solution, ν of either sign, and w_still the ties and closed modes. Rows, directions and yield
+surfaces are taken as the doubles that they are, jumps as those of A: nothing in the identity is rounded
+(docs/method.md (4.9)).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Floats
+from jld_core.models.zero_dilation.binary_fractions import BITS, BinaryFractions, cut
+from jld_core.models.zero_dilation.certificate import Certifier, clean, least_change, taken_off
+from jld_core.models.zero_dilation.rlt_relaxation import Region, extended, products, row_sizes, without
+from jld_core.models.zero_dilation.spatial_modes import Forms, SpaceModes
+from jld_core.models.zero_dilation.spatial_rlt_relaxation import equal_of, still
+
+_FREE: Final = 1e-7  # size from which a multiplier may change as it must; a smaller one in proportion
+_GONE: Final = 1e-14  # multipliers below this are none
+
+
+class SpaceCertifier(Certifier):
+    """Makes multipliers of one spatial region exact and checks what they prove, as `Certifier`.
+
+    Multipliers of the forms stand behind those of (y, λ − L, U − λ) in `live`. reach: of `space_reach`.
+    """
+
+    def __init__(self, modes: SpaceModes, region: Region, slack: float, size: Floats, reach: Floats) -> None:
+        self.space, self.region, self.slack, self.size, self.reach = modes, region, slack, size, reach
+        self.facts = extended(modes, region)
+        self.states = size[:, None] * without(modes.statics * size)
+        self.motions = without(still(modes, region))
+        self.free, self.still, self.misses = equal_of(modes, region), region.closed, np.zeros(0)
+        self.alone = np.zeros(modes.motions.shape[1], dtype=bool)
+        count = modes.coupled.count
+        self.sign_free = np.concatenate([region.held, [False, False], np.ones(count, dtype=bool)])
+        self.largest = row_sizes(self.facts * self.size)
+        self.prices = np.concatenate([self.largest[:-1], np.ones(count)])
+        self._motions = BinaryFractions.of(modes.motions)
+        self._still = BinaryFractions.of(np.vstack([modes.ties, modes.rates[region.closed]])) @ self._motions
+
+    def _correction(self, over: Floats, price: Floats) -> Any:
+        modes, largest, bounds = self.space, self.largest, len(self.largest) - 1
+        jumps = clean(modes.motions @ self.motions)
+        facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(modes.rates @ jumps)
+        live = modes.live_rate @ self.motions
+        weight = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / _FREE, 1.0))
+        weight = np.where(weight < _GONE / _FREE, 0.0, weight)
+        weight[:, self.region.closed] = 0.0
+        i, j = np.nonzero(weight)
+        dear = np.where(self.sign_free, 1.0, np.minimum(price * self.prices / _FREE, 1.0))[:bounds]
+        g = np.flatnonzero(dear >= _GONE / _FREE)
+        last = np.append(g, bounds)
+        coupled = [self._coupled(form, jumps) for form in range(modes.coupled.count)]
+        by_live = products(facts, live[None], last, np.zeros(len(last), dtype=np.int64))
+        rows = sp.vstack([products(facts, rates, i, j), by_live, *coupled], format="csr")
+        solve = least_change(rows, np.concatenate([weight[i, j], dear[g], np.ones(1 + len(coupled))]))
+        scales = 1.0 / np.concatenate([largest[i], largest[last], np.ones(len(coupled))])
+
+        def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
+            size = float(abs(rest).max(initial=0.0)) or 1.0
+            found = solve((self.states.T @ (rest / size) @ self.motions).ravel()) * size * scales
+            more, paid = np.zeros(over.shape), np.zeros((len(price), 1))
+            more[i, j], paid[g, 0] = found[: len(i)], found[len(i) : len(i) + len(g)]
+            raised = found[len(i) + len(g)]
+            paid[bounds:, 0] = found[len(i) + len(g) + 1 :]
+            tables = (more, paid, np.array([[raised]]))
+            one, two, three = (BinaryFractions.of(cut(table, 2 * BITS)) for table in tables)
+            return one, two, three
+
+        return change
+
+    def _coupled(self, form: int, jumps: Floats) -> Any:
+        """One form over products of free states and motions, (1, states · motions)."""
+        table = self.space.coupled.table(form, (len(self.states), len(jumps)))
+        return sp.csr_array((self.states.T @ (table @ jumps)).reshape(1, -1))
+
+    # --- in integers --------------------------------------------------------------------------------------
+
+    def _settled(self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float) -> Floats:
+        modes, bounds = self.space, len(self.largest) - 1
+        facts, unit = BinaryFractions.of(self.facts), np.eye(self.facts.shape[1])
+        load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
+        by_live = (load - facts.rows(slice(-1)).transposed() @ live.rows(slice(bounds))) @ BinaryFractions.of(
+            modes.live_rate[None]
+        )
+        shape = self.facts.shape[1], len(modes.motions)
+        one = BinaryFractions.of(np.ones((1, 1)))
+        taken = _weighted(modes.cost, one, shape).times(slack) + _weighted(
+            modes.coupled, live.rows(slice(bounds, None)), shape
+        )
+        taken = taken + facts.transposed() @ (over @ BinaryFractions.of(modes.rates))
+        return taken_off(by_live - taken @ self._motions, modes.statics, self._still, self.alone)
+
+
+def _weighted(forms: Forms, weights: BinaryFractions, shape: tuple[int, int]) -> BinaryFractions:
+    """Σ ν_j B_j (Φ, J) of weights (forms, 1)."""
+    numbers = BinaryFractions.of(forms.number)
+    out = np.zeros(shape, dtype=object)
+    np.add.at(out, (forms.state, forms.motion), numbers.values * weights.values[forms.which, 0])
+    return BinaryFractions(out, numbers.scale + weights.scale)

@@ -1,0 +1,186 @@
+"""What equilibrium and yield say of spatial forces with λ in an interval, and how far velocities reach per cost."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.models.zero_dilation.spatial_modes import SpaceModes, widest
+from jld_core.models.zero_dilation.statics import Statics
+
+_LEAST: Final = 1e-6  # friction, scaled, that is surely mobilised
+_SAME: Final = 1e-9  # part of a motion that counts as none
+_DRIFT: Final = 1e-3  # what may be lost to such parts
+
+
+class SpaceStatics(Statics):
+    """`Statics` of spatial resultants under polygons of friction: what holds of them holds of true forces."""
+
+    def __init__(self, modes: SpaceModes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
+        super().__init__(modes, low, high, held, size)
+        self.space = modes
+
+    @cached_property
+    def size(self) -> Floats:
+        """(q + 2,) the largest |F|, |λ| and 1 there can be; inf where self-stress is unbounded.
+
+        The sum S of all slacks bounds N + σtA, |m| / extent, |V1|, |V2| and |mT| of every face, and so itself.
+        """
+        if self._size is not None:
+            return self._size
+        modes = self.space
+        grows, stands = np.zeros((2, modes.rows.shape[1]))
+        for face, columns in enumerate(modes.columns):
+            n, one, two, *moments, twist = columns
+            grows[n], stands[n] = 1.0, modes.tension[face]
+            for column in (one, two, twist, modes.share[face]):
+                grows[column] = 1.0 if column >= 0 else grows[column]
+            for column in moments:
+                grows[column] = modes.extent[face] if column >= 0 else grows[column]
+        total = -np.append(modes.rows.sum(axis=0), [0.0, modes.constants.sum()])
+        value, left = self._bound(total)
+        missed = float(left @ grows)
+        size = np.full(len(total), np.inf)
+        size[-2:] = max(abs(self.low), abs(self.high)), 1.0
+        if not np.isfinite(value) or missed > 0.5:
+            return size
+        most = (float(left @ stands) - value) / (1.0 - missed)
+        size[:-2] = most * grows + stands
+        coarse = size.copy()
+        for face, columns in enumerate(modes.columns):
+            n, one, two, *moments, twist = columns
+            pressed = np.zeros(len(total))
+            pressed[n] = -1.0
+            value, left = self._bound(pressed)
+            most = -(value - float(left @ coarse[:-2]))
+            strong = modes.tension[face]
+            holds = float(modes.capacities[face, n]) * max(most, 0.0) + float(modes.capacities[face, -1])
+            ends = {n: max(most, strong)}
+            ends |= dict.fromkeys((one, two, twist, modes.share[face]), holds)
+            ends |= dict.fromkeys(moments, modes.extent[face] * (most + strong))
+            for column, end in ends.items():
+                if column >= 0:
+                    size[column] = min(end, coarse[column])
+        return size
+
+    def closed(self) -> Bools:
+        """(l,) modes that cannot move: y > 0 in every state; slides where no state reaches the circle of friction."""
+        modes = self.space
+        rubs = np.flatnonzero(modes.slip >= 0)
+        inside = [self._inside(face) for face in rubs.tolist()]
+        forms = np.vstack([modes.slacks[: modes.bending], *inside])
+        asked = np.concatenate([~self.held[: modes.bending], np.ones(len(forms) - modes.bending, dtype=bool)])
+        sure = self.positive(forms, asked)
+        kept = np.split(sure[modes.bending :], np.cumsum([len(table) for table in inside])[:-1]) if inside else []
+        stuck = np.zeros(modes.faces, dtype=bool)
+        stuck[rubs] = [bool(own.all()) for own in kept]
+        found = np.asarray(stuck[modes.mode_face])
+        found[: modes.bending] = sure[: modes.bending]
+        return found
+
+    def _inside(self, face: int) -> Floats:
+        """Forms of (F, λ, 1) that are positive only where |V| + |mT| < C: |V| ≤ max d·V / cos of half the widest."""
+        modes = self.space
+        one, two, twist = modes.columns[face, [1, 2, 5]]
+        narrow = np.cos(0.5 * widest(modes.directions[face]))
+        table = []
+        for d in modes.directions[face]:
+            for sign in (1.0, -1.0) if twist >= 0 else (0.0,):
+                row = narrow * modes.capacities[face]
+                row[one], row[two] = -d[0], -d[1]
+                if twist >= 0:
+                    row[twist] = -sign * narrow
+                table.append(row)
+        return np.array(table)
+
+
+def space_reach(statics: SpaceStatics) -> Floats | None:
+    """(w,) how large |u|, z and t can be for each unit of the cost of a mechanism; None where that is not proven.
+
+    The cost is Σ z + Σ_f C |slip|. It bounds all z, those bound openings and turns, and what slides without opening
+    anything is bounded way by way: where faces slide or twist together, and friction between them cannot vanish, the
+    way costs at least that much, less what ways that are bounded already may take off it.
+    """
+    modes = statics.space
+    width = len(modes.dead)
+    if not np.isfinite(statics.size).all():
+        return None
+    jumps = modes.matrix.T
+    opening, ends = [], []
+    for columns in modes.columns:
+        for resultant in (0, 3, 4):
+            if columns[resultant] >= 0:
+                opening.append(jumps[columns[resultant]])
+                own = modes.ties[_tie_of(modes, int(columns[resultant]))]
+                ends.append(float(abs(own[modes.rows.shape[1] :]).max()))
+    known, limits = np.array(opening), np.array(ends)
+    capacity = abs(modes.capacities) @ statics.size
+    rubs = np.flatnonzero(modes.slip >= 0)
+    drift = 0.0
+    # twists first: where they are bounded, faces of one plane slide alike
+    for resultant in (5, 1, 2):
+        for first in rubs.tolist():
+            if modes.columns[first, resultant] < 0:
+                continue
+            way = jumps[modes.columns[first, resultant]]
+            back = np.linalg.pinv(known, rcond=1e-10)
+            rest = way - way @ back @ known
+            if np.linalg.norm(rest) <= _SAME * max(float(np.linalg.norm(way)), 1.0):
+                continue
+            norm = float(np.linalg.norm(rest))
+            weight, others, errors = np.zeros(modes.faces), 0.0, 0.0
+            for face in rubs.tolist():
+                like = _most_like(jumps, modes.columns[face, [1, 2, 5]], rest / norm, back, known)
+                if like is None:
+                    continue
+                share, slip = like[0] / norm, like[1]
+                taken = slip @ back - share * (way @ back)
+                error = abs(slip - share * way - taken @ known).sum()
+                weight[face] = share
+                others += float(capacity[face]) * float(abs(taken) @ limits)
+                errors += float(capacity[face]) * float(error)
+            least = statics.least(weight @ modes.capacities)
+            if not least > _LEAST:
+                continue
+            known, limits = np.vstack([known, way]), np.append(limits, (1.0 + others) / least)
+            drift = max(drift, errors / least)
+    back = np.linalg.pinv(known, rcond=1e-12)
+    if abs(back @ known - np.eye(width)).sum(axis=1).max() > _SAME:
+        return None
+    # twice covers what rounding adds, held small here
+    velocity = 2.0 * abs(back) @ limits
+    if drift * float(velocity.max(initial=0.0)) > _DRIFT:
+        return None
+    slips = abs(modes.motions) @ np.concatenate([velocity, np.zeros(modes.motions.shape[1] - width)])
+    reach = np.concatenate([velocity, np.ones(modes.bending), np.zeros(len(rubs))])
+    for place, face in enumerate(rubs.tolist()):
+        one, two, twist = modes.columns[face, [1, 2, 5]]
+        turn = float(slips[twist]) if twist >= 0 else 0.0
+        reach[width + modes.bending + place] = max(float(np.hypot(slips[one], slips[two])), turn)
+    return reach
+
+
+def _tie_of(modes: SpaceModes, column: int) -> int:
+    """The tie of one opening or turn."""
+    return int(np.flatnonzero(modes.ties[:, column])[0])
+
+
+def _most_like(jumps: Floats, columns: Ints, unit: Floats, back: Floats, known: Floats) -> tuple[float, Floats] | None:
+    """Of slips of a face, along any direction, or its twist: the one that has most of a unit way, and else only what
+    is known. Columns: of V1, V2 and mT, −1 where there is none."""
+    best: tuple[float, Floats] | None = None
+    for part in (columns[:2], columns[2:]):
+        own = part[part >= 0]
+        if not len(own):
+            continue
+        slips = jumps[own]
+        rest = slips - slips @ back @ known
+        rest[abs(rest) < _SAME] = 0.0
+        mix = unit @ np.linalg.pinv(rest, rcond=1e-6)
+        length = float(np.linalg.norm(mix))
+        if length > 0.0 and np.linalg.norm(mix @ rest - unit) <= _SAME and (best is None or 1.0 / length > best[0]):
+            best = 1.0 / length, (mix / length) @ slips
+    return best

@@ -1,0 +1,54 @@
+"""Ways through the inner faces of a labelling: what joins two elements, and what makes a block too large."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from jld_core.arrays import Bits
+from jld_explore.space import SearchSpace
+
+
+class InnerPaths:
+    """The element graph of a space, to be walked under one labelling after the other."""
+
+    def __init__(self, space: SearchSpace) -> None:
+        graph = space.graph
+        # per element the faces across which others lie, with those; −1 for supports that touch without a face
+        self._links: list[list[tuple[int, int]]] = [[] for _ in range(len(graph.start))]
+        pairs = [(face, a, b) for face, (a, b) in enumerate(zip(graph.a, graph.b, strict=True))]
+        for face, a, b in pairs + [(-1, a, b) for a, b in graph.touching]:
+            self._links[int(a)].append((face, int(b)))
+            self._links[int(b)].append((face, int(a)))
+        self._free = frozenset(space.assembly.elements.free.tolist())
+        self._limits = space.limits
+
+    def path(self, labels: Bits, start: int, end: int) -> list[int]:
+        """Inner faces of a shortest way between two elements of one block. labels: (m,) True dry."""
+        came = self._reach(labels, start, lambda seen: end in seen)
+        path, at = [], end
+        while at != start:
+            at, face = came[at]
+            if face >= 0:
+                path.append(face)
+        return path
+
+    def tree(self, labels: Bits, start: int) -> list[int]:
+        """Inner faces that join elements too many, too heavy or too far apart for one block, from one of them on."""
+        limits = self._limits
+        came = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
+        return [face for _, face in came.values() if face >= 0]
+
+    def _reach(self, labels: Bits, start: int, enough: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
+        """Elements reached through inner faces until there are enough: where each was reached from, and across what."""
+        came = {start: (start, -1)}
+        waiting = deque([start])
+        while waiting:
+            at = waiting.popleft()
+            for face, other in self._links[at]:
+                if other not in came and (face < 0 or not labels[face]):
+                    came[other] = (at, face)
+                    waiting.append(other)
+                    if enough(set(came)):
+                        return came
+        return came

@@ -1,0 +1,150 @@
+"""The best count among labellings that carry enough, proven: a load factor is required, and a count is optimised.
+
+The formula holds what counts better than the best labelling known that meets the requirement. Its labellings are ruled
+out many at a time by mechanisms that prove them too weak, or evaluated; one that meets the requirement counts better,
+and the formula is begun again with what counts better still. When it has no model left, nothing that counts better
+carries enough.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.errors import InputError
+from jld_explore.drivers.base import Aim
+from jld_explore.drivers.exact.conflict_driver import ConflictDriver
+from jld_explore.drivers.exact.conflict_sources import ConflictSources
+from jld_explore.drivers.exact.proof_check import Claim
+from jld_explore.drivers.genetic import Genetic
+from jld_explore.evaluation import Evaluation, may_meet, meets
+from jld_explore.space import Range, SearchSpace, count_named, values_of
+
+
+class MinimumCount(ConflictDriver):
+    """The exact driver where `search.require` asks for a load factor: its sense turned round.
+
+    search: labellings evaluated before the proof, for each face that can change. alone: as of `Exact`. Spaces that have
+    no formula, counts that are no sum of ones among them, are enumerated, which proves the same.
+    """
+
+    def __init__(
+        self, space: SearchSpace, seed: int = 0, aim: Aim = "best", *, search: int = 5, alone: int | None = None
+    ) -> None:
+        if space.search.require is None or aim != "best":
+            raise InputError("--aim", "a front is not what search.require asks for", "best")
+        name, sense = space.search.front.axes[0]
+        self._count, self._least = count_named(name), sense == "min"
+        super().__init__(space, seed, self._count, alone=alone)
+        self._threshold = space.search.require.threshold
+        self._genetic = Genetic(space, seed)
+        self._left = search * int(space.candidates.sum())
+        self._searching = True
+        self._known: dict[bytes, tuple[bool, bool, float]] = {}
+        self._begun = self._done = False
+
+    @property
+    def finished(self) -> bool:
+        """All that was asked for is proven, and the proof passed its check."""
+        return self._proof_check is not None and self._proof_check.passed
+
+    @property
+    def working(self) -> bool:
+        """See `Driver.working`."""
+        if self._everything is not None:
+            return self._everything.working
+        return not self._done and not self._given_up
+
+    @property
+    def best(self) -> float | None:
+        """The best count known of a labelling that meets the requirement."""
+        found = [count for met, _, count in self._known.values() if met]
+        return (min(found) if self._least else max(found)) if found else None
+
+    @property
+    def _open(self) -> bool:
+        """Is a labelling known that counts better and may meet the requirement or not?"""
+        best = self.best
+        return any(
+            may and not met and (best is None or (count < best if self._least else count > best))
+            for met, may, count in self._known.values()
+        )
+
+    def ask(self, limit: int | None = None) -> Bits:
+        if self._everything is not None:
+            return self._everything.ask(limit)
+        if self._sources is not None:
+            self._sources.pump()
+        if self._left > 0:
+            found = self._genetic.ask(self._left if limit is None else min(limit, self._left))
+            self._left = self._left - len(found) if len(found) else 0
+            if len(found):
+                return found
+        self._searching = False
+        while not len(self._waiting) and not self._done and not self._late and not self._given_up:
+            assert self._sources is not None
+            if not self._begun:
+                self._begin(self._sources)
+            exhausted = self._generate(self._sources, self._threshold)
+            self._waiting = self._to_evaluate()
+            self._done = exhausted and not len(self._waiting)
+        given = self._given(limit)
+        if self._done and not len(given) and self._proof_check is None:
+            problem = "a layout that counts better may carry enough" if self._open else ""
+            # what carries enough is known of each layout here, and not how much it carries
+            carries = self._carrying
+            self._proof_check = self._check([Claim(self._better, self._threshold / self._scale)], problem, carries)
+        return given
+
+    def withdraw(self, reason: str) -> None:
+        """See `Driver.withdraw`."""
+        super().withdraw(reason)
+        self._begun = self._done = False
+
+    def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        if self._everything is not None:
+            self._everything.tell(labellings, evaluations)
+            return
+        if self._searching:
+            self._genetic.tell(labellings, evaluations)
+        before = self.best
+        self._state.note_evaluated(labellings)
+        self._learn(labellings, evaluations)
+        if self.best != before and self._begun:
+            if self._sources is not None:
+                self._sources.end()
+            self._begun = False
+
+    def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        count = values_of(self._count, self.space.assembly, labellings, self.space.graph)
+        for labels, found, value in zip(labellings, evaluations, count.tolist(), strict=True):
+            state = meets(self.space, found), may_meet(self.space, found), float(value)
+            self._known[np.packbits(labels).tobytes()] = state
+
+    @property
+    def _carrying(self) -> tuple[Bits, Floats]:
+        """Layouts (k, m) that meet the requirement, and λ that each is proven to carry, (k,)."""
+        packed = [np.frombuffer(key, dtype=np.uint8) for key, (met, _, _) in self._known.items() if met]
+        faces = len(self.space.fixed)
+        table = np.array(packed, dtype=np.uint8).reshape(len(packed), (faces + 7) // 8)
+        rows = np.unpackbits(table, axis=1, count=faces)
+        return rows.astype(bool), np.full(len(rows), self._threshold)
+
+    def _begin(self, hunters: ConflictSources) -> None:
+        """Aim at all that counts better than the best known."""
+        better = self._better
+        self._begun = True
+        formula = self._told()
+        formula.aim(self._threshold / self._scale, better)
+        hunters.begin(formula, better, self._threshold / self._scale)
+
+    @property
+    def _better(self) -> Range | None:
+        """Counts better than the best known; None for any count."""
+        best = self.best
+        if best is None or not math.isfinite(best):
+            return None
+        return Range.of((None, best - 1) if self._least else (best + 1, None), whole=True)

@@ -1,0 +1,39 @@
+"""A number in a formula: of some literals, how many are true, bounded by what is assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pysat.card import ITotalizer
+
+from jld_explore.space import Range
+
+
+class UnaryCounter:
+    """How many of some literals are true, and `more`. top: the largest variable so far.
+
+    `clauses`: what defines its digits; `top`: the largest variable then. Two totalizers (Bailleux and Boufkhad 2003),
+    of the literals and of their opposites, since each says but that there are no more than so many.
+    """
+
+    def __init__(self, literals: Sequence[int], more: int, top: int) -> None:
+        self._size, self._more = len(literals), more
+        self._never = top = top + 1
+        self.clauses: list[list[int]] = [[-self._never]]
+        self._digits: list[list[int]] = []
+        for chosen in (list(literals), [-literal for literal in literals]):
+            if chosen:
+                with ITotalizer(chosen, ubound=len(chosen), top_id=top) as made:
+                    top = max(top, made.top_id)
+                    self.clauses += made.cnf.clauses
+                    self._digits.append(list(made.rhs))
+        self.top = top
+
+    def within(self, bounds: Range) -> list[int]:
+        """What to assume so that the number is within bounds."""
+        low = 0 if bounds.low is None else int(bounds.low) - self._more
+        high = self._size if bounds.high is None else int(bounds.high) - self._more
+        if low > self._size or high < 0:
+            return [self._never]
+        most = [-self._digits[0][high]] if high < self._size else []
+        return most + ([-self._digits[1][self._size - low]] if low > 0 else [])

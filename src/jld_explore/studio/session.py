@@ -1,0 +1,120 @@
+"""What lies on the desk: one scene, solved for whatever labels, materials and loads the page asks for."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jld_core.arrays import Bits
+from jld_core.assembly import Assembly
+from jld_core.build import build_assembly, build_geometry
+from jld_core.errors import InputError
+from jld_core.scene import Scene, parse_scene
+from jld_explore.report import CaseSolver, loads_of, solution_of
+from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
+
+KEPT: Final = 16
+"""Assemblies kept for changes taken back and done again: all but labels is in their key."""
+
+CHANGEABLE: Final = ("materials", "loads")
+"""Parts of a scene that a page may change besides its labels; the geometry stays."""
+
+
+@dataclass(frozen=True)
+class ScenarioCache:
+    """A scene with changed materials or loads, ready to be solved."""
+
+    scene: Scene
+    assembly: Assembly
+    space: SearchSpace | None
+    solver: CaseSolver
+
+
+class StudioSession:
+    """Solves labellings of one scene under changing materials and loads, for one page, in any thread."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.document: dict[str, Any] = scene.model_dump(mode="json", exclude_defaults=True)
+        self._kept: OrderedDict[str, ScenarioCache] = OrderedDict()
+        self._turn = threading.RLock()
+        self._geometry = build_geometry(scene)
+        self._first: ScenarioCache | None = None
+        self._first = self.setup({})
+
+    def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
+        """The scene with changes to its materials and loads. Raises InputError for what no scene may hold."""
+        for key in changes:
+            if key not in CHANGEABLE:
+                raise InputError(key, "the studio does not change it", " or ".join(CHANGEABLE))
+        name = json.dumps(changes, sort_keys=True)
+        with self._turn:
+            if name in self._kept:
+                self._kept.move_to_end(name)
+                return self._kept[name]
+            scene = parse_scene({**self.document, **changes}) if changes else self.scene
+            assembly = build_assembly(scene, self._geometry)
+            made = self._kept[name] = ScenarioCache(scene, assembly, self._space(scene, assembly), CaseSolver(assembly))
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+            return made
+
+    def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
+        """What a search would admit. Friction, strengths and loads have no part in that, weights have."""
+        if self._first is not None and np.array_equal(assembly.elements.weight, self._first.assembly.elements.weight):
+            return self._first.space
+        try:
+            return search_space(scene, assembly)
+        except InputError:
+            return None  # nothing can be searched, for want of a material or of room; it can be solved all the same
+
+    def labels(self, letters: object) -> Bits:
+        """(m,) labels from letters d and i. Raises InputError for anything else."""
+        count = len(self.setup({}).assembly.interfaces)
+        if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
+            raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
+        return from_string(letters)
+
+    def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """What the page shows of a labelling: its solution, the loads, and why a search would not admit it."""
+        start = time.perf_counter()
+        setup = self.setup(changes)
+        labels = self.labels(letters)
+        found = setup.solver.solve(labels)
+        solved = time.perf_counter()
+        against = None if setup.space is None else reasons_against(setup.space, labels)
+        return {
+            "solution": solution_of(found),
+            "loads": loads_of(setup.assembly),
+            "against": against,
+            "seconds": {"solve": solved - start, "total": time.perf_counter() - start},
+        }
+
+    def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """The scene file of a state of the page: its labels stand in `labels`, by pairs of elements."""
+        setup, labels = self.setup(changes), self.labels(letters)
+        document = setup.scene.model_dump(mode="json", exclude_defaults=True)
+        ids, faces = setup.assembly.elements.ids, setup.assembly.interfaces
+        pairs: dict[tuple[str, str], set[bool]] = {}
+        for a, b, dry in zip(faces.a, faces.b, labels.tolist(), strict=True):
+            pairs.setdefault((ids[a], ids[b]), set()).add(dry)
+        mixed = [pair for pair, found in pairs.items() if len(found) > 1]
+        if mixed:
+            raise InputError("labels", f"the faces between {mixed[0][0]} and {mixed[0][1]} differ", "one label a pair")
+        for contact in document.get("interfaces", []):
+            contact.pop("label", None)
+        document["labels"] = {
+            "dry": [list(pair) for pair, found in pairs.items() if found == {True}],
+            "inner": [list(pair) for pair, found in pairs.items() if found == {False}],
+        }
+        written = build_assembly(parse_scene(document))
+        if not np.array_equal(written.labels, labels):
+            raise InputError("labels", "this scene cannot hold these labels", "labels that no other key overrides")
+        return document

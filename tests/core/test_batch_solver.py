@@ -1,0 +1,436 @@
+"""The batch solver: bounds that the core's own prover admits, the same in whatever lane and company; honest
+refusals."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+import cases_spatial
+from cases import CASES, grid_assembly
+from jld_core import Assembly, LimitAnalysis
+from jld_core.arrays import Bits
+from jld_core.batch import (
+    CARRIED,
+    CARRIES,
+    OPEN,
+    PROVEN,
+    REFUTED,
+    BatchSolver,
+    ConflictRequest,
+    Graph,
+    Joining,
+    MinimizationOptions,
+    build,
+    fits,
+    library,
+)
+from jld_core.batch.batch_solver import TRIES
+from jld_core.batch.pattern import factor_pattern
+from jld_core.errors import InputError
+from jld_core.limit import Relaxation
+from kernel_proofs import LAST_DIGITS, assert_proven, lanes_of
+
+PLANAR = list(CASES)
+SPATIAL = {
+    "stools": lambda: cases_spatial.stools([cases_spatial.OBLONG, cases_spatial.OBLONG[::-1] * 0.9]),
+    "running bond": lambda: cases_spatial.assembly(cases_spatial.wall(2, 2)),
+    "rough bond": lambda: cases_spatial.assembly(
+        cases_spatial.wall(2, 1),
+        materials={
+            "dry": {"friction_coefficient": 0.4, "cohesion": 0.2},
+            "inner": {"tensile_strength": 0.3, "shear_strength": 0.5, "friction_coefficient": 0.8},
+        },
+    ),
+    "turned bond": lambda: cases_spatial.assembly(
+        cases_spatial.wall(3, 1, 1, turn=cases_spatial.rotation(0.3, -0.2, 0.5)),
+        loads={"live": [{"body": [0.3, 1, 0.2]}]},
+    ),
+}
+SPATIAL |= {
+    "hulls": lambda: cases_spatial.stools([cases_spatial.IRREGULAR, cases_spatial.TRIANGLE, cases_spatial.ELL]),
+    "kern bond": SPATIAL["rough bond"],
+    "pressed bond": lambda: cases_spatial.assembly(cases_spatial.wall(2, 1), loads={"live": [{"body": [0.1, 0, -1]}]}),
+    "slippery bond": lambda: cases_spatial.assembly(
+        cases_spatial.wall(2, 1), materials={"dry": {"friction_coefficient": 0.0}}
+    ),
+}
+EXTRA = {"crushable inner": (["aaaa", "aaaa", "####"], {"crush_inner": 3e4, "tension": 1e4})}
+
+
+@pytest.fixture(scope="session")
+def kernels() -> dict[str, str]:
+    """A library for each variant that this processor has: the built one, else one compiled where first use would; first
+    the fastest."""
+    there = library.built()
+    named = os.environ.get(library.SWITCH, "")
+    if os.sep in named:  # `make sanitize`
+        return {"given": named}
+    found = {}
+    for name in filter(library.runs_here, build.variants()):
+        if name in there:
+            found[name] = str(there[name])
+        elif build.compilers():
+            found[name] = str(build.compile_variant(name, build.cache(), build.compilers()[0]))
+    if not found:
+        pytest.skip("no compiler, and no kernel")
+    return found
+
+
+@pytest.fixture(scope="session")
+def kernel(kernels: dict[str, str]) -> str:
+    return next(iter(kernels.values()))
+
+
+def test_a_library_of_other_sources_is_not_taken(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after an update of a clone in which the extension was built before."""
+    assert build.is_current(Path(kernel))
+    monkeypatch.setattr(build, "digest", lambda: "made of something else")
+    assert not build.is_current(Path(kernel))
+    assert library.built() == {}
+
+
+def analysis_of(name: str) -> LimitAnalysis:
+    if name in SPATIAL:
+        return LimitAnalysis(SPATIAL[name](), inner_bending="kern" if "kern" in name else "paper")
+    rows, options = (CASES | EXTRA)[name]
+    return LimitAnalysis(grid_assembly(rows, **options))
+
+
+def labellings(assembly: Assembly, count: int, seed: int = 0) -> Bits:
+    dice = np.random.default_rng(seed)
+    return dice.random((count, len(assembly.interfaces))) < dice.random((count, 1))
+
+
+@pytest.mark.parametrize(("cells", "friction", "expected"), [(1, 0.75, 0.75), (2, 0.75, 0.5), (3, 0.2, 0.2)])
+def test_a_tower_slides_or_rocks(kernel: str, cells: int, friction: float, expected: float) -> None:
+    """Pushed sideways by λ times its weight a tower b wide and h high falls at λ = min(μ, b / h)."""
+    assembly = grid_assembly([*["a"] * cells, "#"], friction=friction, tension=2e6, shear=2e6)
+    labels = np.zeros((1, len(assembly.interfaces)), dtype=bool)
+    labels[0, ~assembly.free_faces] = True
+    analysis = LimitAnalysis(assembly)
+    found = lanes_of(analysis, kernel).solve(labels)
+    scale = analysis.template.scaling.load
+    assert found.verdict[0] == PROVEN
+    assert found.low[0] * scale <= expected + 1e-12
+    assert found.high[0] * scale == pytest.approx(expected, rel=2e-8)
+
+
+@pytest.mark.parametrize("name", [*PLANAR, *EXTRA, *SPATIAL])
+def test_bounds_are_those_of_the_core(kernel: str, name: str) -> None:
+    analysis = analysis_of(name)
+    asked = labellings(analysis.assembly, 24)
+    found = lanes_of(analysis, kernel).solve(asked, vectors=True)
+    # strengths of 1e9 turn the last digit of a jump into 1e-10 of λ
+    assert_proven(analysis, asked, found, 1e-9 if "strong" in name else LAST_DIGITS)
+
+
+SETTLED = {
+    "wall": 24,
+    "beam": 24,
+    "overhang": 24,
+    "lifted": 24,
+    "very strong": 24,
+    "cantilever": 24,
+    "crushable inner": 24,
+    "no tensile strength": 24,
+    "no friction": 24,
+    "no shear strength": 24,
+    "crushable wall": 24,
+    "crushable arch": 24,
+    "arch": 24,
+    "weak arch": 23,
+    "rough arch": 24,
+    "pressed": 24,
+    "stools": 24,
+    "running bond": 23,
+    "turned bond": 23,
+    "hulls": 24,
+    "kern bond": 24,
+    "pressed bond": 24,
+}
+
+
+@pytest.mark.parametrize(("name", "expected"), SETTLED.items())
+def test_kernel_settles_what_it_is_made_for(kernel: str, name: str, expected: int) -> None:
+    analysis = analysis_of(name)
+    found = lanes_of(analysis, kernel).solve(labellings(analysis.assembly, 24))
+    assert int((found.verdict != OPEN).sum()) >= expected
+
+
+def answers(kernel: BatchSolver, asked: Bits) -> list[np.ndarray]:
+    found = kernel.solve(asked, vectors=True)
+    assert found.forces is not None
+    assert found.velocity is not None
+    return [found.low, found.high, found.verdict, found.iterations, found.forces, found.velocity]
+
+
+@pytest.mark.parametrize("name", ["wall", "beam", "no shear strength", "weak arch", "running bond", "hulls"])
+def test_an_answer_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
+    analysis = analysis_of(name)
+    made = lanes_of(analysis, kernel)
+    asked = labellings(analysis.assembly, 37, seed=3)
+    together = answers(made, asked)
+    order = np.random.default_rng(1).permutation(len(asked))
+    for one, other in zip(together, answers(made, asked[order]), strict=True):
+        np.testing.assert_array_equal(one[order], other)
+    for k in (0, 7, 36):
+        for one, other in zip(together, answers(made, asked[k : k + 1]), strict=True):
+            np.testing.assert_array_equal(one[k], other[0])
+    # threads share the problem and nothing else
+    with ThreadPoolExecutor(2) as pool:
+        parts = list(pool.map(lambda part: answers(made, part), (asked[:18], asked[18:])))
+    for k, one in enumerate(together):
+        np.testing.assert_array_equal(one, np.concatenate([part[k] for part in parts]))
+
+
+@pytest.mark.parametrize("name", ["wall", "arch", "crushable wall", "running bond"])
+def test_a_labelling_that_carries_enough_is_left_early(kernel: str, name: str) -> None:
+    """Above a threshold the state at hand is the proof: admissible by the core's own prover, and no lane goes on."""
+    analysis = analysis_of(name)
+    made = lanes_of(analysis, kernel)
+    asked = labellings(analysis.assembly, 16)
+    known = made.solve(asked)
+    assert (known.verdict == PROVEN).sum() > 3
+    asked, whole = asked[known.verdict == PROVEN], known.low[known.verdict == PROVEN]
+    thresholds = whole - 0.5 * abs(whole)
+    found = made.solve(asked, thresholds=thresholds, vectors=True)
+    assert (found.verdict == CARRIES).all()
+    assert (found.low > thresholds).all()
+    assert (found.low <= whole + 1e-6 * abs(whole)).all()
+    assert found.iterations.sum() < 0.7 * known.iterations[known.verdict == PROVEN].sum()
+    assert found.forces is not None
+    for labels, forces, low in zip(asked, found.forces, found.low, strict=True):
+        state = analysis.prover.state(np.append(forces.ravel(), low), labels, held=True)
+        assert state.admissible
+        assert state.load == pytest.approx(low, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["wall", "crushable inner", "running bond"])
+def test_a_shrinking_sees_neither_lane_nor_company(kernel: str, name: str) -> None:
+    """What begins where an earlier relaxation stood begins at its own."""
+    analysis = analysis_of(name)
+    hull = analysis.template.yield_set.hull()
+    assert hull is not None
+    made = lanes_of(analysis, kernel, undecided=hull)
+    asked = labellings(analysis.assembly, 21, seed=5)
+    thresholds = np.full(len(asked), 1.05 * float(np.median(made.solve(asked).low)))
+    free, how = np.ones(asked.shape[1], dtype=bool), MinimizationOptions(tries=3, inner=True)
+
+    def shrunk(rows: Bits) -> list[np.ndarray]:
+        found = made.minimize_conflicts(ConflictRequest(rows, free, thresholds[: len(rows)], how=how))
+        return [found.fate, found.decided, found.velocity, found.relaxations]
+
+    together = shrunk(asked)
+    assert (together[0] == REFUTED).any()
+    assert (together[0] == CARRIED).any()
+    assert together[3].max() > 2
+    order = np.random.default_rng(1).permutation(len(asked))
+    for one, other in zip(together, shrunk(asked[order]), strict=True):
+        np.testing.assert_array_equal(one[order], other)
+    for k in (0, 9, 20):
+        for one, other in zip(together, shrunk(asked[k : k + 1]), strict=True):
+            np.testing.assert_array_equal(one[k], other[0])
+
+
+@pytest.mark.parametrize("name", ["wall", "arch", "running bond", "kern bond"])
+def test_variants_agree(kernels: dict[str, str], name: str) -> None:
+    """To what is asked of a bracket: which products are fused the compiler chooses, so a study keeps its variant."""
+    if len(kernels) < 2:
+        pytest.skip("one variant alone")
+    analysis = analysis_of(name)
+    asked = labellings(analysis.assembly, 40)
+    found = [answers(lanes_of(analysis, path), asked) for path in kernels.values()]
+    for one, other in itertools.combinations(found, 2):
+        np.testing.assert_array_equal(one[2], other[2])
+        np.testing.assert_allclose(one[0], other[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["wall", "running bond"])
+@pytest.mark.parametrize("most", [1, 3, 5, 7])
+def test_answers_given_too_early_bound_all_the_same(kernel: str, most: int, name: str) -> None:
+    analysis = analysis_of(name)
+    asked = labellings(analysis.assembly, 16)
+    hasty = library.Try.from_buffer_copy(TRIES[0])
+    hasty.most = most
+    found = lanes_of(analysis, kernel, tries=(hasty,)).solve(asked)
+    assert (found.verdict == OPEN).any()
+    for k, labels in enumerate(asked):
+        proof = analysis.prove(labels)
+        assert found.low[k] <= proof.high
+        assert found.high[k] >= proof.low
+
+
+def test_rows_of_another_shape_are_left_to_others(kernel: str) -> None:
+    angles = np.arange(9) * 2.0 * np.pi / 9.0
+    round_hull = LimitAnalysis(cases_spatial.stools([np.column_stack([np.cos(angles), np.sin(angles)])]))
+    crushed = LimitAnalysis(
+        cases_spatial.stools(
+            [cases_spatial.OBLONG], materials={"dry": {"friction_coefficient": 0.7, "compressive_strength": 50.0}}
+        )
+    )
+    for other in (round_hull, crushed):
+        assert not fits(other.template)
+    with pytest.raises(ValueError, match="another shape"):
+        BatchSolver(round_hull.template, variant=kernel)
+    # undecided faces whose inner set carries more N than the dry one
+    crushable = LimitAnalysis(grid_assembly(*[CASES["crushable wall"][0]], crush_dry=1e4))
+    assert fits(crushable.template)
+    assert not fits(crushable.template, crushable.template.yield_set.hull())
+
+
+def test_pattern_holds_the_fill() -> None:
+    dice = np.random.default_rng(5)
+    places = np.array([[x, y] for y in range(5) for x in range(6)], dtype=float)
+    near = [(i, j) for i in range(30) for j in range(i) if abs(places[i] - places[j]).sum() == 1.0]
+    a, b = np.array(near).T
+    pattern = factor_pattern(a, b, places)
+    assert factor_pattern(a, b, places) is pattern  # as load cases ask for it
+    matrix = np.zeros((30, 30))
+    matrix[a, b] = matrix[b, a] = dice.random(len(a))
+    matrix += np.diag(abs(matrix).sum(axis=1) + 1.0)
+    factor = np.linalg.cholesky(matrix[np.ix_(pattern.order, pattern.order)])
+    held = np.eye(30, dtype=bool)
+    for column in range(30):
+        held[pattern.row[pattern.column_start[column] : pattern.column_start[column + 1]], column] = True
+    np.testing.assert_array_equal(factor != 0.0, held)
+    for block in range(len(pattern.row)):
+        column = int(np.searchsorted(pattern.column_start, block, side="right")) - 1
+        lost = {
+            tuple(pair) for pair in pattern.pair[pattern.pair_start[block] : pattern.pair_start[block + 1]].tolist()
+        }
+        rows = [k for k in range(column) if held[column, k] and held[pattern.row[block], k]]
+        assert len(lost) == len(rows)
+
+
+def test_switch(monkeypatch: pytest.MonkeyPatch, kernel: str) -> None:
+    monkeypatch.setenv(library.SWITCH, "off")
+    assert library.chosen() is None
+    assert library.described() == "no kernel"
+    with pytest.raises(ValueError, match="no kernel"):
+        BatchSolver(LimitAnalysis(grid_assembly(CASES["wall"][0])).template)
+    monkeypatch.setenv(library.SWITCH, "mmx")
+    with pytest.raises(InputError, match="mmx"):
+        library.chosen()
+    monkeypatch.setenv(library.SWITCH, kernel)
+    assert library.chosen() == kernel
+    assert "labellings at a time" in library.described()
+
+
+def test_version_names_the_kernel(kernel: str) -> None:
+    command = [sys.executable, "-m", "jld_explore", "--version"]
+    source = str(Path(build.__file__).parents[2])
+    spoken = {}
+    for wish in ("off", kernel):
+        environment = os.environ | {library.SWITCH: wish, "PYTHONPATH": source}
+        spoken[wish] = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+    assert "no kernel" in spoken["off"]
+    assert "labellings at a time" in spoken[kernel]
+
+
+@pytest.mark.parametrize("name", ["wall", "no tensile strength", "running bond", "hulls"])
+def test_relaxations_bound_what_they_bounded(kernel: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undecided faces in lanes: the bounds of the conic solver, alone and in company."""
+    analysis = analysis_of(name)
+    asked = labellings(analysis.assembly, 12)
+    loose = np.random.default_rng(4).random(asked.shape) < 0.5
+    everything = np.full(len(asked), 1e12)
+    monkeypatch.setenv(library.SWITCH, kernel)
+    relaxation = Relaxation(analysis)
+    together = relaxation.refute_all(asked, loose, everything)
+    monkeypatch.setenv(library.SWITCH, "off")
+    plain = Relaxation(analysis).refute_all(asked, loose, everything)
+    for k, (one, other) in enumerate(zip(together, plain, strict=True)):
+        assert one is not None
+        assert other is not None
+        assert one.bound == pytest.approx(other.bound, rel=1e-5 if name == "hulls" else 1e-6, abs=1e-9)
+        alone = relaxation.refute(asked[k], loose[k], 1e12)
+        assert alone is not None
+        assert alone.bound == one.bound
+        assert relaxation.refute(asked[k], loose[k], 0.9 * other.bound) is None
+        refuted = relaxation.refute(asked[k], loose[k], 1.1 * other.bound)
+        assert refuted is not None
+        assert refuted.bound <= 1.1 * other.bound
+
+
+def test_blocks_are_the_components_of_the_graph(kernels: dict[str, str]) -> None:
+    """Named by their smallest element, by scipy's components as another route."""
+    dice = np.random.default_rng(3)
+    a, b = dice.integers(0, 12, size=(2, 20))
+    always = np.array([[2, 9], [9, 4]])
+    labels = dice.random((50, 20)) < dice.random((50, 1))
+    for path in kernels.values():
+        found = Graph(12, a, b, always, path).blocks(labels)
+        assert found is not None
+        for row, names in zip(labels, found, strict=True):
+            ends = np.concatenate([always, np.column_stack([a, b])[~row]])
+            matrix = coo_array((np.ones(len(ends)), ends.T), shape=(12, 12))
+            kind = connected_components(matrix, directed=False)[1]
+            assert names.tolist() == [int(np.flatnonzero(kind == own)[0]) for own in kind]
+
+
+def joined(pairs: list[tuple[int, int]], sizes: list[int], most: float, small: int = 0) -> list[set[int]]:
+    """Parts as sets, joined in the order of pairs; where a least size is given, only what falls short of it."""
+    parts = [{k} for k in range(len(sizes))]
+    for p, q in pairs:
+        one, two = (next(part for part in parts if atom in part) for atom in (p, q))
+        cells = [sum(sizes[k] for k in part) for part in (one, two)]
+        if one is not two and sum(cells) <= most and (not small or min(cells) < small):
+            one |= two
+            parts.remove(two)
+    return parts
+
+
+@pytest.mark.parametrize("most", [4.0, math.inf])
+def test_parts_are_joined_in_order(kernels: dict[str, str], most: float) -> None:
+    """One pass, which leaves no part that it could mend: pairs that are asked for, then what is too small."""
+    dice = np.random.default_rng(5)
+    pairs, sizes = [(k, k + 1) for k in range(8)] + [(0, 4), (2, 7)], [1, 1, 2, 1, 1, 1, 3, 1, 1]
+    order = np.argsort(dice.random((40, len(pairs))), axis=1)
+    wanted = dice.integers(0, len(pairs), size=40)
+    ends = np.array(pairs).T
+    for path in kernels.values():
+        found = Joining(ends[0], ends[1], np.array(sizes), 2, most, 0, path).parts(order, wanted)
+        assert found is not None
+        for row, count, names in zip(order, wanted, found[0], strict=True):
+            parts = joined([pairs[k] for k in row[:count]], sizes, most)
+            assert {frozenset(np.flatnonzero(names == name).tolist()) for name in names} == set(map(frozenset, parts))
+        mended = Joining(ends[0], ends[1], np.array(sizes), 2, most, 2, path).parts(order, wanted)
+        assert mended is not None
+        assert mended[1].any()
+        assert not found[1].all()
+        cells = [np.bincount(names, weights=sizes) for names in mended[0]]
+        assert all(((own > 0.0) & (own < 2)).any() != good for own, good in zip(cells, mended[1], strict=True))
+        assert all(own.max() <= most for own in cells)
+
+
+def test_what_crushes_is_bounded_by_rows_that_enclose_its_hull(kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undecided joints that may crush: in lanes a little above the hull itself, and never below."""
+    analysis = analysis_of("crushable arch")
+    asked = labellings(analysis.assembly, 12)
+    loose = np.random.default_rng(4).random(asked.shape) < 0.5
+    everything = np.full(len(asked), 1e12)
+    monkeypatch.setenv(library.SWITCH, kernel)
+    batched = Relaxation(analysis)
+    assert batched.many
+    together = batched.refute_all(asked, loose, everything)
+    monkeypatch.setenv(library.SWITCH, "off")
+    hull = Relaxation(analysis).refute_all(asked, loose, everything)
+    finite = 0
+    for k, (one, other) in enumerate(zip(together, hull, strict=True)):
+        if one is None or other is None:
+            continue
+        finite += 1
+        assert other.bound * (1.0 - 1e-6) <= one.bound <= 1.01 * other.bound
+        assert batched.bound(asked[k], loose[k]) == pytest.approx(min(one.bound, other.bound), rel=1e-9)
+    assert finite > 6

@@ -1,0 +1,134 @@
+"""Studies whose labellings the batch solver settles: the same answers as one by one, whatever the jobs; never mixed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cases import CASES, grid_document
+from jld_core.batch import BatchSolver, build, chosen, library
+from jld_core.build import build_assembly
+from jld_core.errors import InputError
+from jld_core.limit import LimitAnalysis, SolveOptions, Status
+from jld_core.scene import parse_scene
+from jld_explore.drivers import BufferedRandom, make_driver, operators
+from jld_explore.evaluation import Evaluator, EvaluatorSettings
+from jld_explore.report import results_table
+from jld_explore.space import blocks_of, feasible, search_space
+from jld_explore.study import ExploreSettings, Study
+
+SETTINGS = EvaluatorSettings()
+
+
+@pytest.fixture(autouse=True)
+def kernel(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The batch solver in use, compiled for these tests where none is built."""
+    monkeypatch.delenv(library.SWITCH, raising=False)
+    if chosen() is None:
+        if not build.compilers():
+            pytest.skip("no compiler, and no kernel")
+        variant = next(filter(library.runs_here, build.variants()))
+        folder = tmp_path_factory.getbasetemp() / "kernel"
+        path = folder / f"_{variant}.so"
+        if not path.exists():
+            build.compile_variant(variant, folder, build.compilers()[0])
+        monkeypatch.setenv(library.SWITCH, str(path))
+    return chosen() or ""
+
+
+@pytest.mark.parametrize("name", ["wall", "beam", "overhang", "arch", "no friction", "crushable arch", "pressed"])
+def test_all_at_once_is_one_by_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows, options = CASES[name]
+    assembly = build_assembly(parse_scene(grid_document(rows, **options)))
+    dice = np.random.default_rng(2)
+    asked = dice.random((12, len(assembly.interfaces))) < dice.random((12, 1))
+    many = Evaluator(assembly, SETTINGS).evaluate_all(asked)
+    monkeypatch.setenv(library.SWITCH, "off")
+    single = Evaluator(assembly, SETTINGS)
+    for labels, found in zip(asked, many, strict=True):
+        known = single.evaluate(labels)
+        assert found.status is known.status
+        if known.status is Status.COLLAPSE:
+            assert found.load_factor == pytest.approx(known.load_factor, rel=1e-6, abs=1e-9)
+            assert found.low <= known.high + 1e-9
+            assert found.high >= known.low - 1e-9
+        elif known.status is Status.UNSTABLE:
+            assert math.isnan(found.load_factor)
+
+
+def test_kernel_is_asked_where_it_settles() -> None:
+    wall, pressed = (build_assembly(parse_scene(grid_document(*CASES[name][:1]))) for name in ("wall", "beam"))
+    assert Evaluator(wall, SETTINGS).settles
+    assert Evaluator(pressed, SETTINGS).settles
+    assert not Evaluator(wall, EvaluatorSettings(prove=True)).settles
+    assert not Evaluator(wall, EvaluatorSettings(many=False)).settles
+    assert not Evaluator(wall, EvaluatorSettings(SolveOptions(friction="zero-dilation"))).settles
+    rows, options = CASES["crushable wall"]
+    assert Evaluator(build_assembly(parse_scene(grid_document(rows, **options))), SETTINGS).settles
+    assert 0.8 <= BatchSolver(LimitAnalysis(wall).template).settles <= 1.0
+
+
+def test_a_twin_answers_alike_by_the_same_kernel() -> None:
+    wall = build_assembly(parse_scene(grid_document(*CASES["wall"][:1])))
+    one = Evaluator(wall, SETTINGS)
+    other = one.twin()
+    assert other._batch is one._batch
+    rows = np.random.default_rng(0).random((20, len(wall.interfaces))) < 0.5
+    assert [replace(e, seconds=0.0) for e in one.evaluate_all(rows)] == [
+        replace(e, seconds=0.0) for e in other.evaluate_all(rows)
+    ]
+
+
+def study(folder: Path, jobs: int, budget: int) -> Study:
+    scene = parse_scene(grid_document(["aaaa", "aaaa", "aaaa", "####"], block_cells=[1, 4]))
+    assembly = build_assembly(scene)
+    space = search_space(scene, assembly)
+    driver = make_driver("genetic", space, 1)
+    return Study(scene, assembly, space, driver, folder, ExploreSettings(jobs=jobs, budget=budget))
+
+
+def rows_of(made: Study) -> list[tuple[str, ...]]:
+    table = results_table(made.records, made.assembly, made.space, made.driver.name)
+    return [tuple(map(str, row)) for row in table.drop(columns=["seconds"]).to_numpy().tolist()]
+
+
+def test_jobs_and_interruptions_change_nothing(tmp_path: Path) -> None:
+    whole = study(tmp_path / "one", 1, 300)
+    whole.run()
+    two = study(tmp_path / "two", 2, 300)
+    two.run()
+    assert rows_of(two) == rows_of(whole)
+    half = study(tmp_path / "half", 1, 120)
+    half.run()
+    again = study(tmp_path / "half", 2, 300)
+    again.run()
+    assert rows_of(again) == rows_of(whole)
+
+
+def test_a_study_goes_on_with_its_own_kernel_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study(tmp_path, 1, 20).run()
+    monkeypatch.setenv(library.SWITCH, "off")
+    with pytest.raises(InputError, match="versions"):
+        study(tmp_path, 1, 40)
+
+
+@pytest.mark.parametrize("search", [{"block_cells": [2, 4]}, {"candidates": "all+supports"}], ids=str)
+def test_operators_draw_the_same_without_the_kernel(search: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = parse_scene(grid_document(["aabb", "aabb", "aabb", "#.##"], **search))
+    space = search_space(scene, build_assembly(scene))
+
+    def drawn() -> list[Any]:
+        tools, chance = operators(space), BufferedRandom(np.random.default_rng(4))
+        first = tools.draw(60, chance)
+        bred = tools.breed(first[:20], first[20:40], first[:30], chance)
+        return [first, bred, blocks_of(space.graph, bred), feasible(space, bred)]
+
+    quick = drawn()
+    monkeypatch.setenv(library.SWITCH, "off")
+    for one, other in zip(quick, drawn(), strict=True):
+        assert np.array_equal(one, other)
