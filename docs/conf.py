@@ -34,8 +34,12 @@ suppress_warnings = ["misc.highlighting_failure"]
 def plain(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
     """Docstrings are read as plain text with `code` between backticks, as they stand in the source.
 
-    |V| is a magnitude, c_T a letter with an index and 2* a number: none of it is markup.
+    |V| is a magnitude, c_T a letter with an index and 2* a number: none of it is markup. Titles of sections become
+    rubrics; the entries of a section are definition lists as they stand.
     """
+    for number in range(1, len(lines)):
+        if re.fullmatch(r"-{3,}", lines[number]) and re.fullmatch(r"[A-Z][a-z]+", lines[number - 1]):
+            lines[number - 1], lines[number] = f".. rubric:: {lines[number - 1]}", ""
     for number, line in enumerate(lines):
         parts = re.split(r"`+([^`]+)`+", line)
         parts[::2] = [re.sub(r"([\\*|_])", r"\\\1", text) for text in parts[::2]]

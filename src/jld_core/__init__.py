@@ -1,20 +1,20 @@
-"""One assembly, one labelling → λ, with proof.
+"""Limit analysis of one assembly: the load factor λ of a labelling, with proven lower and upper bounds.
 
 - `Assembly`: one structure with loads and materials, before any labelling is chosen
-- `InputError`: a scene, option or folder that cannot be used, in one line
-- `LimitAnalysis`: one assembly, to be solved under many labellings
+- `InputError`: error for a scene, option or folder that cannot be used, in one line
+- `LimitAnalysis`: solver of many labellings of one assembly
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
-- `Scene`: a scene file, validated
-- `SolveOptions`: what is modelled, as on the command line
-- `SolverError`: a solver that was asked for a program it does not take
-- `Status`: collapse, locked, unstable or uncertified
-- `build_assembly`: Scene → Assembly
-- `load_scene`: file → Scene
-- `parse_scene`: dictionary → Scene
+- `Scene`: validated content of a scene file
+- `SolveOptions`: modelling options of a solve, as on the command line
+- `SolverError`: error for a program that a solver does not support
+- `Status`: status of a result: collapse, locked, unstable or uncertified
+- `build_assembly`: build the assembly of a scene
+- `load_scene`: read a scene file
+- `parse_scene`: make a scene from a dictionary
 - `samples`: parametric scenes by name
-- `solve`: λ of one labelling, with a two-sided bracket
-- `solvers`: ways to a raw answer
-- `views`: drawings and notebooks
+- `solve`: compute λ of one labelling, with a two-sided bracket
+- `solvers`: solvers of conic and linear programs
+- `views`: drawings and notebook output
 """
 
 from __future__ import annotations

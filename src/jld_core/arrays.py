@@ -1,4 +1,4 @@
-"""numpy's arrays by their elements, so that linear algebra and geometry know no Assembly."""
+"""Array types by element type, so that linear algebra and geometry need not import `Assembly`."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 Ints = NDArray[np.int64]
+"""Array of int64."""
 
 
 Bools = NDArray[np.bool_]
+"""Array of bool."""
 
 
 Bits = NDArray[np.bool_]
-"""Labels of all interfaces, shape (m,), in the order of the assembly: True is dry, False is inner."""
+"""Labels of all interfaces, shape (m,), in the order of the assembly: True = dry, False = inner."""

@@ -1,8 +1,8 @@
 """Assembly: rigid elements and the interfaces between them, as frozen arrays.
 
-Two words before any other: an **element** is a rigid cell or block, a vertex of the graph; an **interface**
-is a plane contact of two elements, an edge of it. A **label** is what an interface is: ``DRY`` (a joint:
-no tension, Mohr–Coulomb friction) or ``INNER`` (a crack plane with finite strength).
+An **element** is a rigid cell or block, a vertex of the graph. An **interface** is a plane contact of two elements, an
+edge of the graph. The **label** of an interface is ``DRY`` (a joint: no tension, Mohr–Coulomb friction) or ``INNER`` (a
+potential crack plane with finite strength).
 """
 
 from __future__ import annotations
@@ -18,18 +18,35 @@ from jld_core.linalg import components
 from jld_core.notebook_repr import NotebookRepr
 
 DRY: Final = True
+"""Label of a joint."""
 INNER: Final = False
+"""Label of a potential crack plane."""
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Struct of arrays over n elements; d is 2 (planar) or 3 (spatial), lengths and forces in scene units.
+    """Arrays over n rigid elements, in scene units; d is 2 (planar) or 3 (spatial).
 
-    ids: names. blocks: the scene's block names, None where none is given. support: (n,) True where
-    equilibrium is not written. centroid: (n, d). volume: (n,) (planar: area × thickness). weight: (n, d)
-    self-weight as a force. shape: per element its boundary, planar (k, 2) counter-clockwise, spatial the
-    (k, 3) vertices. faces: per element the vertex indices of each face, outward (planar: empty). gravity: magnitude of
-    the acceleration that weights were made with.
+    Attributes
+    ----------
+    ids : tuple of str
+        Names.
+    blocks : tuple of str or None
+        The scene's block names, None where none is given.
+    support : (n,) bool array
+        True where equilibrium is not written.
+    centroid : (n, d) array
+        Centroids.
+    volume : (n,) array
+        Volumes; planar: area × thickness.
+    weight : (n, d) array
+        Self-weight as a force.
+    shape : tuple of arrays
+        Boundary of each element: planar (k, 2), counter-clockwise; spatial the (k, 3) vertices.
+    faces : tuple of tuples
+        Vertex indices of each face of each element, outward; empty in the plane.
+    gravity : float
+        Magnitude of the acceleration from which the weights were computed.
     """
 
     ids: tuple[str, ...]
@@ -46,7 +63,13 @@ class Elements:
         return len(self.ids)
 
     def take(self, rows: Ints) -> Elements:
-        """Some of them (k,), in that order."""
+        """Return some of the elements, in the order of the indices given.
+
+        Parameters
+        ----------
+        rows : (k,) int array
+            Indices of the elements.
+        """
         numbers = {name: getattr(self, name)[rows] for name in ("support", "centroid", "volume", "weight")}
         return Elements(
             ids=tuple(self.ids[k] for k in rows),
@@ -69,29 +92,43 @@ class Elements:
 
     @cached_property
     def mass(self) -> Floats:
-        """(n,) weight over gravity: kilograms in metres and newtons; zeros without gravity."""
+        """Weight over gravity (n,), kilograms in metres and newtons; zeros without gravity."""
         weight = np.linalg.norm(self.weight, axis=1)
         return weight / self.gravity if self.gravity else np.zeros(len(self))
 
     @cached_property
     def lower(self) -> Floats:
-        """(n, d) lower corner of each element's bounding box."""
+        """Lower corner (n, d) of each element's bounding box."""
         return np.array([shape.min(axis=0) for shape in self.shape])
 
     @cached_property
     def upper(self) -> Floats:
-        """(n, d) upper corner of each element's bounding box."""
+        """Upper corner (n, d) of each element's bounding box."""
         return np.array([shape.max(axis=0) for shape in self.shape])
 
 
 @dataclass(frozen=True)
 class Interfaces:
-    """Struct of arrays over m interfaces; the normal runs from element a to element b.
+    """Arrays over m interfaces; the normal points from element a to element b.
 
-    a, b: (m,) element indices. origin: (m, d) centroid. normal, e1, e2: (m, d) unit frame, e1 = normal
-    turned +90° in the plane; e2 is empty in planar scenes. l1, l2: (m,) sizes along e1 and e2 (planar:
-    length and thickness). area: (m,). c_t: (m,) torsion length c_T (planar: zeros). rectangle: (m,) True
-    where the polygon is a rectangle along e1, e2. polygon: per interface (k, d) corner points.
+    Attributes
+    ----------
+    a, b : (m,) int arrays
+        Elements on both sides.
+    origin : (m, d) array
+        Centroids.
+    normal, e1, e2 : (m, d) arrays
+        Unit frame. In the plane e1 is the normal turned by +90° and e2 is empty.
+    l1, l2 : (m,) arrays
+        Sizes along e1 and e2; planar: length and thickness.
+    area : (m,) array
+        Areas.
+    c_t : (m,) array
+        Torsion lengths c_T; planar: zeros.
+    rectangle : (m,) bool array
+        True where the polygon is a rectangle along e1, e2.
+    polygon : tuple of (k, d) arrays
+        Corner points of each interface.
     """
 
     a: Ints
@@ -111,18 +148,35 @@ class Interfaces:
         return len(self.a)
 
     def take(self, rows: Ints) -> Interfaces:
-        """Some of them (k,), in that order."""
+        """Return some of the interfaces, in the order of the indices given.
+
+        Parameters
+        ----------
+        rows : (k,) int array
+            Indices of the interfaces.
+        """
         arrays = {name: values[rows] for name, values in vars(self).items() if name != "polygon"}
         return Interfaces(**arrays, polygon=tuple(self.polygon[k] for k in rows))
 
 
 @dataclass(frozen=True)
 class Strengths:
-    """Struct of arrays over m interfaces: what each would be made of as dry and as inner, scene units.
+    """Strengths of m interfaces, each as dry and as inner, in scene units.
 
-    friction: coefficient μ of dry faces. tension, shear: σt and τ of inner ones, stress. crush_dry, crush_inner:
-    compressive strength, stress, inf where none is given. cohesion: of dry faces, stress; inner_friction: μ of inner
-    ones; both 0 where none is given. A material the scene does not name is NaN.
+    A material that the scene does not name is NaN.
+
+    Attributes
+    ----------
+    friction : (m,) array
+        Friction coefficient μ of dry faces.
+    tension, shear : (m,) arrays
+        Tensile and shear strength σt and τ of inner faces, stress.
+    crush_dry, crush_inner : (m,) arrays
+        Compressive strength, stress; inf where none is given.
+    cohesion : (m,) array
+        Cohesion of dry faces, stress; 0 where none is given.
+    inner_friction : (m,) array
+        Friction coefficient μ of inner faces; 0 where none is given.
     """
 
     friction: Floats
@@ -134,19 +188,34 @@ class Strengths:
     inner_friction: Floats
 
     def take(self, rows: Ints) -> Strengths:
-        """Those of some interfaces (k,), in that order."""
+        """Return the strengths of some interfaces, in the order of the indices given.
+
+        Parameters
+        ----------
+        rows : (k,) int array
+            Indices of the interfaces.
+        """
         return Strengths(**{name: values[rows] for name, values in vars(self).items()})
 
 
 Points = tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
-"""Places and vectors of point forces."""
+"""Positions and vectors of point forces."""
 
 
 @dataclass(frozen=True)
 class LoadCase:
-    """One load case: dead and live loads as those of `Assembly`, the dead ones with all that is common.
+    """One load case of an assembly.
 
-    required: factor that its λ is divided by, so that 1 is just enough.
+    Attributes
+    ----------
+    name : str
+        Name.
+    dead, live : (n, 3) or (n, 6) arrays
+        Loads as those of `Assembly`; the dead load includes the part that is common to all cases.
+    required : float
+        Required load factor; λ is divided by it, so that 1 is just enough.
+    live_points : Points
+        Live point forces, for drawing.
     """
 
     name: str
@@ -160,14 +229,43 @@ class LoadCase:
 class Assembly(NotebookRepr):
     """One structure, its loads and its materials, before any labelling is chosen.
 
-    dead, live: (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m), about each element's centroid, scene
-    units; dead holds self-weight and is never scaled by λ. labels: (m,) the labels the scene itself gives.
-    live_points: places and vectors of the live point forces, for drawing. moved: farthest that a corner was moved to
-    close gaps and overlaps, length. sink: element that stands for what a search leaves out (docs of `space.void`), −1
-    in all that is solved. warnings: what is possible and hardly meant, a sentence each. cases: the load
-    cases of a scene that has several; dead and live are then those of the first, and what solves asks for
-    `by_case`. touching: pairs of supports that share a face, which are of one block. nominal: where strengths are the
-    low values of materials, the nominal ones. In a notebook it shows what is modelled.
+    A notebook shows an assembly as a drawing with its main facts.
+
+    Attributes
+    ----------
+    name : str
+        Name.
+    dimension : int
+        2 (planar) or 3 (spatial).
+    units : (str, str)
+        Units of length and force.
+    elements : Elements
+        Rigid elements.
+    interfaces : Interfaces
+        Plane contacts.
+    strengths : Strengths
+        Strengths of all interfaces under both labels.
+    dead, live : (n, 3) or (n, 6) arrays
+        Planar (fx, fy, m) or spatial (f, m) loads about each element's centroid, scene units. The dead load holds
+        self-weight and is never scaled by λ.
+    labels : (m,) bool array
+        Labels that the scene gives, True = dry.
+    live_points : Points
+        Positions and vectors of the live point forces, for drawing.
+    moved : float
+        Largest distance by which a corner was moved to close gaps and overlaps, length.
+    sink : int
+        Element that stands for the cells a search leaves out (see `jld_explore.space.void`); −1 in every assembly
+        that is solved.
+    warnings : tuple of str
+        Plausibility warnings, one sentence each.
+    cases : tuple of LoadCase
+        Load cases of a scene that has several. `dead` and `live` are then those of the first case; solvers use
+        `by_case`.
+    touching : tuple of (int, int)
+        Pairs of supports that share a face; they are of one block.
+    nominal : Strengths or None
+        Nominal strengths, where `strengths` holds the low values of materials.
     """
 
     name: str
@@ -193,7 +291,7 @@ class Assembly(NotebookRepr):
 
     @property
     def freedoms(self) -> int:
-        """Equations per element and resultants per interface: 3 planar, 6 spatial."""
+        """Number of equations per element and of resultants per interface (planar 3, spatial 6)."""
         return 3 if self.dimension == 2 else 6
 
     @property
@@ -203,7 +301,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """This structure under each of its load cases alone, in their order; itself where there is one load only."""
+        """This structure under each of its load cases alone; a tuple of itself without cases."""
         if not self.cases:
             return (self,)
         return tuple(
@@ -220,28 +318,28 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def at_nominal(self) -> Assembly:
-        """This structure at the nominal values of its materials; itself where it has no others."""
+        """This structure with the nominal strengths of its materials; itself without such."""
         return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
 
     @property
     def required(self) -> Floats:
-        """(c,) factor that the λ of each load case is divided by."""
+        """Required factors (c,) by which the λ of each load case is divided."""
         return np.array([case.required for case in self.cases]) if self.cases else np.ones(1)
 
     @cached_property
     def free_faces(self) -> Bools:
-        """(m,) True where the interface joins two free elements."""
+        """True (m,) where the interface joins two free elements."""
         support = self.elements.support
         faces = self.interfaces
         return ~(support[faces.a] | support[faces.b])
 
     @property
     def face_sizes(self) -> Floats:
-        """(m,) how large faces are where joints are measured: lengths in the plane, areas in space, scene units."""
+        """Sizes (m,) by which joints are measured, scene units (planar lengths, spatial areas)."""
         return self.interfaces.l1 if self.dimension == 2 else self.interfaces.area
 
     def pair(self, face: int) -> str:
-        """Ids of the two elements of a face, for complaints."""
+        """Return the ids of the two elements of a face, for messages."""
         return f"{self.elements.ids[self.interfaces.a[face]]}–{self.elements.ids[self.interfaces.b[face]]}"
 
     @cached_property
@@ -256,9 +354,10 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def total_live(self) -> float:
-        """Sum of the magnitudes of the live forces on free elements; of moments / size where those are larger.
+        """Sum of the magnitudes of the live forces on free elements, or of moments / size.
 
-        Forces may cancel to a couple on each element, and what rounding leaves of them is no scale.
+        The larger of both sums counts. Forces may cancel to a couple on each element. The rounding error that remains
+        of them would be no scale.
         """
         live = self.live[self.elements.free]
         forces = float(np.linalg.norm(live[:, : self.dimension], axis=1).sum())
@@ -266,7 +365,22 @@ class Assembly(NotebookRepr):
 
 
 def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
-    """What is left of an assembly without some elements (n,), and the faces (k,) that are left."""
+    """Remove elements from an assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly to reduce.
+    gone : (n,) bool array
+        True for the elements to remove.
+
+    Returns
+    -------
+    assembly : Assembly
+        Assembly of the remaining elements, without a sink.
+    faces : (k,) int array
+        Indices of the remaining faces.
+    """
     rows = np.flatnonzero(~gone)
     place = np.cumsum(~gone) - 1
     faces = assembly.interfaces
@@ -290,10 +404,23 @@ def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
 
 
 def blocks_of(assembly: Assembly, labels: Bits, joined: tuple[Ints, Ints] | None = None) -> Ints:
-    """(n,) the block of each element, numbered by their first elements: what inner faces join.
+    """Return the block of each element, that is, of elements joined by inner faces.
 
-    labels: (m,) True dry. joined: (k,) and (k,) elements that are of one block whatever the labels, besides supports
-    that touch. An element glued to a support belongs to the support's block.
+    Blocks are numbered by their first elements. An element glued to a support belongs to the support's block.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Elements, interfaces and touching supports.
+    labels : (m,) bool array
+        True = dry.
+    joined : two (k,) int arrays, optional
+        Pairs of elements that are of one block whatever the labels, in addition to touching supports.
+
+    Returns
+    -------
+    (n,) int array
+        Block of each element.
     """
     inner, touching = ~np.asarray(labels, dtype=bool), np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     one = np.concatenate([assembly.interfaces.a[inner], touching[:, 0]])

@@ -1,7 +1,7 @@
-"""The one clock of a command: when it must end, asked by every phase and passed on to worker processes.
+"""Deadline of a command: the time at which it must end, for every phase and for worker processes.
 
-A phase that holds a `Deadline` asks `remaining` or `passed`. Loops far below it, which may run long and know nothing of
-commands, call `checkpoint`: it raises `DeadlinePassed` inside `Deadline.enforced`, and does nothing elsewhere.
+A phase that holds a `Deadline` calls `remaining` or `passed`. Long loops in lower layers do not know the command; they
+call `checkpoint`. It raises `DeadlinePassed` inside `Deadline.enforced` and does nothing elsewhere.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from contextvars import ContextVar
 
 
 class DeadlinePassed(Exception):
-    """Raised by `checkpoint` and `Deadline.check` when the time is up."""
+    """Error raised by `checkpoint` and `Deadline.check` when the deadline has passed."""
 
 
 class Deadline:
-    """A point in time, by `time.perf_counter`, at which work must end.
+    """Point in time, by `time.perf_counter`, at which work must end.
 
-    Pickled for another process or machine, it keeps its distance to the time of day.
+    Pickled for another process or machine, a deadline keeps its distance to the time of day.
 
     Parameters
     ----------
     seconds : float or None
         Time from `started` to the end, s; None: no end.
     started : float or None
-        When the time began, as `time.perf_counter` counts, s; None: now.
+        Start of the time, as `time.perf_counter` counts, s; None: now.
     """
 
     __slots__ = ("end", "started")
@@ -45,42 +45,46 @@ class Deadline:
 
     @property
     def limited(self) -> bool:
-        """Whether there is an end at all."""
+        """Whether the deadline has an end."""
         return self.end < math.inf
 
     def elapsed(self) -> float:
-        """Return the seconds since the time began."""
+        """Return the seconds since the start."""
         return time.perf_counter() - self.started
 
     def remaining(self) -> float:
-        """Return the seconds left: inf without an end, 0 once it has passed."""
+        """Return the seconds left: inf without an end, 0 after the end."""
         return max(self.end - time.perf_counter(), 0.0)
 
     def passed(self) -> bool:
-        """Return True once the end has passed."""
+        """Return True after the end."""
         return time.perf_counter() >= self.end
 
     def check(self) -> None:
-        """Raise DeadlinePassed once the end has passed."""
+        """Raise DeadlinePassed after the end."""
         if self.passed():
             raise DeadlinePassed
 
     def earlier(self, seconds: float) -> Deadline:
-        """Return the same deadline with its end so many seconds earlier."""
+        """Return a deadline that ends this many seconds earlier."""
         return self._ending(self.end - seconds)
 
     def within(self, seconds: float) -> Deadline:
-        """Return a deadline at most so many seconds from now, and never after this one."""
+        """Return a deadline at most this many seconds from now, and no later than this one."""
         return self._ending(min(self.end, time.perf_counter() + seconds))
 
     def _ending(self, end: float) -> Deadline:
+        """Return a deadline with the same start and another end."""
         made = Deadline(None, self.started)
         made.end = end
         return made
 
     @contextmanager
     def enforced(self) -> Iterator[None]:
-        """Let `checkpoint` raise DeadlinePassed in this thread once the end has passed, or an outer one has."""
+        """Make `checkpoint` raise DeadlinePassed in this thread once this deadline has passed.
+
+        A deadline enforced outside that ends earlier stays in force.
+        """
         outer = _enforced.get()
         token = _enforced.set(self if outer is None or self.end < outer.end else outer)
         try:
@@ -93,14 +97,20 @@ _enforced: ContextVar[Deadline | None] = ContextVar("enforced", default=None)
 
 
 def checkpoint() -> None:
-    """Raise DeadlinePassed where an enforced deadline has passed; for loops that may run long."""
+    """Raise DeadlinePassed if an enforced deadline has passed; for loops that may run long."""
     deadline = _enforced.get()
     if deadline is not None:
         deadline.check()
 
 
 def time_left() -> float:
-    """Return the seconds left to the enforced deadline; inf where there is none."""
+    """Return the seconds left to the enforced deadline.
+
+    Returns
+    -------
+    float
+        Seconds, 0 after the end; inf where no deadline is enforced.
+    """
     deadline = _enforced.get()
     return math.inf if deadline is None else deadline.remaining()
 

@@ -1,13 +1,21 @@
-"""The two ways a run can fail to be a run: bad input, and a program no route can take."""
+"""Errors of the package: unusable input, and a program that a solver does not support."""
 
 from __future__ import annotations
 
 
 class InputError(ValueError):
-    """A scene, an option or a folder that cannot be used.
+    """Error for a scene, an option or a folder that cannot be used.
 
-    where: file, then key or element (``scene.json: elements[3].polygon``); problem: what is wrong;
-    expected: what would be right. Its text is one line of the three.
+    The message is one line made of the three parameters.
+
+    Parameters
+    ----------
+    where : str
+        File, then key or element: ``scene.json: elements[3].polygon``.
+    problem : str
+        What is wrong.
+    expected : str
+        What would be right.
     """
 
     def __init__(self, where: str, problem: str, expected: str) -> None:
@@ -15,10 +23,16 @@ class InputError(ValueError):
         super().__init__(" ".join(f"{where}: {problem}; expected {expected}".split()))
 
     def within(self, file: str) -> InputError:
-        """The same complaint with the name of the file it came from in front."""
+        """Return the same error with the name of a file in front of `where`.
+
+        Parameters
+        ----------
+        file : str
+            File that the error came from.
+        """
         where = f"{file}: {self.where}" if self.where else file
         return InputError(where, self.problem, self.expected)
 
 
 class SolverError(RuntimeError):
-    """A solver route that was asked for a program it does not take."""
+    """Error for a program that a solver does not support."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, of letters that every reader takes."""
+"""Write files completely or not at all, with characters that every reader accepts."""
 
 from __future__ import annotations
 
@@ -12,20 +12,34 @@ from pathlib import Path
 from typing import Final
 
 _UNPRINTABLE: Final = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ufffe\uffff]")
+"""Control characters and non-characters, except line feed: no font shows them and XML rejects them."""
 
 
 def printable(text: str) -> str:
-    """A text with a blank for each character that no font shows and that XML does not take."""
+    """Replace each character that no font shows or that XML rejects by a blank.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        Text of the same length.
+    """
     return _UNPRINTABLE.sub(" ", text)
 
 
 def require_writable(path: Path) -> None:
-    """Check that `whole_file` can write a file, by writing: permissions do not tell of every file system.
+    """Check that `whole_file` can write a file, by writing an empty one.
+
+    Permissions alone are not reliable on every file system. The check leaves no file and no folder behind.
 
     Parameters
     ----------
     path : Path
-        File to be written later; neither it nor its folder need exist. Nothing that was not there stays.
+        File to be written later; neither the file nor its folder need exist.
 
     Raises
     ------
@@ -46,17 +60,33 @@ def require_writable(path: Path) -> None:
 
 
 def _fresh(path: Path) -> Path:
-    """Return the name under which a file is written first. Raises OSError where the path is no file."""
+    """Return the temporary name of a file to write; raise OSError if the path is no file."""
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "it is no file that can be written anew", str(path))
-    return path.with_name(f"{path.name}.{os.getpid()}.new")  # two processes may write the same file
+    return path.with_name(f"{path.name}.{os.getpid()}.new")  # the process id keeps two processes apart
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A name to write under, which becomes the file's once all is written; where that fails nothing stays.
+    """Yield a temporary name to write to, which replaces the file once writing succeeds.
 
-    A link stays, and what it points to is written. Raises OSError with the name of the file.
+    If writing fails the temporary file is removed and the old file stays. If the path is a symbolic link, the file that
+    it points to is replaced.
+
+    Parameters
+    ----------
+    path : Path
+        File to write; its folder must exist.
+
+    Yields
+    ------
+    Path
+        Temporary name in the same folder.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written; the error names the file.
     """
     path = Path(os.path.realpath(path))
     fresh = _fresh(path)

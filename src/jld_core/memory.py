@@ -1,4 +1,4 @@
-"""How much memory a process may have, so that what cannot be done is said before it is begun."""
+"""Memory limit of the process, so that impossible tasks are refused before they begin."""
 
 from __future__ import annotations
 
@@ -8,18 +8,27 @@ from pathlib import Path
 from typing import Final
 
 _GROUPS: Final = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
+"""Files in which Linux control groups (versions 2 and 1) give the memory limit of a container."""
 
 
 def memory_limit() -> float:
-    """Bytes that this process may have: what the machine, its container and its own limit allow; inf where unknown."""
+    """Return the number of bytes that this process may use; inf where it is unknown.
+
+    The result is the smallest of three limits: physical memory, container, and address space of the process.
+
+    Returns
+    -------
+    float
+        Memory limit, bytes.
+    """
     known = []
     with suppress(AttributeError, ValueError, OSError):
         known.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     for file in _GROUPS:
-        with suppress(OSError, ValueError):  # "max" where there is none
+        with suppress(OSError, ValueError):  # the file holds "max" if there is no limit
             known.append(int(file.read_text(encoding="ascii")))
     with suppress(ImportError):
-        import resource  # not on Windows
+        import resource  # Windows has no such module
 
         own = resource.getrlimit(resource.RLIMIT_AS)[0]
         if own != resource.RLIM_INFINITY:

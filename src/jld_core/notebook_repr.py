@@ -1,6 +1,6 @@
-"""How things show themselves in a notebook without knowing how they are drawn.
+"""Notebook output of data classes that do not know how they are drawn.
 
-What draws them registers itself here, so that data stands on the ground and views above it.
+Drawing code registers a view for each class here, so that data modules do not import views.
 """
 
 from __future__ import annotations
@@ -10,34 +10,49 @@ from typing import Any, Protocol
 
 
 class View(Protocol):
-    """How one kind of thing is shown."""
+    """Interface of the notebook output of one class."""
 
     def svg(self, thing: Any) -> str | None:
-        """Its drawing as SVG text; None where it is too large to be drawn unasked."""
+        """Return the drawing as SVG text; None if it is too large to be drawn without request."""
 
     def html(self, thing: Any, drawing: str | None) -> str:
-        """Its facts and its drawing, as HTML."""
+        """Return the facts and the drawing as HTML."""
 
 
 _VIEWS: dict[type, View] = {}
+"""Registered view of each class."""
 
 
 def register_repr(kind: type, view: View) -> None:
-    """From now on things of a kind are shown by a view."""
+    """Register the view that shows objects of a class in notebooks.
+
+    Parameters
+    ----------
+    kind : type
+        Class; its subclasses need views of their own.
+    view : View
+        View of all objects of the class.
+    """
     _VIEWS[kind] = view
 
 
 class NotebookRepr:
-    """A thing that a notebook shows by the view registered for its kind; one without a view shows its repr."""
+    """Base class of objects that a notebook shows by a registered view.
+
+    Without a view a notebook shows the repr.
+    """
 
     @cached_property
     def _drawing(self) -> str | None:
+        """SVG text from the registered view, computed once; None without a view."""
         view = _VIEWS.get(type(self))
         return None if view is None else view.svg(self)
 
     def _repr_svg_(self) -> str | None:
+        """Return the drawing, as Jupyter calls for it."""
         return self._drawing
 
     def _repr_html_(self) -> str | None:
+        """Return facts and drawing, as Jupyter calls for them."""
         view = _VIEWS.get(type(self))
         return None if view is None else view.html(self, self._drawing)

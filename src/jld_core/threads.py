@@ -1,7 +1,8 @@
-"""One thread in products of matrices, whatever the environment says.
+"""Restrict matrix products to one thread, whatever the environment variables set.
 
-The matrices of one labelling are small, and threads inside one product cost more than the product: a search that let
-them took 4 to 5 times as long, on a busy machine up to 17. The cores are for labellings.
+The matrices of one labelling are small, and threads inside one product cost more than the product. Searches with
+threads in products were measured to take 4 to 5 times as long, on a busy machine up to 17 times. Labellings are
+distributed over the cores instead.
 """
 
 from __future__ import annotations
@@ -14,13 +15,16 @@ from threading import Lock
 from threadpoolctl import ThreadpoolController
 
 _LOCK = Lock()
+"""Protects `_limited` and `_inside`."""
 _limited = ExitStack()
+"""Holds the present limit on threads."""
 _inside = 0
+"""Number of contexts that are open in all threads."""
 
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Libraries of such products that are loaded; looked up once, when numpy and scipy are there."""
+    """Return the controller of the loaded BLAS libraries, created once."""
     import scipy.linalg  # noqa: F401 – brings a library of its own
 
     return ThreadpoolController().select(user_api="blas")
@@ -28,14 +32,14 @@ def _controller() -> ThreadpoolController:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Within it products of matrices take one thread, afterwards as many as before; also a decorator.
+    """Restrict matrix products to one thread inside the context, also as a decorator.
 
-    Nested, or in several threads of one program, it costs next to nothing: the first to come sets the limit and the
-    last to leave lifts it.
+    Nested contexts and contexts in several threads cost little. The first one to enter sets the limit, and the last one
+    to leave restores the previous number of threads.
     """
     global _inside
     with _LOCK:
-        # looking is a tenth of setting
+        # Reading the limit takes a tenth of the time of setting it.
         if _inside == 0 and any(found.num_threads > 1 for found in _controller().lib_controllers):
             _limited.enter_context(_controller().limit(limits=1))
         _inside += 1

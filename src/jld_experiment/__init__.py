@@ -1,21 +1,21 @@
-"""The virtual experiment: load an assembly of rigid elements on springs until it comes down.
+"""Run virtual experiments: load rigid elements on springs until collapse.
 
-An explicit distinct-element engine of its own, independent of every program in `jld_core`: no optimisation, no bracket,
-but what limit analysis cannot say, namely what happens when cracks are brittle and joints do not dilate.
+The explicit distinct-element method is independent of `jld_core`: it has no optimisation and no bracket.
+It simulates brittle cracks and joints without dilation, which limit analysis does not cover.
 
-- `Curve`: what an experiment showed
-- `Joints`: properties of faces that limit analysis does not know
-- `Push`: a push at a constant rate
-- `Ramp`: a load raised step by step
-- `Settings`: how an experiment is run
-- `Specimen`: one labelling, ready to be loaded
-- `Standing`: what it does under loads that stay
-- `State`: what changes while it is loaded
-- `push`: push until it comes down
-- `ramp`: raise the load until it comes down
-- `require_one_load`: refuses load cases
-- `run_experiment`: load one labelling until it comes down, at two rates
-- `specimen_of`: an assembly under one labelling → Specimen
+- `Curve`: result of an experiment
+- `Joints`: properties of faces that limit analysis does not have
+- `Push`: result of a push at a constant rate
+- `Ramp`: result of raising the load step by step
+- `Settings`: numerical settings of an experiment
+- `Specimen`: one labelling ready to be loaded
+- `Standing`: behaviour under constant loads
+- `State`: variables that change during loading
+- `push`: push until collapse
+- `ramp`: raise the load until collapse
+- `require_one_load`: raise an error for load cases
+- `run_experiment`: load one labelling until collapse, at two rates
+- `specimen_of`: prepare an assembly under one labelling for loading
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the time stepping works on: arrays that stay as they are, and arrays that every step changes."""
+"""Define the arrays of the time stepping: constant ones, and ones changed in every step."""
 
 from __future__ import annotations
 
@@ -7,17 +7,41 @@ from typing import NamedTuple
 from jld_core.arrays import Bools, Floats, Ints
 
 Drive = tuple[bool, tuple[float, float], tuple[float, float], tuple[float, float], float]
-"""How some steps are driven: is live·velocity held at a rate, so that λ is the multiplier of that constraint (else λ is
-given); share of the dead loads, λ and rate, each from the first step to the last, linear; damping, the share of the
-out-of-balance force that acts against the movement, forces and moments apart, so that no direction is preferred."""
+"""Control of a number of steps: push, share of the dead loads, λ, rate and damping.
+
+If `push` is True, live·velocity follows the rate and λ is the multiplier of this constraint; else λ is given.
+Shares, λ and rates are pairs: first and last step, linear between.
+Damping is the share of the unbalanced force that acts against the velocity.
+Forces and moments are damped separately, so that no direction is preferred.
+"""
 
 
 class Bench(NamedTuple):
-    """What stays. dead, live: (n, q) loads. inverse: (n, 2) one over mass and over inertia, 0 on supports. radius: (n,)
-    by which moments are compared with forces. ends: (m, 2) elements a and b. frame: (m, 6) planar: normal x, y, then
-    r × n and r × t for the arms to the middle of the face from a and from b; (m, 15) spatial: normal, e1, e2, arms.
-    first: (m + 1,) where the sub-contacts of each face begin. place: (s, d) coordinates along the face, and area.
-    law: (m, 8), columns as in `laws`. brittle: (m,) do faces lose what they exceed. gaps: (m,) do joints stay open.
+    """Constant arrays of the time stepping.
+
+    Attributes
+    ----------
+    dead, live : (n, q) float array
+        Loads.
+    inverse : (n, 2) float array
+        Inverse of mass and inertia, 0 on supports.
+    radius : (n,) float array
+        Length by which moments are compared with forces.
+    ends : (m, 2) int array
+        Elements a and b.
+    frame : (m, 6) or (m, 15) float array
+        Planar: normal x, y, then r × n and r × t for the arms from a and from b to the centre of the face.
+        Spatial: normal, e1, e2, arms.
+    first : (m + 1,) int array
+        Position of the first sub-contact of each face.
+    place : (s, d) float array
+        Coordinates along the face, and area.
+    law : (m, 8) float array
+        Law of each face, columns as in `laws`.
+    brittle : (m,) bool array
+        True for faces that lose a strength that is exceeded.
+    gaps : (m,) bool array
+        True for joints whose gaps stay open.
     """
 
     dead: Floats
@@ -34,8 +58,19 @@ class Bench(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What changes, in place. moved, velocity: (n, q). Of sub-contacts overlap, pressure (s,), shear (s, d − 1), broken
-    (s,)."""
+    """Arrays that every step changes in place.
+
+    Attributes
+    ----------
+    moved, velocity : (n, q) float array
+        Displacements and velocities.
+    overlap, pressure : (s,) float array
+        Elastic overlap and compressive stress of sub-contacts.
+    shear : (s, d − 1) float array
+        Shear stress of sub-contacts.
+    broken : (s,) bool array
+        True for broken sub-contacts.
+    """
 
     moved: Floats
     velocity: Floats

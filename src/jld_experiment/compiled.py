@@ -1,4 +1,4 @@
-"""The one door to numba: functions compiled on first use and kept on disk for the next process."""
+"""Compile functions with numba on first use and cache them on disk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jld_core.errors import InputError
 
 try:
     import numba
-except ImportError as error:  # the extra is what is missing, and the reader should be told its name
+except ImportError as error:  # Name the missing optional dependency.
     raise InputError("jld_experiment", "numba is not installed", "pip install 'jld[experiment]'") from error
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -18,14 +18,15 @@ F = TypeVar("F", bound=Callable[..., object])
 _SOURCES: Final = tuple(
     (path.name, path.stat().st_mtime, path.stat().st_size) for path in sorted(Path(__file__).parent.glob("*.py"))
 )
+"""Name, time and size of all source files of the package, which identify the cached code."""
 
 
 def compiled(function: F) -> F:
-    """Compile a function of arrays and numbers to machine code, without changing what its arithmetic means.
+    """Compile a function of arrays and numbers to machine code with exact arithmetic.
 
-    No fast-math: two runs of one experiment are equal bit by bit. What is kept on disk is good for the sources of the
-    whole package as they are: numba by itself looks at the file of a function only, and would go on calling what
-    another file held before.
+    There is no fast-math, so two runs of one experiment are bitwise equal.
+    The cache depends on the sources of the whole package.
+    numba alone checks only the file of the function and would keep outdated code of other files.
     """
     made: Any = numba.njit(cache=True, error_model="numpy")(function)
     made._cache._cache_file._source_stamp = _SOURCES

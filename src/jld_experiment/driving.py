@@ -1,4 +1,4 @@
-"""How a settled assembly is driven: a scout for the scale of things, the push, and the ramp that checks it."""
+"""Load a settled assembly: estimate the scale of λ, push, and check by a load ramp."""
 
 from __future__ import annotations
 
@@ -10,17 +10,33 @@ from jld_core.arrays import Floats, Ints
 from jld_experiment.settings import FALL
 from jld_experiment.specimen import Specimen, Standing, State, copied
 
-GROWTH = 1.03  # of the distance in one slowest period of the scout
-PLATEAU = 5e-4  # rise of the highest load, relative, over half the way, below which nothing more is to come
-GONE = 0.5  # share of the highest load below which a push has nothing left to carry
-ENDLESS = 1e6  # times the load at which the scout starts; still rising there, nothing will give way
+GROWTH = 1.03  # Growth factor of the scout's displacement per slowest period.
+PLATEAU = 5e-4  # Relative rise of the highest λ over the second half of a push below which it is a plateau.
+GONE = 0.5  # Share of the highest λ below which the structure counts as collapsed.
+ENDLESS = 1e6  # Multiple of the scout's initial load at which a λ that still rises means no collapse.
 
 
 @dataclass(frozen=True)
 class Push:
-    """One push. distance, load_factor, unbalanced, broken: (k,) live·u, λ as the mean of each record, largest out-of-
-    balance force of each, sub-contacts broken by then. at_collapse, at_end: states. periods: slowest periods it
-    took. rising: had the load neither fallen nor come to a plateau when it ended?"""
+    """Result of one push.
+
+    Attributes
+    ----------
+    distance : (k,) float array
+        Displacement live·u at the end of each record.
+    load_factor : (k,) float array
+        Mean λ of each record.
+    unbalanced : (k,) float array
+        Largest relative unbalanced force of each record.
+    broken : (k,) int array
+        Number of broken sub-contacts.
+    at_collapse, at_end : State
+        States at the highest λ and at the end.
+    periods : float
+        Duration, slowest periods.
+    rising : bool
+        True if λ had neither fallen nor reached a plateau at the end.
+    """
 
     distance: Floats
     load_factor: Floats
@@ -38,9 +54,10 @@ class Push:
 
 
 def collapse_record(load_factor: Floats) -> int:
-    """Where λ is largest before its first fall by a tenth of the highest λ of the whole curve.
+    """Return the record of the largest λ before its first fall by `FALL` of the highest λ.
 
-    Measured by the highest so far, a stumble at half the load would be mistaken for collapse.
+    The fall is relative to the highest λ of the whole curve.
+    Relative to the highest λ so far, a small drop at half the load would count as collapse.
     """
     so_far = np.maximum.accumulate(load_factor)
     fallen = np.flatnonzero(so_far - load_factor > FALL * float(so_far[-1]))
@@ -49,9 +66,10 @@ def collapse_record(load_factor: Floats) -> int:
 
 
 def scout(specimen: Specimen, settled: State) -> float:
-    """About the highest λ of a quick push whose distance grows by a constant ratio; inf where it never ends.
+    """Estimate the highest λ by a quick push with geometrically growing displacement.
 
-    A push needs a length to be measured in, and this takes it from the experiment itself.
+    The estimate provides the unit of displacement for `push`.
+    It is inf if λ never stops rising, and 0 if the structure has neither dead load nor strength.
     """
     state, system = copied(settled), specimen.system
     assembly = specimen.assembly
@@ -68,7 +86,7 @@ def scout(specimen: Specimen, settled: State) -> float:
         speed, distance = target, distance * GROWTH
         highest = max(highest, factor)
         if distance > mark:
-            # inertia alone makes it rise a little for ever
+            # Inertia alone makes λ rise slightly at all times.
             if highest < 1.1 * before:
                 return float(highest)
             before, mark = highest, 3.0 * distance
@@ -76,11 +94,28 @@ def scout(specimen: Specimen, settled: State) -> float:
 
 
 def push(specimen: Specimen, settled: State, scale: float, periods: float, endless: bool = False) -> Push:
-    """Push a settled assembly so that live·u grows at a constant rate, and faster when far from where it began.
+    """Push a settled assembly so that live·u grows at a constant rate, later faster.
 
-    scale: λ in which the way is measured. periods: slowest periods for one elastic movement. endless: go the whole
-    length whatever happens. λ is the multiplier of the prescribed rate. It ends when the load has been below half of
-    its highest for some way, when it has not risen over half the way, or at the length that is set.
+    λ is the multiplier of the prescribed rate.
+    The push ends when λ stays below half of its highest value, reaches a plateau, or reaches the set length.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        Assembly under one labelling.
+    settled : State
+        State under the dead loads; not changed.
+    scale : float
+        λ that defines the unit of displacement.
+    periods : float
+        Slowest periods per elastic displacement.
+    endless : bool
+        Continue to the set length in any case.
+
+    Returns
+    -------
+    Push
+        Curve and states.
     """
     settings, system = specimen.settings, specimen.system
     unit = scale * system.reach
@@ -123,15 +158,26 @@ def push(specimen: Specimen, settled: State, scale: float, periods: float, endle
 
 
 def _still_rising(table: Floats) -> bool:
-    """Is λ higher by a hundredth at the end of the way than halfway along it?"""
+    """Return True if λ rose by more than 1 % over the second half of the push."""
     before = table[:, 0] <= 0.5 * table[-1, 0]
     return bool(table[:, 1].max() > 1.01 * table[before, 1].max(initial=-np.inf))
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """Force control. rests: largest λ at which everything came to rest, and state there. fails: least λ at which it
-    did not, and how."""
+    """Result of raising the load step by step (force control).
+
+    Attributes
+    ----------
+    rests : float
+        Largest λ at which the assembly came to rest.
+    fails : float
+        Smallest λ at which it did not.
+    how : Standing
+        Behaviour at `fails`.
+    state : State
+        State at `rests`.
+    """
 
     rests: float
     fails: float
@@ -140,9 +186,25 @@ class Ramp:
 
 
 def ramp(specimen: Specimen, settled: State, scale: float, first: float = 0.1, width: float = 2.5e-3) -> Ramp:
-    """Raise λ step by step, waiting for rest at each, and halve the step where it does not come.
+    """Raise λ step by step, wait for rest at each step, and bisect where there is none.
 
-    scale: λ that first (the first step) and width (of the bracket in the end) are shares of.
+    Parameters
+    ----------
+    specimen : Specimen
+        Assembly under one labelling.
+    settled : State
+        State under the dead loads; not changed.
+    scale : float
+        λ to which `first` and `width` are relative.
+    first : float
+        First step.
+    width : float
+        Final width of the bracket.
+
+    Returns
+    -------
+    Ramp
+        Bracket of λ and state.
     """
     state, low, step = copied(settled), 0.0, first
     fails, how = np.inf, Standing.RESTS

@@ -1,4 +1,4 @@
-"""One assembly, one labelling → the curve of λ over the movement of the live loads, and its collapse load."""
+"""Run an experiment on one labelling: curve of λ over displacement, and collapse load."""
 
 from __future__ import annotations
 
@@ -15,7 +15,18 @@ from jld_experiment.specimen import Specimen, Standing, specimen_of
 
 
 def require_one_load(assembly: Assembly) -> None:
-    """Raise InputError for load cases: what is loaded until it comes down is loaded one way."""
+    """Raise InputError if an assembly has load cases, since an experiment has one live load.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+
+    Raises
+    ------
+    InputError
+        If the assembly has load cases.
+    """
     if assembly.cases:
         problem = f"an experiment pushes with one live load, and there are {len(assembly.cases)} cases"
         raise InputError("loads.cases", problem, '"loads.live" with the load of one of them')
@@ -23,15 +34,47 @@ def require_one_load(assembly: Assembly) -> None:
 
 @dataclass(frozen=True)
 class Curve:
-    """What an experiment showed.
+    """Result of an experiment; arrays are empty if the dead loads alone cause collapse.
 
-    standing: under the dead loads alone. distance, load_factor, unbalanced: (k,) of the slower push: live·u in scene
-    units (work of the live loads at λ = 1), λ, and the largest out-of-balance force over the largest dead load on
-    an element. faster: (k', 2) distance and λ of the faster push. reach: live·u at λ = 1 if nothing yields.
-    collapse: record of the collapse load, the largest λ before the first fall by a tenth of the highest. rising:
-    had nothing given way when the push ended? at_collapse, at_end: (n, q) movements since the dead loads stood.
-    cracked: (m,) share of the area of each face that had broken in the end. first_crack: λ at which a brittle face
-    first gave way, NaN where none did. Arrays are empty where the dead loads alone bring it down.
+    Displacement is live·u, the work of the live loads at λ = 1, in scene units.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        Structure with n elements and m faces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    joints : Joints
+        Properties of faces.
+    settings : Settings
+        Numerical settings.
+    standing : Standing
+        Behaviour under the dead loads alone.
+    reach : float
+        Displacement live·u at λ = 1 of the elastic structure.
+    collapse_load : float
+        λ at collapse.
+    rising : bool
+        True if the load had neither fallen nor reached a plateau at the end of a push.
+    at_collapse, at_end : (n, q) float array
+        Displacements since the dead loads were in equilibrium.
+    cracked : (m,) float array
+        Share of the area of each face that is broken at the end.
+    distance, load_factor, unbalanced : (k,) float array
+        Displacement live·u, λ and relative unbalanced force of the slower push.
+        The unbalanced force is the largest one over the largest dead load on an element.
+    broken : (k,) int array
+        Number of broken sub-contacts in the slower push.
+    faster : (k', 2) float array
+        Displacement and λ of the faster push.
+    collapse : int
+        Record of the collapse load, the largest λ before the first fall by a tenth of the highest λ.
+    rate_error : float
+        Relative difference of the collapse loads of the two pushes.
+    first_crack : float
+        λ at which a brittle face first broke, NaN if none did.
+    periods : float
+        Duration of both pushes, slowest periods.
     """
 
     assembly: Assembly
@@ -57,22 +100,25 @@ class Curve:
 
     @property
     def stands(self) -> bool:
-        """Does it stand under the dead loads?"""
+        """True if the structure stands under the dead loads."""
         return self.standing is Standing.RESTS
 
     @property
     def rates_agree(self) -> bool:
-        """Did two rates give the same collapse load, to RATE_ERROR? That is no bound on λ: see `accuracy`."""
+        """True if two rates give the same collapse load within `RATE_ERROR`.
+
+        Agreement is no bound on λ; see `accuracy`.
+        """
         return self.stands and not self.rising and self.rate_error <= RATE_ERROR
 
     @property
     def certified(self) -> bool:
-        """The former name of `rates_agree`, kept for one version: nothing is proven by an experiment."""
+        """Former name of `rates_agree`, kept for one version; an experiment proves nothing."""
         return self.rates_agree
 
     @property
     def accuracy(self) -> float:
-        """Relative accuracy that the collapse load can claim: the difference of two rates, ACCURACY at least."""
+        """Relative accuracy of the collapse load: the rate error, at least `ACCURACY`."""
         return max(self.rate_error, ACCURACY)
 
 
@@ -83,13 +129,32 @@ def run_experiment(
     joints: Joints | None = None,
     settings: Settings | None = None,
 ) -> Curve:
-    """Load one labelling of an assembly until it comes down, twice, at two rates.
+    """Load one labelling of an assembly until collapse, twice, at two rates.
 
-    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. The assembly is settled under its dead
-    loads, then live·u is made to grow at a constant rate and λ is read off as the multiplier of that constraint. The
-    collapse load comes from the slower push, `rate_error` is the relative difference of the two.
-    Raises InputError where a material that the labelling needs is missing, a setting is of no use, or there are load
-    cases.
+    The assembly first settles under its dead loads. Then live·u grows at a constant rate.
+    λ is the multiplier of this constraint. The collapse load comes from the slower push.
+    `rate_error` is the relative difference of the two pushes.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar or spatial structure with one live load.
+    labels : (m,) bool array, optional
+        Labels, True = dry. Default: the scene's own.
+    joints : Joints, optional
+        Properties of faces.
+    settings : Settings, optional
+        Numerical settings.
+
+    Returns
+    -------
+    Curve
+        Curve of λ and collapse load.
+
+    Raises
+    ------
+    InputError
+        If a required material is missing, a setting is invalid, or there are load cases.
     """
     require_one_load(assembly)
     own = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
@@ -132,7 +197,7 @@ def run_experiment(
 
 
 def _nothing(specimen: Specimen, joints: Joints, standing: Standing, moved: Floats, rising: bool = False) -> Curve:
-    """A curve without a push: it does not stand, has no strength at all, or nothing in it can give way."""
+    """Return a curve without a push: the structure falls, has no strength, or cannot collapse."""
     load = 0.0 if standing is Standing.RESTS and not rising else np.nan
     return Curve(
         assembly=specimen.assembly,

@@ -1,4 +1,4 @@
-"""What one sub-contact does: springs, Mohr–Coulomb with dilation, tension and cohesion plastic or brittle."""
+"""Define the law of a sub-contact: springs, Mohr–Coulomb with dilation, brittle strength."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from jld_core.arrays import Floats
 from jld_experiment.compiled import compiled
 
 Law = tuple[float, float, float, float, float, float, float, float]
-"""Columns of `law`, one row a face: springs kn and ks, friction, dilation, cohesion, tension, crushing, residual."""
+"""Row of `law` for one face: kn, ks, friction, dilation, cohesion, tension, crushing, residual friction."""
 
 
 @compiled
 def numbers_of(law: Floats, f: int) -> Law:
-    """Row f of `law`."""
+    """Return row f of `law` as numbers."""
     return (law[f, 0], law[f, 1], law[f, 2], law[f, 3], law[f, 4], law[f, 5], law[f, 6], law[f, 7])
 
 
@@ -19,11 +19,11 @@ def numbers_of(law: Floats, f: int) -> Law:
 def sub_contact(
     overlap: float, size: float, law: Law, brittle: bool, gaps: bool, broken: bool
 ) -> tuple[float, float, float, bool]:
-    """What one carries after an elastic trial: overlap, compressive stress, size of the shear stress, is it broken.
+    """Return overlap, compressive stress, shear stress and broken state after a trial.
 
-    overlap, size: of the trial, see `contact_stress`. law: of its face, as numbers: arrays that are handed on count
-    their references, which takes longer than all that is done here. broken: was it before? A brittle one that exceeds
-    its tension or cohesion is now.
+    `overlap` and `size` are those of the elastic trial, see `contact_stress`. `broken` is the state before the step.
+    A brittle sub-contact breaks if it exceeds its tension or cohesion.
+    `law` is a tuple of numbers, because passing an array costs more time than this function.
     """
     kn, ks, mu, psi, cohesion, tension, crushing, residual = law
     p = kn * overlap
@@ -51,15 +51,33 @@ def contact_stress(
     crushing: float,
     gaps: bool,
 ) -> tuple[float, float, float]:
-    """Return of one sub-contact from an elastic trial to its yield surface, per unit of area.
+    """Return a sub-contact from an elastic trial to its yield surface, per unit of area.
 
-    overlap: elastic overlap of the trial, length (negative: apart). size: shear stress of the trial, ≥ 0. kn, ks:
-    springs, stress per length. friction: μ. dilation: tan of its angle, opening per slip where it slides. cohesion,
-    tension, crushing: stresses ≥ 0. gaps: is what has opened still open when the movement turns back (True), or
-    plastic like everything else (False). Returns overlap, compressive stress and size of the shear stress.
+    The return is the closest point in the elastic energy where dilation equals friction.
+    It maps p ↦ p + kn ψ γ and |q| ↦ |q| − ks γ with γ = (|q| − c − μp) / (ks + μ ψ kn).
+    At the corner p = −σt the shear stress is limited to |q| ≤ c − μσt.
 
-    The return is the closest point in the elastic energy where dilation equals friction: p ↦ p + kn ψ γ and
-    |q| ↦ |q| − ks γ with γ = (|q| − c − μp) / (ks + μ ψ kn), or the corner p = −σt, |q| ≤ c − μσt.
+    Parameters
+    ----------
+    overlap : float
+        Elastic overlap of the trial, length; negative if apart.
+    size : float
+        Shear stress of the trial, ≥ 0.
+    kn, ks : float
+        Springs, stress per length.
+    friction : float
+        Friction coefficient μ.
+    dilation : float
+        Tangent ψ of the dilation angle, opening per slip while sliding.
+    cohesion, tension, crushing : float
+        Strengths ≥ 0.
+    gaps : bool
+        True if an opened gap stays open on reversal; False if opening is plastic.
+
+    Returns
+    -------
+    tuple of (float, float, float)
+        Overlap, compressive stress and size of the shear stress.
     """
     p = kn * overlap
     if p > crushing:

@@ -1,5 +1,8 @@
-"""Planar faces that follow the geometry: gaps and slips from where the elements are, contact lost where one slides past
-the end of the other, and new contacts where corners meet other elements."""
+"""Compute forces of planar faces that follow the geometry, and contacts of corners.
+
+Gaps and slips follow from the positions of the elements.
+Contact is lost where a face slides past the end of another, and new contacts arise where corners meet elements.
+"""
 
 from __future__ import annotations
 
@@ -15,22 +18,51 @@ from jld_experiment.laws import numbers_of, sub_contact
 from jld_experiment.subcontacts import SubContacts
 
 CLEARANCE: Final = 1e-3
-"""Depth, in typical elements and beyond the largest elastic overlap of any face, at which a corner begins to press:
-four cells that meet in a point and are pressed together do not by that."""
+"""Depth beyond the largest elastic overlap at which a corner begins to press, in typical element sizes.
 
-_NEAR: Final = 0.05  # typical elements within which a corner is looked at step by step
-_AROUND: Final = 1.0  # typical elements within which it is looked at at all
+Four cells that meet in a point and are compressed must not press by their corners.
+"""
+
+_NEAR: Final = 0.05  # Distance, in typical element sizes, within which a corner is checked in every step.
+_AROUND: Final = 1.0  # Distance, in typical element sizes, within which a corner is considered at all.
 
 
 class Plane(NamedTuple):
-    """What moving faces and corners need to know, shapes at rest about the centroids.
+    """Data of moving planar faces and corners, with shapes at rest about the centroids.
 
-    centre: (n, 2). near, far: (s, 2) arms to each sub-contact from elements a and b. share: (s,) tributary length.
-    half: (m,) half length. corner: (c,) element of each corner; arm: (c, 2) to it. pair: (p, 2) corner and element that
-    may meet. barred: (p, 2) edges of that element whose contact is a face already, −1 where none. edge_first: (n + 1,)
-    where the corners of each element begin, counter-clockwise. spring: normal and shear force per length of a corner,
-    friction, clearance, margin, and as a state the largest elastic overlap of any face.
-    State, changed in place: gap, slid (s,); stuck (p,) force along the edge, place (p,) along it, on (p,) edge touched.
+    The last five attributes are state and are changed in place.
+
+    Attributes
+    ----------
+    centre : (n, 2) float array
+        Centroids.
+    near, far : (s, 2) float array
+        Arms to each sub-contact from elements a and b.
+    share : (s,) float array
+        Tributary length.
+    half : (m,) float array
+        Half length of each face.
+    corner : (c,) int array
+        Element of each corner.
+    arm : (c, 2) float array
+        Arm to each corner.
+    pair : (p, 2) int array
+        Corner and element that may meet.
+    barred : (p, 2) int array
+        Edges of that element whose contact is already a face, −1 for none.
+    edge_first : (n + 1,) int array
+        Position of the first corner of each element, counter-clockwise.
+    spring : (6,) float array
+        Normal and shear force per length of a corner, friction, clearance, margin.
+        The last entry is state: the largest elastic overlap of any face.
+    gap, slid : (s,) float array
+        Gap and slip of sub-contacts.
+    stuck : (p,) float array
+        Force along the edge.
+    place : (p,) float array
+        Position along the edge.
+    on : (p,) int array
+        Edge touched.
     """
 
     centre: Floats
@@ -52,7 +84,7 @@ class Plane(NamedTuple):
 
 
 def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Plane:
-    """What a planar assembly is at rest. kn, ks: (m,) springs per area."""
+    """Return the data of a planar assembly at rest; `kn` and `ks` (m,) are springs per area."""
     faces, elements = assembly.interfaces, assembly.elements
     at = faces.origin[points.face] + points.place[:, :1] * faces.e1[points.face]
     near, far = at - elements.centroid[faces.a[points.face]], at - elements.centroid[faces.b[points.face]]
@@ -83,8 +115,11 @@ def plane_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, typical: float) -> Floats:
-    """(6,) springs of corners from those of faces and their typical sub-contact, friction, clearance, margin, and a
-    place for the largest elastic overlap of any face. typical: size of an element."""
+    """Return (6,) springs of corners, friction, clearance, margin and a place for the overlap.
+
+    The springs follow from those of faces and their typical sub-contact. `typical` is the size of an element.
+    The last entry holds the largest elastic overlap of any face.
+    """
     size = float(np.median(np.bincount(points.face, weights=points.place[:, -1]) / np.bincount(points.face)))
     known = assembly.strengths.friction[np.isfinite(assembly.strengths.friction)]
     friction = float(np.median(known)) if known.size else 0.0
@@ -93,7 +128,10 @@ def corner_springs(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floa
 
 
 def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: float) -> Ints:
-    """(p, 2) corners and elements that may meet. corner: (c,) element of each; places: (c, d)."""
+    """Return (p, 2) corners and elements that may meet.
+
+    `corner` (c,) is the element of each corner; `places` (c, d) are the positions.
+    """
     elements, around = assembly.elements, _AROUND * typical
     found = []
     for other in range(len(elements)):
@@ -105,7 +143,7 @@ def near_corners(assembly: Assembly, corner: Ints, places: Floats, typical: floa
 
 
 def contacts_of(assembly: Assembly) -> dict[tuple[int, int], list[int]]:
-    """Faces between two elements, in either order."""
+    """Return the faces between two elements, in either order of the elements."""
     faces, found = assembly.interfaces, dict[tuple[int, int], list[int]]()
     for face in range(len(faces)):
         a, b = int(faces.a[face]), int(faces.b[face])
@@ -115,7 +153,10 @@ def contacts_of(assembly: Assembly) -> dict[tuple[int, int], list[int]]:
 
 
 def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """(p, 2) edges of the element of each pair along which that of the corner touches it already, −1 where none."""
+    """Return (p, 2) edges along which a pair's element already touches that of the corner.
+
+    The value is −1 where there is no such edge.
+    """
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     barred = []
     for c, other in pair.tolist():
@@ -126,7 +167,7 @@ def _edges_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _edge_along(shape: Floats, contact: Floats) -> int:
-    """The edge of a polygon on which a contact lies."""
+    """Return the edge of a polygon on which a contact lies."""
     after = np.roll(shape, -1, axis=0)
     along = after - shape
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -139,10 +180,10 @@ def _edge_along(shape: Floats, contact: Floats) -> int:
 
 @compiled
 def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> None:
-    """Forces (n, 3) of all faces from where the elements are, added to `force`.
+    """Add the forces (n, 3) of all faces at the present positions of the elements to `force`.
 
-    Normals follow the mean rotation of both elements. A sub-contact is half on either element; the half that has slid
-    past the end of the other face by its tributary length is lost, and comes back with it.
+    Normals follow the mean rotation of both elements. Half of a sub-contact belongs to either element.
+    A half that has slid past the end of the other face by its tributary length is lost, until it slides back.
     """
     moved, ends, frame = motion.moved, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
@@ -191,13 +232,15 @@ def moving_forces(bench: Bench, motion: Motion, force: Floats, plane: Plane) -> 
 
 @compiled
 def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, float, float, float]:
-    """Edge of the element of a pair that its corner is nearest to: edge, depth inside the element (negative outside),
-    place along the edge, and its direction."""
+    """Return the edge of a pair's element that is nearest to its corner, and their distance.
+
+    The result is edge, depth inside the element (negative outside), position along the edge, and its direction.
+    """
     c, j = plane.pair[pair, 0], plane.pair[pair, 1]
     i = plane.corner[c]
     ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
     cj, sj = np.cos(moved[j, 2]), np.sin(moved[j, 2])
-    # the corner in the frame of the element at rest
+    # Transform the corner to the frame of the element at rest.
     x = plane.centre[i, 0] + moved[i, 0] + ci * plane.arm[c, 0] - si * plane.arm[c, 1]
     y = plane.centre[i, 1] + moved[i, 1] + si * plane.arm[c, 0] + ci * plane.arm[c, 1]
     x -= plane.centre[j, 0] + moved[j, 0]
@@ -225,7 +268,7 @@ def nearest_edge(pair: int, moved: Floats, plane: Plane) -> tuple[int, float, fl
 
 @compiled
 def near_pairs(moved: Floats, plane: Plane) -> Ints:
-    """Pairs of corner and element that are near each other now."""
+    """Return the pairs of corner and element that are now near each other."""
     found = np.empty(len(plane.pair), dtype=np.int64)
     count = 0
     for pair in range(len(plane.pair)):
@@ -238,9 +281,9 @@ def near_pairs(moved: Floats, plane: Plane) -> Ints:
 
 @compiled
 def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> None:
-    """Forces of corners that have come into other elements, with friction, added to `force`.
+    """Add the forces of corners that have entered other elements, with friction, to `force`.
 
-    A corner that lies on an edge along which its element is in contact already is left to that face.
+    A corner on an edge along which its element is already in contact is left to that face.
     """
     kn, ks, friction = plane.spring[0], plane.spring[1], plane.spring[2]
     clearance = plane.spring[3] + plane.spring[5]
@@ -262,7 +305,7 @@ def corner_forces(pairs: Ints, moved: Floats, force: Floats, plane: Plane) -> No
         plane.stuck[pair] = rub
         c, j = plane.pair[pair, 0], plane.pair[pair, 1]
         i = plane.corner[c]
-        # outward of a counter-clockwise element is its edge turned by −90°
+        # The outward normal of a counter-clockwise element is its edge turned by −90°.
         fx, fy = press * ty + rub * tx, rub * ty - press * tx
         ci, si = np.cos(moved[i, 2]), np.sin(moved[i, 2])
         ax = ci * plane.arm[c, 0] - si * plane.arm[c, 1]

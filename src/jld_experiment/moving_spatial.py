@@ -1,7 +1,8 @@
-"""Spatial faces that follow the geometry, as `moving` has them in the plane: finite rotations, contact lost where one
-face slides past the rim of the other, and new contacts where corners meet other elements.
+"""Compute forces of spatial faces that follow the geometry, and contacts of corners.
 
-Edges that meet edges crosswise, with no corner of either inside the other, are not seen.
+As in `moving`, with finite rotations: contact is lost where a face slides past the rim of another.
+New contacts arise where corners meet other elements.
+Edges that cross edges, with no corner inside the other element, are not detected.
 """
 
 from __future__ import annotations
@@ -29,20 +30,54 @@ from jld_experiment.solids import (
 )
 from jld_experiment.subcontacts import SubContacts
 
-_FLUSH: Final = 1e-6  # typical elements within which faces lie in one plane
+_FLUSH: Final = 1e-6  # Distance, in typical element sizes, up to which faces count as coplanar.
 
 
 class Space(NamedTuple):
-    """What moving faces and corners need to know, shapes at rest about the centroids.
+    """Data of moving spatial faces and corners, with shapes at rest about the centroids.
 
-    centre: (n, 3). near, far: (s, 3) arms to each sub-contact from elements a and b. share: (s,) side of a square of
-    its area. rim_first: (m + 1,) where the rim (r, 2) of each face begins, in its frame about its origin.
-    corner: (c,) element of each corner; arm: (c, 3) to it. pair: (p, 2) corner and element that may meet. barred:
-    (p, k) faces of that element whose contact is a face already, −1 where none. side_first: (n + 1,) where the
-    triangles, sides (t, 3, 3), of each element begin, outward; side: (t,) which of its faces each belongs to. flush:
-    (p, k) faces of it through which the corner does not come, −1 where none. spring: see `corner_springs`.
-    State, changed in place: turn (n, 3, 3) rotations since rest; gap (s,), slid (s, 2); stuck (p, 3) force and place
-    (p, 3) on the element, in its axes at rest; on (p,) face touched.
+    The last six attributes are state and are changed in place.
+
+    Attributes
+    ----------
+    centre : (n, 3) float array
+        Centroids.
+    near, far : (s, 3) float array
+        Arms to each sub-contact from elements a and b.
+    share : (s,) float array
+        Side of a square with the area of the sub-contact.
+    rim_first : (m + 1,) int array
+        Position of the first rim point of each face.
+    rim : (r, 2) float array
+        Rims of faces in their frames about their origins.
+    corner : (c,) int array
+        Element of each corner.
+    arm : (c, 3) float array
+        Arm to each corner.
+    pair : (p, 2) int array
+        Corner and element that may meet.
+    barred : (p, k) int array
+        Faces of that element whose contact is already a face, −1 for none.
+    side_first : (n + 1,) int array
+        Position of the first triangle of each element.
+    sides : (t, 3, 3) float array
+        Outward triangles of the elements.
+    side : (t,) int array
+        Face of the element to which each triangle belongs.
+    flush : (p, k) int array
+        Faces of the element through which the corner cannot enter, −1 for none.
+    spring : (6,) float array
+        Springs of corners, see `corner_springs`.
+    turn : (n, 3, 3) float array
+        Rotations since rest.
+    gap : (s,) float array
+        Gap of sub-contacts.
+    slid : (s, 2) float array
+        Slip of sub-contacts.
+    stuck, place : (p, 3) float array
+        Force and position on the element, in its axes at rest.
+    on : (p,) int array
+        Face touched.
     """
 
     centre: Floats
@@ -69,7 +104,7 @@ class Space(NamedTuple):
 
 
 def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) -> Space:
-    """What a spatial assembly is at rest. kn, ks: (m,) springs per area."""
+    """Return the data of a spatial assembly at rest; `kn` and `ks` (m,) are springs per area."""
     faces, elements = assembly.interfaces, assembly.elements
     along = points.place[:, :1] * faces.e1[points.face] + points.place[:, 1:2] * faces.e2[points.face]
     at = faces.origin[points.face] + along
@@ -109,7 +144,10 @@ def space_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats) ->
 
 
 def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
-    """(p, k) faces of the element of each pair along which that of the corner touches it already, −1 where none."""
+    """Return (p, k) faces along which a pair's element already touches that of the corner.
+
+    The value is −1 where there is no such face.
+    """
     contacts, faces, elements = contacts_of(assembly), assembly.interfaces, assembly.elements
     found = []
     for c, other in pair.tolist():
@@ -123,8 +161,11 @@ def _faces_in_contact(assembly: Assembly, corner: Ints, pair: Ints) -> Ints:
 
 
 def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -> Ints:
-    """(p, k) faces of the element of each pair that lie in one plane with a face of the corner's, outward the same way,
-    −1 where none: the ends of a wall's blocks. No corner comes in through these."""
+    """Return (p, k) faces of a pair's element that are coplanar with a face of the corner's.
+
+    Both faces have the same outward normal, as at the ends of a wall's blocks, so no corner enters through them.
+    The value is −1 where there is no such face.
+    """
     elements, planes = assembly.elements, []
     for shape, sides in zip(elements.shape, elements.faces, strict=True):
         rows = []
@@ -145,7 +186,7 @@ def _flush_faces(assembly: Assembly, corner: Ints, pair: Ints, typical: float) -
 
 
 def _table(rows: list[list[int]]) -> Ints:
-    """Lists of numbers as one table, filled up with −1."""
+    """Return lists of numbers as one table, filled with −1."""
     table = np.full((len(rows), max((len(row) for row in rows), default=0)), -1)
     for line, row in zip(table, rows, strict=True):
         line[: len(row)] = row
@@ -154,7 +195,7 @@ def _table(rows: list[list[int]]) -> Ints:
 
 @compiled
 def turn_along(velocity: Floats, space: Space) -> None:
-    """Turn the elements by one step of their angular velocities (Rodrigues' formula)."""
+    """Rotate the elements by one step of their angular velocities (Rodrigues' formula)."""
     spin, was = np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(velocity)):
         x, y, z = velocity[i, 3], velocity[i, 4], velocity[i, 5]
@@ -175,7 +216,7 @@ def turn_along(velocity: Floats, space: Space) -> None:
 
 @compiled
 def mean_axes(bench: Bench, space: Space, f: int, axes: Floats) -> None:
-    """Normal, e1 and e2 (3, 3) of a face, turned by the mean of both elements."""
+    """Compute normal, e1 and e2 (3, 3) of a face, rotated by the mean of both elements."""
     a, b = bench.ends[f, 0], bench.ends[f, 1]
     for axis in range(2):
         for i in range(3):
@@ -198,7 +239,7 @@ def mean_axes(bench: Bench, space: Space, f: int, axes: Floats) -> None:
 
 @compiled
 def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: Space) -> None:
-    """Forces (n, 6) of all faces from where the elements are, added to `force`; see `moving_forces`."""
+    """Add the forces (n, 6) of all faces at present positions to `force`; see `moving_forces`."""
     axes, near, far = np.empty((3, 3)), np.empty(3), np.empty(3)
     between, part, jump = np.empty(3), np.empty(3), np.empty(3)
     moved, ends, first, place = motion.moved, bench.ends, bench.first, bench.place
@@ -248,9 +289,9 @@ def moving_forces_in_space(bench: Bench, motion: Motion, force: Floats, space: S
 
 @compiled
 def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest: Floats) -> tuple[int, float]:
-    """Triangle of the element of a pair that its corner is nearest to, and how far from it the corner is.
+    """Return the triangle of a pair's element that is nearest to its corner, and the distance.
 
-    point, nearest: (3,) filled with the corner and the nearest point, in the element's axes at rest.
+    `point` and `nearest` (3,) are set to the corner and the nearest point, in the element's axes at rest.
     """
     c, j = space.pair[pair, 0], space.pair[pair, 1]
     i = space.corner[c]
@@ -273,7 +314,7 @@ def nearest_side(pair: int, moved: Floats, space: Space, point: Floats, nearest:
 
 @compiled
 def is_among(table: Ints, row: int, value: int) -> bool:
-    """Does a value stand in a row of a table?"""
+    """Return True if a value occurs in a row of a table."""
     found = False
     for k in range(table.shape[1]):
         found = found or table[row, k] == value
@@ -282,9 +323,10 @@ def is_among(table: Ints, row: int, value: int) -> bool:
 
 @compiled
 def is_inside(point: Floats, pair: int, space: Space) -> bool:
-    """Does a point, in the axes at rest of the element of a pair, lie within it?
+    """Return True if a point lies within the element of a pair.
 
-    With flush faces left out, what lies in their plane sees half of what it would see from far within.
+    The point is given in the element's axes at rest. Flush faces are left out.
+    A point in the plane of a flush face then sees half the solid angle of a point far inside.
     """
     element, seen = space.pair[pair, 1], 0.0
     for t in range(space.side_first[element], space.side_first[element + 1]):
@@ -295,7 +337,7 @@ def is_inside(point: Floats, pair: int, space: Space) -> bool:
 
 @compiled
 def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
-    """Pairs of corner and element that are near each other now."""
+    """Return the pairs of corner and element that are now near each other."""
     found, count = np.empty(len(space.pair), dtype=np.int64), 0
     point, nearest = np.empty(3), np.empty(3)
     for pair in range(len(space.pair)):
@@ -308,7 +350,7 @@ def near_pairs_in_space(moved: Floats, space: Space) -> Ints:
 
 @compiled
 def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Space) -> None:
-    """Forces of corners that have come into other elements, with friction, added to `force`; see `corner_forces`."""
+    """Add forces of corners that have entered other elements to `force`; see `corner_forces`."""
     kn, ks, friction = space.spring[0], space.spring[1], space.spring[2]
     clearance = space.spring[3] + space.spring[5]
     point, nearest, normal, part, total, arm = np.empty((6, 3))
@@ -325,7 +367,7 @@ def corner_forces_in_space(pairs: Ints, moved: Floats, force: Floats, space: Spa
         else:
             space.on[pair], space.stuck[pair] = side, 0.0
         space.place[pair] = nearest
-        # inside, the nearest point lies straight outward
+        # For a point inside, the nearest point lies along the outward normal.
         press = kn * (away - clearance)
         for k in range(3):
             normal[k] = (nearest[k] - point[k]) / away

@@ -1,4 +1,4 @@
-"""An experiment beside limit analysis: its numbers, its table, its picture."""
+"""Report an experiment beside limit analysis: numbers, table and picture."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ PUSHED, FASTER, LIMIT = "#1B1B1B", "#D55E00", "#0072B2"
 
 
 def status_of(curve: Curve) -> str:
-    """collapse, uncertified (two rates differ by more than allowed), locked (nothing gave way), falls or creeps (under
-    its dead loads alone)."""
+    """Return the status: "collapse", "uncertified", "locked", "falls" or "creeps".
+
+    "uncertified" means that two rates differ by more than allowed, "locked" that nothing collapsed.
+    "falls" and "creeps" describe the behaviour under the dead loads alone.
+    """
     if not curve.stands:
         return str(curve.standing)
     if curve.rising:
@@ -29,7 +32,7 @@ def status_of(curve: Curve) -> str:
 
 
 def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
-    """What `jld experiment --json` prints. load_factor: λ of limit analysis, NaN where there is none."""
+    """Return the data of `jld experiment --json`; `load_factor` is λ of limit analysis or NaN."""
     found = curve.collapse_load
     joints, settings = curve.joints, curve.settings
     return {
@@ -56,8 +59,12 @@ def summary(curve: Curve, load_factor: float) -> dict[str, Any]:
 
 
 def table(curve: Curve) -> pd.DataFrame:
-    """Both pushes, a row a record: push (slow, fast), distance (live·u), elastic (the same over that at the collapse
-    load if nothing yielded), load_factor, and of the slow one unbalanced and broken."""
+    """Return both pushes as a table with one row per record.
+
+    Columns are push (slow, fast), distance (live·u), elastic, load_factor, unbalanced and broken.
+    `elastic` is the distance over that of the elastic structure at the collapse load.
+    The columns unbalanced and broken exist for the slow push only.
+    """
     slow = pd.DataFrame(
         {
             "push": "slow",
@@ -74,9 +81,11 @@ def table(curve: Curve) -> pd.DataFrame:
 
 
 def end_state(curve: Curve, result: LimitAnalysisResult) -> LimitAnalysisResult:
-    """A result whose mechanism is how the experiment moved, with live power 1: for `draw_mechanism` and for tables.
+    """Return a result whose mechanism is the displacement of the experiment.
 
-    From the dead loads to the end where it is pushed; where it does not stand, from nothing to where it was left.
+    The mechanism is scaled to live power 1, for `draw_mechanism` and for tables.
+    The displacement is that since the dead loads were in equilibrium.
+    If the structure does not stand, the displacement is that since the start, scaled to a largest value of 1.
     """
     moved = curve.at_end
     power = float((curve.assembly.live * moved).sum())
@@ -91,8 +100,11 @@ def draw_curve(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> None:
-    """λ over the movement of the live loads in multiples of the elastic one at collapse; λ of limit analysis as a
-    line, and where they are given the band of zero-dilation answers, and what is proven of its lower end."""
+    """Plot λ over displacement, with λ of limit analysis as a line.
+
+    The displacement is relative to the elastic one at collapse.
+    `band` is the range of λ without dilation, and `proven` the lower bound on it.
+    """
     unit = curve.reach * (curve.collapse_load or np.nan)
     if band is not None:
         low, high = band
@@ -133,9 +145,10 @@ def figure_of(
     band: tuple[float, float] | None = None,
     proven: float | None = None,
 ) -> Figure:
-    """The curve, how the experiment ended, and the mechanism of limit analysis, side by side.
+    """Draw the curve, the end of the experiment, and the mechanism of limit analysis.
 
-    result: of the same assembly and labels. band: lowest and highest zero-dilation answer. proven: none lies below it.
+    `result` is of the same assembly and labels. `band` holds the lowest and highest λ without dilation.
+    `proven` is the lower bound on λ without dilation.
     """
     figure = Figure(figsize=(14.4, 5.7), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)

@@ -1,4 +1,4 @@
-"""What is experimented on, and how: the properties of joints, and the numbers of the method."""
+"""Define properties of joints and numerical settings of experiments."""
 
 from __future__ import annotations
 
@@ -9,29 +9,44 @@ from typing import Final, Literal
 from jld_core.errors import InputError
 
 RATE_ERROR: Final = 5e-3
-"""Difference of the collapse loads at two rates, relative, above which an experiment is uncertified."""
+"""Relative difference of the collapse loads at two rates above which an experiment is uncertified."""
 
 ACCURACY: Final = 1e-2
-"""Relative accuracy of a collapse load that can be claimed where two rates agree. Runs with limit analysis' own laws
-(plastic, associative) ended up to 1 % below λ: the push stops on a plateau, and the default scheme and gaps that close
-freely are a model of their own."""
+"""Smallest relative accuracy of a collapse load that can be claimed if two rates agree.
+
+Runs with the laws of limit analysis (plastic, associative) ended up to 1 % below λ.
+The push stops on a plateau, and the default scheme and freely closing gaps differ from limit analysis.
+"""
 
 REST: Final = 1e-7
-"""Out-of-balance force, relative to the largest load on an element, below which an assembly is at rest."""
+"""Unbalanced force, relative to the largest load on an element, below which an assembly is at rest."""
 
 FALL: Final = 0.1
-"""Share of the highest load by which it has to fall to be called collapse."""
+"""Fall of λ, as a share of the highest λ, that counts as collapse."""
 
 
 @dataclass(frozen=True)
 class Joints:
-    """Properties of the faces that limit analysis does not know.
+    """Properties of faces that limit analysis does not have.
 
-    normal_stiffness, shear_stiffness: springs, stress per length in scene units (Pa/m); None: such that the dead
-    loads move the assembly by a millionth of its size, and shear as normal. inner_ratio: stiffness of inner faces
-    over that of dry ones. dilation: tan of the angle at dry joints, or "friction" (associative). inner: do tension and
-    cohesion of inner faces last ("plastic"), or does exceeding either lose both ("brittle"). residual_friction: of
-    a crack, 0 in Table 2 of the paper.
+    Attributes
+    ----------
+    normal_stiffness, shear_stiffness : float or None
+        Springs, stress per length in scene units (Pa/m).
+        None for a normal spring by which dead loads move the assembly by about 1e-6 of its size, and equal shear.
+    inner_ratio : float
+        Stiffness of inner faces over that of dry faces.
+    dilation : float or "friction"
+        Tangent of the dilation angle of dry joints; "friction" is associative.
+    inner : str
+        "plastic" keeps tension and cohesion of inner faces; "brittle" loses both when either is exceeded.
+    residual_friction : float
+        Friction coefficient of a crack, 0 in Table 2 of the paper.
+
+    Raises
+    ------
+    InputError
+        If a value is invalid.
     """
 
     normal_stiffness: float | None = None
@@ -42,6 +57,7 @@ class Joints:
     residual_friction: float = 0.0
 
     def __post_init__(self) -> None:
+        """Validate all values."""
         for name in ("normal_stiffness", "shear_stiffness", "inner_ratio"):
             value = getattr(self, name)
             if value is not None and not (value > 0.0 and math.isfinite(value)):
@@ -58,16 +74,37 @@ class Joints:
 
 @dataclass(frozen=True)
 class Settings:
-    """How an experiment is run.
+    """Numerical settings of an experiment.
 
-    scheme, segments: of sub-contacts on a face, see `sub_contacts`. gaps: a joint that opened closes without
-    resistance ("free"), or is plastic like everything else ("plastic", for proofs against λ). moving: follow the
-    geometry, with new contacts where corners meet other faces.
+    The length of a push is measured in elastic displacements: live·u of the elastic structure at the final load.
 
-    A push is measured in elastic movements, live·u at the load it ends at if nothing yielded. periods: slowest periods
-    for one of them in the faster of two pushes; the other takes `slower` times as long. hasten: elastic movements after
-    which the rate grows with the distance. length: at which a push ends at the latest. records: points of a curve
-    in a slowest period. damping: local, share of the out-of-balance force. step: share of the critical step.
+    Attributes
+    ----------
+    scheme, segments
+        Positions of sub-contacts on a face and number of segments, see `sub_contacts`.
+    gaps : str
+        "free": an opened joint closes without resistance; "plastic": opening is plastic, for comparison with λ.
+    moving : bool
+        Follow the geometry, with new contacts where corners meet other faces.
+    periods : float
+        Slowest periods per elastic displacement in the faster push.
+    slower : float
+        Factor by which the second push takes longer.
+    hasten : float
+        Elastic displacements after which the rate grows with the displacement.
+    length : float
+        Largest length of a push, elastic displacements.
+    records : float
+        Points of a curve per slowest period.
+    damping : float
+        Local damping, a share of the unbalanced force.
+    step : float
+        Time step as a share of the critical step.
+
+    Raises
+    ------
+    InputError
+        If a value is invalid.
     """
 
     scheme: Literal["trapezoid", "simpson", "midpoint", "limit"] = "trapezoid"
@@ -83,6 +120,7 @@ class Settings:
     step: float = 0.5
 
     def __post_init__(self) -> None:
+        """Validate all values."""
         for name, low, high in (("damping", 0.0, 1.0), ("step", 0.0, 0.9)):
             if not low < getattr(self, name) < high:
                 raise InputError(f"settings.{name}", f"{getattr(self, name)!r}", f"a number between {low} and {high}")

@@ -1,4 +1,4 @@
-"""Points, polygons and solids in space, as the time stepping needs them."""
+"""Compute geometry of points, polygons and solids in space for the time stepping."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from jld_experiment.compiled import compiled
 
 
 def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[Floats, Ints]:
-    """Triangles (t, 3, 3) that a solid's faces are cut into, outward, and the face of each.
+    """Return outward triangles (t, 3, 3) of a solid's faces, and the face of each.
 
-    Faces that are not convex are cut by ears, so that every triangle lies on the solid.
+    Ear clipping cuts faces that are not convex, so that every triangle lies on the solid.
     """
     table, which = [], []
     for number, face in enumerate(faces):
@@ -31,7 +31,7 @@ def triangles_of(vertices: Floats, faces: tuple[tuple[int, ...], ...]) -> tuple[
 
 
 def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
-    """May corner k of a ring be cut off? It turns the right way, and no other corner lies within the triangle."""
+    """Return True if corner k of a ring is convex and its triangle contains no other corner."""
     a, b, c = vertices[ring[k - 1]], vertices[ring[k]], vertices[ring[(k + 1) % len(ring)]]
     if np.cross(b - a, c - b) @ normal <= 0.0:
         return False
@@ -43,21 +43,21 @@ def _is_ear(vertices: Floats, ring: list[int], k: int, normal: Floats) -> bool:
 
 @compiled
 def turned(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """out = matrix · arm"""
+    """Compute out = matrix · arm."""
     for i in range(3):
         out[i] = matrix[i, 0] * arm[0] + matrix[i, 1] * arm[1] + matrix[i, 2] * arm[2]
 
 
 @compiled
 def turned_back(matrix: Floats, arm: Floats, out: Floats) -> None:
-    """out = matrixᵀ · arm"""
+    """Compute out = matrixᵀ · arm."""
     for i in range(3):
         out[i] = matrix[0, i] * arm[0] + matrix[1, i] * arm[1] + matrix[2, i] * arm[2]
 
 
 @compiled
 def dot(one: Floats, two: Floats) -> float:
-    """one · two"""
+    """Return the scalar product one · two."""
     return float(one[0] * two[0] + one[1] * two[1] + one[2] * two[2])
 
 
@@ -72,7 +72,7 @@ def pressed(force: Floats, element: int, arm: Floats, part: Floats, sign: float)
 
 @compiled
 def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
-    """How far a point lies outside a polygon, 0 inside."""
+    """Return the distance of a point from a polygon, 0 inside."""
     within, least = False, np.inf
     for k in range(low, high):
         after = k + 1 if k + 1 < high else low
@@ -87,7 +87,10 @@ def beyond(x: float, y: float, low: int, high: int, rim: Floats) -> float:
 
 @compiled
 def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
-    """The point of a triangle (3, 3) nearest to a point (Ericson, Real-Time Collision Detection, 2005, 5.1.5)."""
+    """Compute the point of a triangle (3, 3) nearest to a point.
+
+    Source: Ericson, Real-Time Collision Detection, 2005, 5.1.5.
+    """
     a, b, c = triangle[0], triangle[1], triangle[2]
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0
     for i in range(3):
@@ -120,8 +123,11 @@ def nearest_on_triangle(point: Floats, triangle: Floats, out: Floats) -> None:
 
 @compiled
 def angle_seen(point: Floats, triangle: Floats) -> float:
-    """Half the solid angle that a triangle takes up as seen from a point (van Oosterom & Strackee 1983), with its
-    sign: those of all sides, outward, add up to 2π inside a solid and to 0 outside."""
+    """Return half the signed solid angle of a triangle seen from a point.
+
+    The values of all outward triangles sum to 2π inside a solid and to 0 outside.
+    Source: van Oosterom & Strackee 1983.
+    """
     x, y, z = triangle[0] - point, triangle[1] - point, triangle[2] - point
     lx, ly, lz = np.sqrt(dot(x, x)), np.sqrt(dot(y, y)), np.sqrt(dot(z, z))
     volume = (

@@ -1,4 +1,4 @@
-"""An assembly on the bench: its springs, its loads and its state, and the ways in which it is moved."""
+"""Prepare an assembly for loading: springs, loads and state, and the ways to advance it."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from jld_experiment.subcontacts import SubContacts, sub_contacts
 from jld_experiment.system import System, system_of
 from jld_experiment.time_stepping import march, march_in_plane, march_in_space
 
-SETTLE = 20.0  # slowest periods in which the dead loads are put on
-PATIENCE = 600.0  # slowest periods after which something that still moves is said to creep
-FAR = 1e3  # elastic movements beyond which it falls
+SETTLE = 20.0  # Slowest periods in which the dead loads are applied.
+PATIENCE = 600.0  # Slowest periods after which a structure that still moves counts as creeping.
+FAR = 1e3  # Displacement, in elastic displacements, beyond which a structure counts as falling.
 
 
 class Standing(StrEnum):
-    """What an assembly does under loads that stay."""
+    """Behaviour of an assembly under constant loads."""
 
     RESTS = "rests"
     CREEPS = "creeps"
@@ -34,9 +34,21 @@ class Standing(StrEnum):
 
 @dataclass
 class State:
-    """What changes: movements and velocities (n, q) about the centroids; of sub-contacts (s,) elastic overlap,
-    compressive stress, shear stress (s, d − 1), and whether they are broken; of a moving geometry what it remembers,
-    None where it stays at rest."""
+    """Variables that change during loading.
+
+    Attributes
+    ----------
+    moved, velocity : (n, q) float array
+        Displacements and velocities about the centroids.
+    overlap, pressure : (s,) float array
+        Elastic overlap and compressive stress of sub-contacts.
+    shear : (s, d − 1) float array
+        Shear stress of sub-contacts.
+    broken : (s,) bool array
+        True for broken sub-contacts.
+    geometry : Plane, Space or None
+        State of a moving geometry, None for a fixed one.
+    """
 
     moved: Floats
     velocity: Floats
@@ -49,8 +61,27 @@ class State:
 
 @dataclass(frozen=True)
 class Specimen:
-    """One labelling of an assembly, ready to be loaded. bench: what the time stepping works on. largest: force that
-    out-of-balance forces are compared with. geometry: of what moves, None where it stays at rest."""
+    """One labelling of an assembly, ready to be loaded.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        Structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    points : SubContacts
+        Sub-contacts of all faces.
+    system : System
+        Elastic system.
+    bench : Bench
+        Constant arrays of the time stepping.
+    largest : float
+        Force to which unbalanced forces are relative.
+    geometry : Plane, Space or None
+        Initial state of a moving geometry, None for a fixed one.
+    settings : Settings
+        Numerical settings.
+    """
 
     assembly: Assembly
     labels: Bits
@@ -62,7 +93,7 @@ class Specimen:
     settings: Settings
 
     def fresh(self) -> State:
-        """Without any load."""
+        """Return the state without any load."""
         n, q = len(self.assembly.elements), self.assembly.freedoms
         s = len(self.points.face)
         shear = np.zeros((s, self.assembly.dimension - 1))
@@ -80,7 +111,26 @@ class Specimen:
         load_factor: tuple[float, float] = (0.0, 0.0),
         rate: tuple[float, float] | None = None,
     ) -> tuple[float, float, float]:
-        """Some steps: mean of λ, largest out-of-balance force over `largest`, largest speed. State is changed."""
+        """Advance a state in place by a number of time steps.
+
+        Parameters
+        ----------
+        state : State
+            State, changed in place.
+        steps : int
+            Number of steps.
+        dead : tuple of (float, float)
+            Share of the dead loads at the first and last step.
+        load_factor : tuple of (float, float)
+            λ at the first and last step.
+        rate : tuple of (float, float), optional
+            Rate of live·u at the first and last step; λ is then the multiplier of this constraint.
+
+        Returns
+        -------
+        tuple of (float, float, float)
+            Mean λ, largest unbalanced force over `largest`, and largest speed.
+        """
         drive: Drive = (rate is not None, dead, load_factor, rate or (0.0, 0.0), self.settings.damping)
         motion = Motion(state.moved, state.velocity, state.overlap, state.pressure, state.shear, state.broken)
         if isinstance(state.geometry, Plane):
@@ -92,13 +142,24 @@ class Specimen:
         return factor, worst / self.largest, speed
 
     def settle(self) -> tuple[State, Standing]:
-        """The dead loads, put on within 20 slowest periods, and rest waited for."""
+        """Apply the dead loads within `SETTLE` slowest periods and wait for rest.
+
+        Returns
+        -------
+        state : State
+            Final state.
+        standing : Standing
+            Behaviour under the dead loads.
+        """
         state, period = self.fresh(), self.system.period
         self.march(state, max(1, round(SETTLE * period)), dead=(0.0, 1.0))
         return state, self.rest(state, 0.0)
 
     def rest(self, state: State, load_factor: float) -> Standing:
-        """Wait for rest under a load factor: it rests, falls (far away and still going), or creeps."""
+        """Wait for rest under a load factor and return whether the state rests, falls or creeps.
+
+        The state is changed in place. It falls if it moves beyond `FAR` elastic displacements.
+        """
         period = max(1, round(self.system.period))
         limit = FAR * (self.system.sag + abs(load_factor) * self.system.swing)
         for _ in range(int(PATIENCE)):
@@ -111,7 +172,10 @@ class Specimen:
         return Standing.CREEPS
 
     def resultants(self, state: State) -> Floats:
-        """(m, q) of all faces, as in limit analysis: planar N, V, M; spatial N, V1, V2, M1, M2, MT."""
+        """Return (m, q) resultants of all faces as in limit analysis.
+
+        The columns are N, V, M in the plane and N, V1, V2, M1, M2, MT in space.
+        """
         place, face, count = self.points.place, self.points.face, len(self.labels)
         area = place[:, -1]
         normal, shear = state.pressure * area, state.shear * area[:, None]
@@ -125,14 +189,33 @@ class Specimen:
 
 
 def copied(state: State) -> State:
-    """A state to go on from without losing this one."""
+    """Return an independent copy of a state."""
     return copy.deepcopy(state)
 
 
 def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Settings) -> Specimen:
-    """Put an assembly under one labelling on the bench.
+    """Prepare an assembly under one labelling for loading.
 
-    Raises InputError where a material that a face needs is missing.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    joints : Joints
+        Properties of faces.
+    settings : Settings
+        Numerical settings.
+
+    Returns
+    -------
+    Specimen
+        Assembly with springs, masses and sub-contacts.
+
+    Raises
+    ------
+    InputError
+        If a required material is missing.
     """
     points = sub_contacts(assembly, labels, settings.scheme, settings.segments)
     kn, ks = _springs(assembly, labels, joints)
@@ -161,7 +244,7 @@ def specimen_of(assembly: Assembly, labels: Bits, joints: Joints, settings: Sett
 
 
 def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, Floats]:
-    """(m,) normal and shear springs per area."""
+    """Return (m,) normal and shear springs per area."""
     normal = joints.normal_stiffness
     if normal is None:
         load = assembly.total_dead or assembly.total_live
@@ -172,7 +255,10 @@ def _springs(assembly: Assembly, labels: Bits, joints: Joints) -> tuple[Floats, 
 
 
 def _law(assembly: Assembly, labels: Bits, joints: Joints, kn: Floats, ks: Floats) -> Floats:
-    """(m, 8) the law of every face, columns as in `laws`; tension is cut where the cone of friction ends."""
+    """Return the (m, 8) law of every face, columns as in `laws`.
+
+    Tension is limited by the apex of the friction cone. Raises InputError if a material is missing.
+    """
     strengths = assembly.strengths
     friction = np.where(labels, strengths.friction, strengths.inner_friction)
     cohesion = np.where(labels, strengths.cohesion, strengths.shear)

@@ -1,4 +1,4 @@
-"""Where the sub-contacts of every face lie, and how much of its area each carries."""
+"""Place sub-contacts on every face and distribute its area over them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,21 @@ from jld_core.errors import InputError
 from jld_core.geometry import area_of
 
 SCHEMES: Final = ("trapezoid", "simpson", "midpoint", "limit")
+"""Names of the schemes of `sub_contacts`."""
 
 
 @dataclass(frozen=True)
 class SubContacts:
-    """Points of all m faces, one after the other.
+    """Sub-contacts of all m faces, one face after the other.
 
-    first: (m + 1,) where those of each face begin. place: (s, 2) coordinate along e1 and area (planar), or (s, 3)
-    coordinates along e1 and e2 and area (spatial). face: (s,) the face of each.
+    Attributes
+    ----------
+    first : (m + 1,) int array
+        Position of the first sub-contact of each face.
+    place : (s, 2) or (s, 3) float array
+        Coordinate along e1 and area (planar), or coordinates along e1 and e2 and area (spatial).
+    face : (s,) int array
+        Face of each sub-contact.
     """
 
     first: Ints
@@ -30,17 +37,24 @@ class SubContacts:
 
 
 def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -> SubContacts:
-    """Points and areas by one of four schemes.
+    """Compute points and areas of sub-contacts by one of four schemes.
 
-    trapezoid: ends of equal segments, each with its tributary area, as in distinct-element codes. simpson: ends and
-    middles of the segments, weights 1 : 4 : 1. midpoint: middles. limit: the points at which a normal force exhausts
-    a face in limit analysis: dry ±l/2, inner ±l/6 (kern of a rectangle); segments are then without effect.
-    On a spatial rectangle the schemes are products along e1 and e2; on other polygons trapezoid and limit put the
-    points at the corners (limit, inner: a third of the way from the centroid), midpoint at the centroids of the
-    triangles between centroid and edges, or of triangles between corners where the centroid does not see all edges;
-    simpson adds the middles of the edges; areas integrate the moments of the polygon to first order, by least change
-    of the tributary areas.
-    Raises InputError for a scheme without such a name, or fewer than one segment.
+    - trapezoid: ends of equal segments, each with its tributary area, as in distinct-element codes.
+    - simpson: ends and midpoints of the segments, weights 1 : 4 : 1.
+    - midpoint: midpoints of the segments.
+    - limit: the points at which a normal force exhausts a face in limit analysis.
+      These are ±l/2 for dry faces and ±l/6 for inner faces (kern of a rectangle). The number of segments has no
+      effect.
+
+    On a spatial rectangle the schemes are products along e1 and e2.
+    On other polygons trapezoid and limit place points at the corners.
+    For limit and inner faces they lie a third of the way from the centroid.
+    The scheme midpoint uses the centroids of the triangles between centroid and edges.
+    If the centroid does not see all edges, it uses triangles between corners.
+    The scheme simpson adds the midpoints of the edges.
+    Areas integrate moments of the polygon to first order, by the least change of the tributary areas.
+
+    Raises InputError for an unknown scheme or too few segments (1, for midpoint 2).
     """
     if scheme not in SCHEMES:
         raise InputError("--scheme", f"no scheme is named {scheme!r}", " or ".join(SCHEMES))
@@ -70,7 +84,7 @@ def sub_contacts(assembly: Assembly, labels: Bits, scheme: str, segments: int) -
 
 
 def _line(scheme: str, segments: int, dry: bool) -> Floats:
-    """(k, 2) places on a line from −1/2 to 1/2, and weights that add up to one."""
+    """Return (k, 2) positions on a line from −1/2 to 1/2 and weights that sum to one."""
     if scheme == "limit":
         end = 0.5 if dry else 1.0 / 6.0
         return np.array([[-end, 0.5], [end, 0.5]])
@@ -89,7 +103,7 @@ def _line(scheme: str, segments: int, dry: bool) -> Floats:
 
 
 def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: bool) -> Floats:
-    """(k, 3) points of a polygon that is no rectangle, in its frame about its centroid, and areas."""
+    """Return (k, 3) points about the centroid and areas for a polygon that is no rectangle."""
     faces = assembly.interfaces
     arm = faces.polygon[face] - faces.origin[face]
     corners = np.column_stack([arm @ faces.e1[face], arm @ faces.e2[face]])
@@ -105,24 +119,27 @@ def _polygon(assembly: Assembly, face: int, scheme: str, segments: int, dry: boo
         points = np.concatenate([_triangle_middles(base, one, two, segments) for base, one, two in triangles])
         areas = np.repeat(share / segments**2, segments**2)
     else:
-        # nodes of triangles, each split into segments² equal ones, with the tributary areas
+        # Split each triangle into segments² equal ones; the nodes have tributary areas.
         points, areas = _split(triangles, share, segments, scheme == "simpson")
     return np.column_stack([points, _balanced(points, areas)])
 
 
 def _cut(corners: Floats) -> Floats:
-    """(t, 3, 2) triangles of a polygon about its centroid: with the centroid where it sees all edges, else without."""
+    """Return (t, 3, 2) triangles of a polygon about its centroid.
+
+    They include the centroid if it sees all edges.
+    """
     after = np.roll(corners, -1, axis=0)
     signed = corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]
     if np.all(signed > 0.0) or np.all(signed < 0.0):
         return np.stack([np.zeros_like(corners), corners, after], axis=1)
-    # bridges to holes, run along both ways, are no edges of the region
+    # Bridges to holes are traversed in both directions and are not edges of the region.
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(area_of(shapely.Polygon(corners))))
     return np.array([shapely.get_coordinates(part)[:3] for part in cut])
 
 
 def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> Floats:
-    """(segments², 2) centroids of the equal triangles into which (base, one, two) is split."""
+    """Return (segments², 2) centroids of the equal triangles of a split triangle."""
     one, two, found = one - base, two - base, []
     for i in range(segments):
         for j in range(segments - i):
@@ -133,8 +150,11 @@ def _triangle_middles(base: Floats, one: Floats, two: Floats, segments: int) -> 
 
 
 def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tuple[Floats, Floats]:
-    """Nodes and areas of triangles (t, 3, 2): thirds to the corners of every small triangle, or to the middles of its
-    sides, which integrates squares exactly."""
+    """Return nodes and areas of triangles (t, 3, 2), each split into segments² equal ones.
+
+    A third of each small area goes to each corner, or with `middles` to each midpoint of its sides.
+    The midpoints integrate quadratic functions exactly.
+    """
     points, areas = [], []
     for (base, first, second), whole in zip(triangles, share.tolist(), strict=True):
         one, two = first - base, second - base
@@ -154,7 +174,7 @@ def _split(triangles: Floats, share: Floats, segments: int, middles: bool) -> tu
 
 
 def _merged(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
-    """Nodes that coincide, as one."""
+    """Merge nodes that coincide and add their areas."""
     size = float(np.abs(points).max())
     keys = np.round(points / size, 9)
     order = np.lexsort(keys.T[::-1])
@@ -164,7 +184,7 @@ def _merged(points: Floats, areas: Floats) -> tuple[Floats, Floats]:
 
 
 def _balanced(points: Floats, areas: Floats) -> Floats:
-    """Areas changed as little as possible so that their first moments about the centroid vanish."""
+    """Return areas with zero first moments about the centroid, changed as little as possible."""
     rows = np.vstack([np.ones(len(areas)), points.T])
     off = rows @ areas - np.array([areas.sum(), 0.0, 0.0])
     return np.asarray(areas - areas * (rows.T @ np.linalg.solve((rows * areas) @ rows.T, off)))

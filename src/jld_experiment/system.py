@@ -1,4 +1,4 @@
-"""Springs, masses and periods of an assembly before anything yields."""
+"""Compute springs, masses and periods of the elastic assembly."""
 
 from __future__ import annotations
 
@@ -14,13 +14,26 @@ from jld_experiment.subcontacts import SubContacts
 
 @dataclass(frozen=True)
 class System:
-    """An assembly of rigid elements on springs, with masses that make one the share `step` of the critical step.
+    """Elastic assembly of rigid elements on springs, with scaled masses.
 
-    ends: (m, 2) elements a and b. frame: (m, 6) planar or (m, 15) spatial, as the time stepping wants it. inverse: (n,
-    2) one
-    over mass and inertia, 0 on supports. radius: (n,) √(inertia/mass). period: steps in the slowest period. reach:
-    elastic movement live·u under the live loads with λ = 1. sag, swing: largest elastic movement of an element
-    under the dead loads, and under the live loads with λ = 1.
+    The masses make a time step of one the share `step` of the critical step.
+
+    Attributes
+    ----------
+    ends : (m, 2) int array
+        Elements a and b of each face.
+    frame : (m, 6) or (m, 15) float array
+        Normals and arms for the time stepping, planar or spatial.
+    inverse : (n, 2) float array
+        Inverse of mass and inertia, 0 on supports.
+    radius : (n,) float array
+        Radius of gyration √(inertia/mass).
+    period : float
+        Slowest period, steps.
+    reach : float
+        Elastic displacement live·u under the live loads with λ = 1.
+    sag, swing : float
+        Largest elastic displacement of an element under the dead loads, and under the live loads with λ = 1.
     """
 
     ends: Ints
@@ -34,7 +47,10 @@ class System:
 
 
 def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, step: float) -> System:
-    """Elastic system of all faces closed. kn, ks: (m,) springs per area. step: share of the critical step."""
+    """Compute the elastic system with all faces closed.
+
+    `kn` and `ks` (m,) are springs per area; `step` is the share of the critical step.
+    """
     elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
     ends = np.column_stack([assembly.interfaces.a, assembly.interfaces.b]).astype(np.int64)
     count = len(elements)
@@ -55,7 +71,7 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
     scaled = np.repeat(masses**-0.5, (d, q - d), axis=1).ravel()
     matrix = stiffness[free][:, :, free].reshape(q * len(free), q * len(free))
     values = np.linalg.eigvalsh(matrix * scaled[:, None] * scaled)
-    # a step of one is stable up to ω = 2
+    # A time step of one is stable up to ω = 2.
     factor = float(values[-1]) / (2.0 * step) ** 2
     inverse = np.zeros((count, 2))
     inverse[free] = 1.0 / (factor * masses)
@@ -76,7 +92,10 @@ def system_of(assembly: Assembly, points: SubContacts, kn: Floats, ks: Floats, s
 
 
 def jump_matrices(assembly: Assembly) -> Floats:
-    """(m, q, 2q) jumps (opening, slips, turns, as conjugate to the resultants) from the movements of a and b."""
+    """Return (m, q, 2q) matrices from displacements of elements a and b to jumps.
+
+    Jumps are opening, slips and rotations, conjugate to the resultants.
+    """
     faces, q, d = assembly.interfaces, assembly.freedoms, assembly.dimension
     found = np.zeros((len(faces), q, 2 * q))
     axes = [faces.normal, faces.e1] if d == 2 else [faces.normal, faces.e1, faces.e2]
@@ -92,7 +111,7 @@ def jump_matrices(assembly: Assembly) -> Floats:
 
 
 def _spring(place: Floats, kn: float, ks: float) -> Floats:
-    """(q, q) stiffness of one face in its jumps."""
+    """Return the (q, q) stiffness of one face in its jumps."""
     if place.shape[1] == 2:
         s, area = place.T
         opening, slip = np.column_stack([np.ones_like(s), 0 * s, -s]), np.column_stack([0 * s, np.ones_like(s), 0 * s])
@@ -110,7 +129,7 @@ def _spring(place: Floats, kn: float, ks: float) -> Floats:
 
 
 def _frame(assembly: Assembly) -> Floats:
-    """Normals and arms of all faces, one row each, as the kernels read them."""
+    """Return normals and arms of all faces, one row each, for the time stepping."""
     faces, centroid = assembly.interfaces, assembly.elements.centroid
     near, far = faces.origin - centroid[faces.a], faces.origin - centroid[faces.b]
     if assembly.dimension == 3:

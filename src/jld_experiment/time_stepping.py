@@ -1,6 +1,6 @@
-"""Time steps of an assembly: the loop that everything else waits for, and faces whose geometry stays at rest.
+"""Advance an assembly in time, with forces of faces whose geometry is fixed.
 
-Central differences with a step of one; masses are scaled by the caller so that one is stable.
+The scheme is central differences with a time step of one. The caller scales masses so that this step is stable.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from jld_experiment.moving_spatial import (
 
 @compiled
 def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
-    """Move every planar sub-contact by one step and add the forces (n, 3) of all faces to the elements."""
+    """Advance every planar sub-contact by one step and add the face forces (n, 3)."""
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
     overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
@@ -58,7 +58,7 @@ def planar_forces(bench: Bench, motion: Motion, force: Floats) -> None:
 
 @compiled
 def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
-    """The same in space, forces (n, 6)."""
+    """Advance every spatial sub-contact by one step and add the face forces (n, 6)."""
     step, ends, frame = motion.velocity, bench.ends, bench.frame
     first, place, law, brittle, gaps = bench.first, bench.place, bench.law, bench.brittle, bench.gaps
     overlap, pressure, shear, broken = motion.overlap, motion.pressure, motion.shear, motion.broken
@@ -113,9 +113,10 @@ def spatial_forces(bench: Bench, motion: Motion, force: Floats) -> None:
 
 @compiled
 def driven(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> tuple[float, float, float]:
-    """Velocities after one step under given forces, a share of the way from the first step to the last.
+    """Update velocities by one step under given forces; return λ and convergence measures.
 
-    Returns λ, the largest out-of-balance force, and the largest speed.
+    `share` is the position between the first and the last step.
+    Returns λ, the largest unbalanced force, and the largest speed.
     """
     velocity, live, inverse, radius = motion.velocity, bench.live, bench.inverse, bench.radius
     count, q = velocity.shape
@@ -161,7 +162,7 @@ def driven(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: flo
 
 @compiled
 def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: float) -> None:
-    """Move the elements by one step, and begin its forces with the dead loads."""
+    """Move the elements by one step and set their forces to the dead loads."""
     most = drive[1][0] + (drive[1][1] - drive[1][0]) * share
     for i in range(len(force)):
         for j in range(force.shape[1]):
@@ -171,9 +172,9 @@ def begin(bench: Bench, motion: Motion, force: Floats, drive: Drive, share: floa
 
 @compiled
 def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float, float, float]:
-    """Advance by a number of steps at rest geometry; planar or spatial.
+    """Advance by a number of steps with fixed geometry, planar or spatial.
 
-    motion is changed in place. Returns the mean of λ, the largest out-of-balance force and the largest speed.
+    `motion` is changed in place. Returns the mean of λ, the largest unbalanced force and the largest speed.
     """
     force = np.empty_like(motion.velocity)
     mean, worst, fastest = 0.0, 0.0, 0.0
@@ -191,7 +192,7 @@ def march(steps: int, drive: Drive, bench: Bench, motion: Motion) -> tuple[float
 
 @compiled
 def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane: Plane) -> tuple[float, float, float]:
-    """`march` with planar faces that follow the geometry, and corners that meet other elements."""
+    """Advance planar faces that follow the geometry, with contacts of corners; see `march`."""
     force = np.empty(motion.velocity.shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     pairs = near_pairs(motion.moved, plane)
@@ -207,7 +208,7 @@ def march_in_plane(steps: int, drive: Drive, bench: Bench, motion: Motion, plane
 
 @compiled
 def march_in_space(steps: int, drive: Drive, bench: Bench, motion: Motion, space: Space) -> tuple[float, float, float]:
-    """The same in space."""
+    """Advance spatial faces that follow the geometry, with contacts of corners; see `march`."""
     force = np.empty(motion.velocity.shape)
     mean, worst, fastest = 0.0, 0.0, 0.0
     pairs = near_pairs_in_space(motion.moved, space)

@@ -1,15 +1,15 @@
-"""Many labellings of one assembly → ranking, front, proof.
+"""Search the labellings of a scene: ranking, Pareto front and proof of optimality.
 
-- `Driver`: what proposes labellings
-- `Evaluation`: what is known of one labelling
-- `Exploration`: a finished search
-- `ExploreSettings`: how to search
-- `Progress`: where a running search stands
-- `SearchSpace`: what may be labelled
-- `StopReason`: why a search ended
-- `explore`: search the labellings of a scene into a folder
-- `read_folder`: a folder → Exploration
-- `search_space`: what a scene's "search" asks for
+- `Driver`: base class of search drivers, which propose labellings
+- `Evaluation`: result of evaluating one labelling
+- `Exploration`: finished search with its tables
+- `ExploreSettings`: settings of a search
+- `Progress`: state of a running search
+- `SearchSpace`: labellings that may be searched
+- `StopReason`: reason why a search ended
+- `explore`: search the labellings of a scene and write the results into a folder
+- `read_folder`: read a results folder as an `Exploration`
+- `search_space`: build the search space of a scene
 """
 
 from __future__ import annotations
@@ -48,12 +48,17 @@ _HOMES = {
     "space": ("SearchSpace", "search_space"),
     "study": ("ExploreSettings", "Progress", "StopReason"),
 }
+"""Names by the module that defines them."""
 
 
 class _Face(ModuleType):
-    """Names are loaded when they are asked for: `jld --help` needs none of them, and all take a second and a half."""
+    """Module that loads its names on first use.
+
+    `jld --help` needs none of them, and loading all takes 1.5 s.
+    """
 
     def __getattr__(self, name: str) -> Any:
+        """Import the module that defines a name and return the name's value."""
         home = next((home for home, names in _HOMES.items() if name in names), None)
         if home is None:
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
@@ -62,11 +67,13 @@ class _Face(ModuleType):
         return value
 
     def __setattr__(self, name: str, value: object) -> None:
-        # `explore` is the function, though a module of that name is loaded
+        """Set an attribute, except where a loaded module has the name of an exported object."""
+        # `explore` must remain the function although a module of this name is loaded.
         if not (name in __all__ and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
+        """Return all names, including those not yet loaded."""
         return [*super().__dir__(), *__all__]
 
 

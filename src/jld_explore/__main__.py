@@ -1,4 +1,4 @@
-"""Entry point of the `jld` command, and of `python -m jld_explore`."""
+"""Provide the entry point of the `jld` command and of `python -m jld_explore`."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import time
 
 
 def main() -> None:
-    """Run the command line with one BLAS thread a process.
+    """Run the command line with one BLAS thread per process.
 
-    The matrices of one labelling are small and the cores are for labellings: with as many threads as cores the same
-    search took up to 17 times as long on a busy machine. It must be said before numpy is imported.
+    The matrices of one labelling are small, and the cores are used for different labellings.
+    With one BLAS thread per core the same search took up to 17 times as long on a busy machine.
+    The environment must be set before numpy is imported.
     """
     started = time.perf_counter()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -20,13 +21,13 @@ def main() -> None:
 
     open_streams()
     if sys.argv[1:] == ["--help"]:
-        from jld_explore.cli.overview import text  # all that follows takes a second to load
+        from jld_explore.cli.overview import text  # The modules imported below take a second to load.
 
         say(text().removesuffix("\n"))
         sys.exit(0)
     try:
         from jld_explore.cli.command import main as command
-    except KeyboardInterrupt:  # loading takes a second, in which nothing was begun
+    except KeyboardInterrupt:  # Nothing has begun while modules are loading.
         sys.exit(STOPPED)
     command(started)
 

@@ -1,7 +1,7 @@
-"""Experiments on what a search found: the best by λ, or a search by what is carried when cracks are brittle.
+"""Run virtual experiments on the best layouts of a search, or search by experiment.
 
-λ of limit analysis bounds every quasi-static experiment from above, whatever dilates and whatever breaks, so a layout
-whose λ is below what another has carried needs no experiment.
+λ of limit analysis is an upper bound on every quasi-static experiment, for any dilation and any brittleness.
+A layout whose λ is below the load that another has carried therefore needs no experiment.
 """
 
 from __future__ import annotations
@@ -30,20 +30,36 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FILE: Final = "experiments.csv"
+"""Name of the table of experiments in a results folder."""
 COLUMNS: Final = ("labelling", "load_factor", "experiment", "status", "stands", "rate_error", "first_crack", "seconds")
+"""Columns of the table of experiments."""
 DEFAULT: Final = 500
-"""Experiments of a search by them, where nothing is said."""
+"""Default number of experiments of a search by experiment."""
 
 PORTION: Final = 16
-"""Labellings asked of the driver at a time."""
+"""Number of labellings requested from the driver at a time."""
 
 
 @dataclass
 class Experiments:
-    """Experiments on layouts of one assembly, brittle inner faces and no dilation, each run once and kept in a file.
+    """Virtual experiments on layouts of one assembly, each run once and kept in a file.
 
-    Every few are on disk before the next are begun. jobs: processes. deadline: after which none
-    is begun.
+    Inner faces are brittle and joints do not dilate. Results are written to disk after every `jobs` experiments.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        Structure.
+    folder : Path
+        Results folder.
+    jobs : int
+        Number of processes.
+    deadline : Deadline
+        Time after which no experiment is begun.
+    say : callable or None
+        Function for messages; unused at present.
+    rows : dict of str to dict
+        Results by the text of the labelling.
     """
 
     assembly: Assembly
@@ -54,7 +70,8 @@ class Experiments:
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        import pandas as pd  # here and below: slow to import, and for tables alone
+        """Read the experiments on disk; raise InputError if the file is damaged."""
+        import pandas as pd  # Imported here and below because pandas is slow to import and only tables need it.
 
         path = self.folder / FILE
         if path.exists():
@@ -68,11 +85,11 @@ class Experiments:
 
     @property
     def late(self) -> bool:
-        """Is time up?"""
+        """True if the deadline has passed."""
         return self.deadline.passed()
 
     def run(self, wanted: list[tuple[str, float]]) -> None:
-        """Experiments on layouts with their λ, those that are on record left out."""
+        """Run experiments on layouts (text, λ), except those already on disk."""
         fresh = [(name, value) for name, value in wanted if name not in self.rows]
         for part in _portions(fresh, self.jobs):
             if self.late:
@@ -84,7 +101,7 @@ class Experiments:
             write_text(self.folder / FILE, csv_of(self.table()))
 
     def table(self) -> pd.DataFrame:
-        """What was run, the strongest first."""
+        """Return the table of all experiments, strongest first."""
         import pandas as pd
 
         table = pd.DataFrame(list(self.rows.values()), columns=list(COLUMNS))
@@ -92,17 +109,18 @@ class Experiments:
 
     @property
     def best(self) -> float:
-        """The most that any layout has carried, −inf where none."""
+        """Largest load factor carried by any layout, −inf if there is none."""
         return max((row["experiment"] for row in self.rows.values() if row["status"] == "collapse"), default=-np.inf)
 
 
 def _portions(rows: list[tuple[str, float]], size: int) -> Iterator[list[tuple[str, float]]]:
+    """Yield consecutive parts of a list with at most `size` entries."""
     for start in range(0, len(rows), size):
         yield rows[start : start + size]
 
 
 def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[str, Any]:
-    """One row of experiments.csv; a layout that does not stand carries 0."""
+    """Run one experiment and return its row; a layout that does not stand carries 0."""
     from jld_experiment import run_experiment
     from jld_experiment.report import status_of
 
@@ -121,7 +139,7 @@ def one_experiment(assembly: Assembly, name: str, load_factor: float) -> dict[st
 
 
 def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]]:
-    """The first layouts of a study by λ."""
+    """Return the first `count` layouts of a study by λ, as (text, λ)."""
     ranked = done.results[done.results["status"] == str(Status.COLLAPSE)].head(count)
     return [(str(a), float(b)) for a, b in zip(ranked["labelling"], ranked["load_factor_associative"], strict=True)]
 
@@ -129,10 +147,11 @@ def best_by_load_factor(done: Exploration, count: int) -> list[tuple[str, float]
 def search_by_experiment(
     experiments: Experiments, done: Exploration, space: SearchSpace, model: SolveOptions, budget: int, seed: int
 ) -> None:
-    """The genetic driver by experiments, seeded by the best by λ: `budget` experiments in all.
+    """Search by experiment with the genetic driver, starting from the best layouts by λ.
 
-    The seeds are a third of the budget. A child is experimented on only where its λ is above the most that was carried,
-    since otherwise it cannot be better; for the driver it is then worth a little less than its λ says.
+    The initial layouts use a third of `budget`, which limits the number of all experiments.
+    A new layout is tested only if its λ exceeds the largest load carried so far, since otherwise it cannot be better.
+    The driver receives half of λ for a layout that is not tested.
     """
     seeds = best_by_load_factor(done, max(2, budget // 3))
     experiments.run(seeds)
@@ -160,6 +179,7 @@ def search_by_experiment(
 
 
 def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluation]) -> list[Evaluation]:
+    """Return the evaluations given to the driver: by experiment if tested, else estimated."""
     return [
         _worth(experiments, name) if name in experiments.rows else _below(evaluation)
         for name, evaluation in zip(names, evaluations, strict=True)
@@ -167,13 +187,14 @@ def _told(experiments: Experiments, names: list[str], evaluations: list[Evaluati
 
 
 def _worth(experiments: Experiments, name: str) -> Evaluation:
+    """Return an evaluation whose load factor is the result of an experiment."""
     row = experiments.rows[name]
     status = Status.COLLAPSE if row["stands"] and np.isfinite(row["experiment"]) else Status.UNSTABLE
     return Evaluation(status, np.nan, float(row["load_factor"]), float(row["experiment"]))
 
 
 def _below(evaluation: Evaluation) -> Evaluation:
-    """A layout that was not worth an experiment, at half of λ: about what brittle faces leave."""
+    """Return an evaluation with half of λ, about the load that brittle faces carry."""
     if evaluation.status is not Status.COLLAPSE:
         return evaluation
     return Evaluation(Status.COLLAPSE, evaluation.low, evaluation.high, 0.5 * evaluation.associative)
@@ -186,9 +207,25 @@ def add_experiments(
     count: int,
     objective: tuple[SolveOptions, int] | None,
 ) -> Exploration:
-    """Run experiments and write the tables again, with a column `experiment`, and what was found into the summary.
+    """Run experiments and add them to the tables and the summary on disk.
 
-    count: how many. objective: None for the best by λ; else model and seed, to search by experiment.
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    space : SearchSpace
+        Space of the search.
+    experiments : Experiments
+        Experiments of the results folder.
+    count : int
+        Number of experiments.
+    objective : tuple of (SolveOptions, int) or None
+        Model and seed of a search by experiment; None tests the best layouts by λ.
+
+    Returns
+    -------
+    Exploration
+        The search with a column `experiment` and a summary of the experiments.
     """
     if objective is None:
         experiments.run(best_by_load_factor(done, count))
@@ -203,13 +240,13 @@ def add_experiments(
 
 
 def with_experiments(done: Exploration, experiments: Experiments, objective: bool) -> Exploration:
-    """The study with a column `experiment` in its results, and in its summary what the experiments found."""
+    """Return the study with a column `experiment` in its results and facts in its summary."""
     rows = experiments.rows
     values = [rows[name]["experiment"] if name in rows else np.nan for name in done.results["labelling"]]
     results = done.results.assign(experiment=values)
     table = experiments.table()
     ranked = table[table["status"] == "collapse"]
-    # a layout without λ has nothing that bounds it
+    # A layout without λ has no upper bound on its experiment.
     unknown = {"locked", "uncertified", "failed"} & set(done.summary["counts_by_status"])
     complete = done.summary["stop_reason"] == "exhausted" and len(ranked) > 0 and not unknown
     left = done.results[~done.results["labelling"].isin(list(rows))]["load_factor_associative"]
@@ -219,7 +256,7 @@ def with_experiments(done: Exploration, experiments: Experiments, objective: boo
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "not_standing": int((~table["stands"].astype(bool)).sum()),
         "uncertified": int((table["status"] == "uncertified").sum()),
-        # λ bounds what was not tried, where every class has its λ
+        # λ bounds the layouts not tested, provided that every class has a λ.
         "none_better": bool(complete and not (left > experiments.best).any()),
         "searched": objective,
     }

@@ -1,4 +1,4 @@
-"""From a scene to a finished folder: driver chosen, study run, tables and pictures written."""
+"""Run a search from a scene to a results folder: choose a driver, search, write results."""
 
 from __future__ import annotations
 
@@ -44,30 +44,37 @@ from jld_explore.space import SearchSpace, from_string, search_space
 from jld_explore.study import ExploreSettings, Interrupted, Progress, StopReason, Study
 
 CLASSES: Final = "classes (layouts, those alike by symmetry once)"
-"""The word explained where it first appears."""
+"""Term "classes" with its explanation, used where it first appears."""
 
 WRITING: Final = 1.0
-"""Seconds that tables and page take at the end of a small search; they are kept back from a time limit."""
+"""Seconds reserved from a time limit for tables and page, their time at the end of a small search."""
 
 BUSY: Final = 3.0
-"""How many times longer than on an idle machine that may take at the most."""
+"""Largest factor by which a busy machine may prolong the writing of tables and page."""
 
 OVER: Final = (0.05, 0.5)
-"""How far past a time limit the page is ready at the latest: share of the limit, and seconds. A command may end a
-tenth of the limit and 2 s past it; the rest is for busy machines."""
+"""Latest time of the page after a time limit: share of the limit, and seconds.
+
+A command may end 10 % of the limit plus 2 s after it; the remainder is for busy machines.
+"""
 
 LAST: Final = (0.1, 1.0)
-"""The same for pictures, which are left out where they would be late."""
+"""Latest time of pictures after a time limit, as `OVER`; later pictures are not drawn."""
 
 COUNTING: Final = 0.2
-"""Share of the time left in which a space is counted beforehand; one that takes longer counts as large."""
+"""Share of the remaining time for counting the classes of a space; a slower count means that the space is large."""
 
 BOUNDING: Final = 5.0
-"""Times that one labelling takes, as expected, in which all of them are bounded at the end; it is left out if late."""
+"""Expected time of the bound on all labellings, as a multiple of the time of one labelling.
+
+The bound is omitted if it would be late.
+"""
 
 STOPPING: Final = 0.5
-"""Seconds past the end of a search that a bound on all labellings may take, and past an interrupt the solves of the
-page, which always shows the best layout."""
+"""Seconds after the end of a search for the bound on all labellings.
+
+After an interrupt it also limits the solves for the page, which always shows the best layout.
+"""
 
 
 @one_thread()
@@ -81,13 +88,36 @@ def explore(
     driver: str | Driver | None = None,
     started: float | None = None,
 ) -> Exploration:
-    """Search the labellings of a scene and write everything docs/scene.md lists into a folder.
+    """Search the labellings of a scene and write all results (docs/scene.md) into a folder.
 
-    scene: validated. folder: empty or new, unless resuming. report: called with progress. announce: told which
-    driver was chosen. driver: by name, or one of your own made for the scene's space; it goes before that of the
-    settings. started: when the time of the search began, as `time.perf_counter` counts, s; default now. Raises
-    InputError for a folder or a search that cannot be used, and where no layout was found; Interrupted after writing
-    the tables and the page of what was finished.
+    Parameters
+    ----------
+    scene : Scene
+        Validated scene.
+    folder : Path
+        Results folder, new or empty unless `settings.resume` is set.
+    settings : ExploreSettings, optional
+        Settings of the search.
+    report : callable, optional
+        Function called with each `Progress`.
+    announce : callable, optional
+        Function called with messages, for example the name of the chosen driver.
+    driver : str or Driver, optional
+        Name of a driver, or a driver made for the scene's space; overrides the settings.
+    started : float, optional
+        Start of the time limit on the clock `time.perf_counter`, s. Default: now.
+
+    Returns
+    -------
+    Exploration
+        Finished search with its tables.
+
+    Raises
+    ------
+    InputError
+        If the folder or the settings cannot be used, or if no layout was found.
+    Interrupted
+        If a signal ended the search, after tables and page were written.
     """
     settings = settings or ExploreSettings()
     deadline = Deadline(settings.seconds, started)
@@ -112,7 +142,7 @@ def explore(
     if assembly.warnings and settings.strict:
         raise InputError("", assembly.warnings[0], "a scene without warnings, or no --strict")
     _refuse_together(settings, assembly)
-    # said when the search begins: where it is refused nothing else is said
+    # Announce warnings only once the search begins; a refused search gives its error alone.
     said = [f"warning: {warning}" for warning in assembly.warnings]
     space = _space_of(scene, assembly, settings.driver)
     assembly = space.assembly if isinstance(settings.driver, Driver) else assembly
@@ -152,7 +182,7 @@ def explore(
 
 
 def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> SearchSpace:
-    """What is searched: the space of a driver that was handed in, else the scene's.
+    """Return the space of the given driver, else that of the scene.
 
     Raises InputError for a driver of another scene, and as `search_space` does.
     """
@@ -165,7 +195,7 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
 
 
 def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
-    """Raise InputError for settings that do not go with one another, or with the loads of an assembly."""
+    """Raise InputError for settings that exclude each other or do not support the loads."""
     if assembly.cases and settings.certificates:
         raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
     if settings.robust and settings.certificates:
@@ -177,9 +207,10 @@ def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
 
 
 def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, driver: Driver) -> None:
-    """Raise InputError for a driver whose bounds do not hold for a model or have not the certificate that is asked for,
-    and for a structure that the model or the experiment does not know; else tell the driver to prove by what a
-    certificate can say."""
+    """Raise InputError if driver, model, experiment or certificate do not fit the structure.
+
+    If a certificate is requested, also restrict the exact driver to proofs that a certificate can hold.
+    """
     if driver.modular and not replace(settings.model, friction="associative").modular:
         raise InputError(
             "--driver", f"{driver.name} has no bounds for this model", "convex contact on whole faces, paper bending"
@@ -188,7 +219,7 @@ def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, d
     dry = (space.candidates | space.fixed) & (space.assembly.interfaces.b != space.assembly.sink)
     require_model(space.assembly, settings.model, dry)
     if settings.experiment or settings.by_experiment:
-        from jld_experiment import require_one_load  # an extra, refused here where it is not installed
+        from jld_experiment import require_one_load  # optional; raises its error here if missing
 
         require_one_load(assembly)
     if settings.certificate is not None:
@@ -198,26 +229,27 @@ def _refuse_unfit(scene: Scene, assembly: Assembly, settings: ExploreSettings, d
 
 
 def _of_search(deadline: Deadline, settings: ExploreSettings) -> Deadline:
-    """When the search itself must end, so that tables and page are ready in time."""
-    # a busy machine has shown in what it took to get here, and takes as much longer at the end
+    """Return the deadline of the search itself, so that tables and page are ready in time."""
+    # The ratio of wall-clock to CPU time so far estimates how much longer writing takes on a busy machine.
     busy = min(max(1.0, deadline.elapsed() / time.process_time()), BUSY)
     return deadline.earlier(max(0.0, busy * WRITING - OVER[0] * (settings.seconds or 0.0) - OVER[1]))
 
 
 def _later(deadline: Deadline, settings: ExploreSettings, over: tuple[float, float]) -> Deadline:
-    """The deadline later by a share of the time limit and some seconds."""
+    """Return the deadline moved later by a share of the time limit and some seconds."""
     return deadline.earlier(-over[0] * (settings.seconds or 0.0) - over[1])
 
 
 def _run(study: Study, deadline: Deadline) -> StopReason:
-    """Search, and bound all labellings where nothing else has; of a search that is interrupted the tables are written.
+    """Run the study and bound all labellings if no other bound is known.
 
-    Raises InputError where no labelling was found, and leaves nothing behind then.
+    If the search is interrupted, its tables are written before the exception continues.
+    Raises InputError if no labelling was found, and removes the files of the search.
     """
     try:
         reason = study.run()
     except BaseException as stop:
-        # a signal may come between the disk and the memory: what is on disk is what was finished
+        # A signal may arrive between writing to disk and updating memory, so reopen the record on disk.
         study.records.close()
         _bound_all(study, sure=BOUNDING * cost_estimate(study.assembly).seconds < STOPPING)
         done = write_tables(study, StopReason.INTERRUPTED)
@@ -227,7 +259,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
             stop.done = done
         raise
     if not len(study.records) and reason in (StopReason.EXHAUSTED, StopReason.PROVEN, StopReason.TIME):
-        # a space too large to see through beforehand has turned out empty, or hides what it holds
+        # The space, too large to count beforehand, is empty, or no labelling was found in time.
         for path in (study.records.path, study.folder / "scene.json"):
             path.unlink(missing_ok=True)
         if not any(study.folder.iterdir()):
@@ -239,7 +271,7 @@ def _run(study: Study, deadline: Deadline) -> StopReason:
 
 
 def _experimented(study: Study, done: Exploration) -> Exploration:
-    """What was found, with what a virtual experiment says of the best, or of what a search by it finds."""
+    """Add virtual experiments on the best layouts, or a search by experiment, to a study."""
     settings = study.settings
     experiments = Experiments(study.assembly, study.folder, settings.jobs, study.deadline)
     objective = (settings.model, settings.seed) if settings.by_experiment else None
@@ -249,7 +281,7 @@ def _experimented(study: Study, done: Exploration) -> Exploration:
 def _draw(
     done: Exploration, deadline: Deadline, settings: ExploreSettings, announce: Callable[[str], None] | None
 ) -> None:
-    """Write the page, then the pictures there is time for."""
+    """Write the page, then the pictures for which there is time."""
     write_report(done, deadline=_later(deadline, settings, OVER))
     missing = write_pictures(done, deadline=_later(deadline, settings, LAST))[1]
     if missing and announce is not None:
@@ -257,9 +289,9 @@ def _draw(
 
 
 def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) -> ExploreSettings:
-    """The settings with as many jobs as there is memory for; what takes long joins what is said.
+    """Reduce the number of jobs to the available memory and add messages on long solves.
 
-    Raises InputError for a scene that there is not the memory for.
+    Raises InputError if the scene needs more memory than there is.
     """
     effort = require_memory(assembly)
     jobs = max(1, min(settings.jobs, int(memory_limit() / effort.memory))) if settings.jobs > 1 else 1
@@ -272,10 +304,7 @@ def _affordable(assembly: Assembly, settings: ExploreSettings, said: list[str]) 
 
 
 def _bound_all(study: Study, *, sure: bool) -> None:
-    """Open the records of a study once more, and put a bound on all labellings there, where none is known yet.
-
-    sure: there is the time for a bound.
-    """
+    """Record a bound on all labellings if none is known and `sure` says that there is time."""
     study.records = study.open_records()
     if study.bound is None and sure:
         study.keep_bound(bound_of_all(study.space, study.settings.model))
@@ -283,7 +312,7 @@ def _bound_all(study: Study, *, sure: bool) -> None:
 
 
 def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
-    """Raise InputError for what speaks of one structure, where cells may be left out."""
+    """Raise InputError for options that need a single structure if cells may be left out."""
     for option, asked in (
         ("--certificates", settings.certificates),
         ("--experiment", settings.experiment is not None or settings.by_experiment),
@@ -296,15 +325,33 @@ def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
 def choose_driver(
     space: SearchSpace, settings: ExploreSettings, deadline: Deadline | None = None
 ) -> tuple[Driver, int | None]:
-    """The driver and the number of classes where it is known.
+    """Choose the driver and count the classes of the space if it is small.
 
-    deadline: of the search; a space that is not counted in a share of it counts as large. Raises InputError for an
-    unknown name or option, and for a space that provably holds no labelling.
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space.
+    settings : ExploreSettings
+        Settings with the wanted driver and its options.
+    deadline : Deadline, optional
+        Deadline of the search; a count that exceeds a share of it means a large space.
+
+    Returns
+    -------
+    driver : Driver
+        Driver of the search.
+    total : int or None
+        Number of classes if known.
+
+    Raises
+    ------
+    InputError
+        If the driver or an option is unknown, or the space provably holds no labelling.
     """
     wanted = settings.driver
     if isinstance(wanted, str) and wanted not in DRIVERS:
         raise InputError("--driver", f"no driver is named {wanted!r}", "one of " + ", ".join(DRIVERS))
-    # who chooses a search wants the size for its progress at the most
+    # A driver chosen by name needs the size of the space for progress reports only.
     quick = isinstance(wanted, str) and wanted != Enumeration.name
     deadline = Deadline() if deadline is None else deadline
     known = None
@@ -322,7 +369,7 @@ def choose_driver(
 
 
 def _nothing_found(space: SearchSpace, seconds: float | None = None) -> InputError:
-    """What is said where no layout was found. seconds: the time limit that ended the search, None: there is none."""
+    """Return the error for a search without any layout, ended by `seconds` or by exhaustion."""
     if space.laying is not None and space.laying.refused:
         wish = "stands at every stage without props" if space.search.assemble == "standing" else "can be laid"
         where = "search.assemble"

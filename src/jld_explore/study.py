@@ -1,8 +1,8 @@
-"""A study: one scene, one driver, one record; ask → evaluate → tell, until there is a reason to stop.
+"""Run a study of one scene with one driver and one record: ask, evaluate, tell, repeat.
 
-The driver proposes and never evaluates, workers evaluate and never write; this process alone writes the record,
-tells the driver and reports progress. To resume is to replay: the driver runs again from its seed, and what is on
-record is told without being evaluated.
+The driver proposes labellings and never evaluates; workers evaluate and never write.
+This process alone writes the record, tells the driver the results and reports progress.
+A study resumes by replay: the driver runs again from its seed and receives recorded results without evaluation.
 """
 
 from __future__ import annotations
@@ -48,29 +48,29 @@ from jld_explore.evaluation import (
 from jld_explore.space import SearchSpace, unpack
 
 _ROW: Final = 4e-5
-"""Seconds that tables and page take for each labelling on record; they are kept back from a time limit."""
+"""Seconds per recorded labelling that are reserved from a time limit for tables and page."""
 
 PORTION: Final = 128
-"""Labellings asked together at the most where what is known spares solves."""
+"""Largest number of labellings requested at a time if pruning thresholds can avoid solves."""
 
 
 SMALL: Final = 20_000
-"""Classes up to which a space is enumerated when no driver is named, as `ExploreSettings.small`."""
+"""Default of `ExploreSettings.small`: number of classes up to which a space is enumerated by default."""
 
 
 _HANGS: Final = 20.0
-"""Times of an evaluation, as expected, after which workers without any result are taken to hang."""
+"""Multiple of the expected time of an evaluation after which workers without a result count as hung."""
 
 
 _FIRST: Final = 0.6
-"""Share of the time left in which a driver must name its first labelling, before one is drawn in its place."""
+"""Share of the remaining time in which a driver must propose its first labelling; then a random one is used."""
 
 _LEAST: Final = 1.0
-"""Seconds for the first labelling where the time is up before anything was evaluated."""
+"""Seconds to find a first labelling if the time limit passes before any evaluation."""
 
 
 class StopReason(StrEnum):
-    """Why a study ended."""
+    """Reason why a study ended."""
 
     EXHAUSTED = "exhausted"
     PROVEN = "proven"
@@ -81,9 +81,12 @@ class StopReason(StrEnum):
 
 
 class Interrupted(BaseException):
-    """Raised by the signal handlers of the command line: everything finished is on disk.
+    """Exception of the command line's signal handlers; finished results are on disk.
 
-    done: the Exploration of what was finished, once that is written.
+    Attributes
+    ----------
+    done : Exploration or None
+        Results of the interrupted search, once written.
     """
 
     done: Any = None
@@ -91,10 +94,24 @@ class Interrupted(BaseException):
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a running study stands.
+    """State of a running study.
 
-    total: None where it is not known. best: λ so far, bound: proven of all layouts, gap: between the two; NaN where
-    there is none.
+    Attributes
+    ----------
+    done : int
+        Number of evaluated labellings, including recorded ones.
+    total : int or None
+        Number of classes, or the budget if smaller; None if unknown.
+    solved : int
+        Number of labellings that the workers evaluated.
+    best : float
+        Largest λ so far, NaN if there is none.
+    seconds : float
+        Time since the start, s.
+    bound : float
+        Proven upper bound on λ of all layouts, NaN if there is none.
+    gap : float
+        Relative difference between best and bound, NaN if there is none.
     """
 
     done: int
@@ -108,17 +125,46 @@ class Progress:
 
 @dataclass(frozen=True)
 class ExploreSettings:
-    """How to search. driver: a name, or one of your own, or None to choose. budget: classes; seconds: time limit; seed,
-    jobs as said.
+    """Settings of a search.
 
-    model: what is modelled, whose λ is maximised. resume: go on with a folder that holds a study. certificates: let
-    past solves settle labellings, where the model is one that bounds speak of. pictures: draw what was found at the
-    end. strict: take what is possible but hardly meant as an error. experiment: how many of the best by λ are put to
-    the virtual experiment at the end. by_experiment: search by it then, with as many experiments in all (default 500),
-    seeded by the best by λ. robust: rank by λ at the low values of materials. small: classes up to which a space is
-    counted beforehand, and enumerated where no driver is named; 0: not counted. certificate: file for the proof of the
-    exact driver. cluster: URL of a dask scheduler, whose workers evaluate. options: of a driver that is
-    named.
+    Attributes
+    ----------
+    driver : str, Driver or None
+        Name of a driver, a driver, or None to choose one.
+    model : SolveOptions
+        Model whose λ is maximised.
+    budget : int or None
+        Largest number of classes to evaluate.
+    seconds : float or None
+        Time limit, s.
+    jobs : int
+        Number of worker processes.
+    seed : int
+        Seed of the random numbers.
+    resume : bool
+        Continue the study in the folder.
+    certificates : bool
+        Settle labellings by bounds from past solves, if the model supports such bounds.
+    experiment : int or None
+        Number of best layouts by λ that are tested in the virtual experiment at the end.
+    by_experiment : bool
+        Search by experiment at the end, starting from the best layouts by λ.
+        The number of experiments is `experiment`, default 500.
+    pictures : bool
+        Write page and pictures at the end.
+    strict : bool
+        Treat plausibility warnings as errors.
+    robust : bool
+        Rank by λ at the low values of materials.
+    small : int
+        Number of classes up to which a space is counted beforehand, and enumerated if no driver is named.
+        0 omits the count.
+    certificate : Path or None
+        File for the proof of the exact driver.
+    cluster : str or None
+        URL of a dask scheduler whose workers evaluate.
+    options : dict
+        Options of a named driver.
     """
 
     driver: str | Driver | None = None
@@ -143,10 +189,24 @@ class ExploreSettings:
 class Study:
     """One search over labellings of a scene.
 
-    scene, assembly, space, driver: they belong together. total: classes there are, where that is known. report: called
-    after every batch. make: makes what evaluates labellings in each worker. deadline: when it ends; default: after
-    the seconds of the settings from now on. The same scene, driver, seed and budget give the same rows on record
-    whatever `jobs` is.
+    The same scene, driver, seed and budget give the same recorded rows for any number of jobs.
+
+    Parameters
+    ----------
+    scene, assembly, space, driver
+        Scene with its assembly, search space and driver.
+    folder : Path
+        Results folder.
+    settings : ExploreSettings, optional
+        Settings of the search.
+    total : int, optional
+        Number of classes, if known.
+    report : callable, optional
+        Function called with `Progress` after every batch.
+    make : callable
+        Function that makes the evaluator of each worker.
+    deadline : Deadline, optional
+        Deadline of the search. Default: `settings.seconds` from now.
     """
 
     def __init__(
@@ -175,7 +235,7 @@ class Study:
 
     @property
     def header(self) -> dict[str, Any]:
-        """What a record must agree with to be gone on with."""
+        """Facts in which a record must agree with a study that resumes it."""
         model = self.settings.model.facts()
         return {
             "scene": self.scene.fingerprint,
@@ -191,7 +251,7 @@ class Study:
         }
 
     def open_records(self) -> Records:
-        """The record in the folder, gone on with where there is one."""
+        """Open the record in the folder, existing or new."""
         values = len(self.assembly.cases) + (self.assembly.nominal is not None)
         return Records(self.folder, self.header, len(self.assembly.interfaces), values)
 
@@ -202,18 +262,21 @@ class Study:
 
     @property
     def bound(self) -> float | None:
-        """The best proven upper bound on λ over the whole space, scene units, of this run and of those before it."""
+        """Smallest proven upper bound on λ over the whole space, scene units, None if unknown.
+
+        Bounds of earlier runs on the same record count as well.
+        """
         known = [bound for bound in (self.driver.bound, self.records.bound) if bound is not None]
         return min(known, default=None)
 
     @property
     def finite(self) -> bool:
-        """Whether the driver comes to an end that is worth waiting for, with a proof."""
+        """True if the driver can be expected to end with a proof."""
         return self.driver.modular or (self.driver.exhaustive and self.total is not None)
 
     @property
     def complaints(self) -> list[str]:
-        """What went wrong with the record and with proofs of this study, one line each."""
+        """Problems of the record and of proofs in this study, one line each."""
         anew = f"{self.records.path.name} was empty: nothing had been finished, and the search began anew"
         return [
             *([anew] if self.records.began_anew else []),
@@ -222,7 +285,7 @@ class Study:
         ]
 
     def _withdraw_contradicted(self, evaluations: list[Evaluation]) -> None:
-        """Withdraw the bound where a layout is proven to carry more: what was proven is wrong, and is begun again."""
+        """Withdraw the proven bound if a layout provably carries more, since the proof is wrong."""
         bound = self.bound
         stands = [e.low for e in evaluations if e.status is Status.COLLAPSE]
         if bound is None or not stands or not exceeds(max(stands), bound, self._floor):
@@ -234,12 +297,23 @@ class Study:
         self.driver.withdraw(reason)
 
     def keep_bound(self, bound: float | None) -> None:
-        """Put a proven upper bound over the whole space on record, for runs that go on with this one."""
+        """Record a proven upper bound on λ over the whole space, for runs that resume this one."""
         if bound is not None:
             self.records.keep_bound(bound)
 
     def run(self) -> StopReason:
-        """Search until the space, the budget or the time is used up; Interrupted passes through."""
+        """Search until the space, the budget or the time is exhausted, or a proof is complete.
+
+        Returns
+        -------
+        StopReason
+            Reason why the search ended.
+
+        Raises
+        ------
+        Interrupted
+            If a signal arrives; the record is closed first.
+        """
         faces, budget, driver = len(self.assembly.interfaces), self.settings.budget, self.driver
         template = Template(self.assembly) if self.certificates else None
         settings = EvaluatorSettings(self.settings.model, prove=self.certificates)
@@ -278,13 +352,13 @@ class Study:
             driver.set_workers(self.settings.jobs)
             driver.start(self.deadline, lambda: self._count([]), self.records)
             while True:
-                # the same number of portions are asked ahead whatever the workers do, so answers come in one order
-                # one labelling is evaluated however late it is by now
+                # Request a fixed number of portions ahead, so that the order of results is independent of the workers.
+                # At least one labelling is evaluated even after the deadline.
                 while not dry and len(waiting) <= driver.ahead and not (self.deadline.passed() and self._begun):
                     left = None if budget is None else budget - self.asked
                     if left is not None and left <= 0:
                         break
-                    if front is not None:  # the sooner answers are known the more they spare
+                    if front is not None:  # Small portions give results sooner, which prunes more solves.
                         left = PORTION if left is None else min(left, PORTION)
                     labellings = self._asked(left)
                     dry = self._cut or len(labellings) == 0
@@ -311,7 +385,7 @@ class Study:
                 self.records.close()
 
     def _reason(self, dry: bool) -> StopReason:
-        """Why nothing is asked or waited for any more."""
+        """Return why the study ends when no labelling is requested or in progress."""
         if self.driver.exhaustive and self.total is not None and len(self.records) >= self.total:
             return StopReason.EXHAUSTED
         if self.settings.budget is not None and self.asked >= self.settings.budget:
@@ -321,18 +395,17 @@ class Study:
         if self.driver.finished:
             return StopReason.PROVEN
         if self.driver.checks and not self.driver.exhaustive and not self.driver.working:
-            # the proof ended, and did not pass its check: nothing of it may be gone on with
+            # The proof ended but failed its check, so discard all its results.
             self.records.withdraw_bound(next(iter(self.driver.complaints), "the proof did not pass its check"))
             self.records.forget_conflicts()
             return StopReason.UNPROVEN
-        # a driver that was still at work came back for lack of time
+        # A driver with unfinished work returned because time ran out.
         return StopReason.TIME if self.driver.working else StopReason.EXHAUSTED
 
     def _asked(self, limit: int | None) -> Bits:
-        """Labellings (k, m) from the driver; where its time ends first it is not asked again.
+        """Return labellings (k, m) from the driver; none after its time is up.
 
-        A driver that names none in most of the time gives way to one labelling drawn at random, so that there is
-        something to show.
+        If the driver proposes none in most of the time, return one random labelling, so that the study has a result.
         """
         begun = self._begun
         until = self.deadline if begun else self.deadline.within(_FIRST * self.deadline.remaining())
@@ -353,12 +426,13 @@ class Study:
 
     @property
     def _begun(self) -> bool:
-        """Whether anything is evaluated or about to be."""
+        """True if a labelling has been evaluated or requested."""
         return self.asked > 0 or len(self.records) > 0
 
     def _count(self, evaluations: list[Evaluation]) -> None:
+        """Update counters, bounds and progress with new evaluations."""
         self.evaluated += len(evaluations)
-        # what is on record must be written too before the time is up
+        # Reserve time to write the tables of all recorded labellings.
         self.deadline.end = self._end - _ROW * len(self.records)
         values = [e.load_factor for e in evaluations if e.status is Status.COLLAPSE]
         self._best = float(np.fmax(self._best, max(values, default=np.nan)))
@@ -373,7 +447,7 @@ class Study:
 
 
 def versions() -> dict[str, str]:
-    """Versions that numbers may depend on."""
+    """Return the versions of programs on which numerical results may depend."""
     return {
         "jld": __version__,
         "python": platform.python_version(),

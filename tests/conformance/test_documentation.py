@@ -29,8 +29,9 @@ def test_it_builds_without_a_warning_and_describes_every_public_name(tmp_path: P
         for name in module.__all__:
             assert re.search(f'id="(module-)?{module.__name__}.{name}"', written), f"{module.__name__}.{name}"
     text = re.sub("<[^>]+>", "", written)
-    assert "Collapse load factor of one labelling, with a two-sided bracket." in text
-    assert "labels: (m,) True dry; default the scene’s own." in text
+    assert "Compute the collapse load factor of one labelling, with a two-sided bracket." in text
+    assert "Labels, True = dry. Default: the labels of the scene." in text
+    assert "--------" not in text  # titles of sections are no plain text
 
 
 @pytest.mark.parametrize("page", GUIDE, ids=lambda page: page.stem)

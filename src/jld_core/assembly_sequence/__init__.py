@@ -1,12 +1,12 @@
-"""How blocks are laid: which way they come, in which order, and what stands while they do.
+"""Assembly sequences: removal directions of blocks, order of laying, stability of stages.
 
 - `Blocks`: k blocks of a labelling, numbered by their first element
-- `SequenceConstraint`: whether labellings of one assembly can be laid, and by which labels not
-- `Laying`: how a labelling is laid, block by block
-- `Step`: one step of laying
-- `blocks_of_labelling`: the blocks of a labelling as bodies → `Blocks`
-- `assembly_order`: an order of laying by translations, with the props that its stages need → `Laying` of `Step`s
-- `locked_blocks`: elements of blocks that lock one another
+- `Laying`: assembly sequence of a labelling, block by block
+- `SequenceConstraint`: test whether labellings can be assembled, with the labels that prevent it
+- `Step`: one step of an assembly sequence
+- `assembly_order`: find an assembly sequence by translations, with the props that its stages need
+- `blocks_of_labelling`: return the blocks of a labelling as rigid bodies
+- `locked_blocks`: return the elements of blocks that lock one another
 """
 
 from __future__ import annotations

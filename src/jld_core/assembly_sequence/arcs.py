@@ -1,9 +1,9 @@
-"""Planar blocks that move along a direction: the arc of directions in which one convex piece meets another.
+"""Translations of planar blocks: arcs of directions in which convex pieces meet.
 
-A convex piece that moves to infinity along d meets another one, at rest, where the ray along d from the origin passes
-through the inside of their Minkowski difference: for directions between two angles, an open arc of less than a half
-turn, and of a half turn where they touch along a face. What blocks a body is the union of the arcs of its pieces, so
-whether a direction is left is decided exactly, and the directions at which anything changes are the ends of arcs.
+A convex piece that moves to infinity along d meets another piece at rest under a condition on their Minkowski
+difference: the ray along d from the origin passes through its interior. These directions form an open arc of less than
+a half turn, and of a half turn where the pieces touch along a face. The blocked directions of a body are the union of
+the arcs of its pieces. This decides exactly whether a free direction exists; blocking changes only at ends of arcs.
 Source: Wilson & Latombe, Geometric reasoning about mechanical assembly, Artificial Intelligence 71 (1994) 371–396.
 """
 
@@ -19,27 +19,35 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.assembly import Assembly
 
 _SMALLER: Final = 1e-6
-"""Part by which what is at rest is made smaller, so that what touches does not overlap by rounding."""
+"""Relative shrinkage of pieces at rest, so that touching pieces do not overlap by rounding."""
 
 TURN: Final = 1e-7
-"""Angle by which a direction may point into an obstacle: what the normals of a drawing leave."""
+"""Angle, radians, by which a direction may point into an obstacle: accuracy of normals in drawings."""
 
 _SAME: Final = 1e-9
 """Distance, relative to the largest element, up to which two corners coincide."""
 
 _NEAR: Final = 1e-5
-"""Angle within which an end of an arc as drawn belongs to one with room for rounding."""
+"""Angle, radians, up to which the end of an exact arc belongs to the end of an arc of the shrunk pieces."""
 
 _PIECES: Final = 150
+"""Largest number of pieces for which groups are tried at all ends of arcs."""
+
 _TURNS: Final = 2000
-"""Pieces, and directions, up to which groups are tried wherever anything changes, and not along contacts alone."""
+"""Largest number of directions in which groups are tried.
+
+With more ends of arcs, or more than `_PIECES` pieces, directions along contacts replace them.
+"""
 
 _CHUNK: Final = 1 << 22
-"""Entries of one table of who blocks whom."""
+"""Number of entries of one batch of the blocking table."""
 
 
 class Arcs:
-    """Directions in which the elements of a planar assembly meet one another, whatever its blocks are."""
+    """Blocked translation directions between convex pieces of a planar assembly's elements.
+
+    They are independent of the labelling.
+    """
 
     def __init__(self, assembly: Assembly) -> None:
         self.assembly = assembly
@@ -50,7 +58,7 @@ class Arcs:
             owner += [element] * len(found)
         self.owner = np.array(owner, dtype=np.int64)
         size = max(len(piece) for piece in pieces)
-        # corners repeated to one number for all: what is asked of them is a least and a most
+        # Pad pieces to equally many corners by repeating the last one: only minima and maxima are taken over corners.
         self._corner = np.array([piece[np.minimum(np.arange(size), len(piece) - 1)] for piece in pieces])
         self._middle = np.array([piece.mean(axis=0) for piece in pieces])
         self._smaller = self._middle[:, None] + (1.0 - _SMALLER) * (self._corner - self._middle[:, None])
@@ -59,7 +67,10 @@ class Arcs:
         self._exact: dict[int, Floats] = {}
 
     def of(self, piece: int) -> Floats:
-        """(p, 2) where the arc of each other piece begins, in [0, 2π), and how wide it is; below 0: never met."""
+        """Return begin in [0, 2π) and width of the arc of each other piece, (p, 2), radians.
+
+        Pieces at rest are slightly shrunk. A width below 0 means that the piece is never met.
+        """
         if piece not in self._of:
             begin, width = self._seen(piece, self._smaller, 0.0)
             found = np.column_stack([(begin + TURN) % (2.0 * np.pi), width - 2.0 * TURN])
@@ -68,10 +79,10 @@ class Arcs:
         return self._of[piece]
 
     def ends(self, piece: int) -> Floats:
-        """(p, 2) where the arc of each other piece begins and ends, as drawn; NaN for those that are never met.
+        """Return begin and end of the exact arc of each other piece, (p, 2); NaN if never met.
 
-        `of` says which directions are blocked, with room for rounding; a direction along the end of an arc follows
-        the faces themselves.
+        `of` gives the blocked directions with an allowance for rounding; a direction along the end of an exact arc is
+        parallel to the faces themselves.
         """
         if piece not in self._exact:
             begin, width = self._seen(piece, self._corner, _SAME * self._size)
@@ -81,9 +92,9 @@ class Arcs:
         return self._exact[piece]
 
     def _seen(self, piece: int, resting: Floats, same: float) -> tuple[Floats, Floats]:
-        """(p,) and (p,) where arcs of pieces at rest begin, seen from one that moves, and how wide they are.
+        """Return begin (p,) and width (p,) of the arcs of pieces at rest for one moving piece.
 
-        resting: (p, k, 2) corners of the pieces at rest. same: distance up to which corners that coincide say nothing.
+        resting: (p, k, 2) corners of the pieces at rest. same: distance up to which coinciding corners are ignored.
         """
         arm = resting[:, None] - self._corner[piece][None, :, None]
         arm = arm.reshape(len(self._corner), -1, 2)
@@ -92,15 +103,15 @@ class Arcs:
         across = towards[:, None, 0] * arm[:, :, 1] - towards[:, None, 1] * arm[:, :, 0]
         angle = np.where(np.hypot(arm[:, :, 0], arm[:, :, 1]) <= same, 0.0, np.arctan2(across, along))
         low, high = angle.min(axis=1), angle.max(axis=1)
-        # pieces that overlap by more than rounding keep one another from coming closer, and nothing else
+        # pieces that overlap by more than rounding only block directions towards one another
         over = high - low >= np.pi + (TURN if same else 0.0)
         low, high = np.where(over, -0.5 * np.pi, low), np.where(over, 0.5 * np.pi, high)
         return np.arctan2(towards[:, 1], towards[:, 0]) + low, high - low
 
     def way_out(self, moving: Bools, still: Bools, up: Floats) -> Floats | None:
-        """The direction (2,) nearest to another in which some elements leave others; None where there is none.
+        """Return the free direction (2,) nearest to `up` for elements to leave others, or None.
 
-        moving, still: (n,) elements. up: (2,) unit.
+        moving, still: (n,) bool masks of elements. up: (2,) unit vector.
         """
         mine, others = np.flatnonzero(moving[self.owner]), still[self.owner]
         arcs = np.concatenate([self.of(int(piece))[others] for piece in mine])
@@ -110,7 +121,7 @@ class Arcs:
             return up
         begin = arcs[np.argsort(arcs[:, 0], kind="stable")]
         end = np.maximum.accumulate(begin[:, 0] + begin[:, 1])
-        # from the end of what came before, round the turn, to where the next begins
+        # gaps between arcs: from the largest end so far, modulo a full turn, to the next begin
         before = np.concatenate([[end[-1] - 2.0 * np.pi], np.maximum(end[:-1], end[-1] - 2.0 * np.pi)])
         free = before <= begin[:, 0]
         if not free.any():
@@ -120,7 +131,7 @@ class Arcs:
         angle = _nearest(wanted, middle, half)
         best = int(np.argmin(np.round(abs(_turned(angle - wanted)), 6)))
         ends = np.concatenate([self.ends(int(piece))[others] for piece in mine])
-        # the same gap between arcs as they are drawn, ends of which differ by what pieces were made smaller
+        # the same gap between exact arcs, whose ends differ from those of the shrunk pieces
         after, before = _turned(ends[:, 1] - low[best]), _turned(ends[:, 0] - high[best])
         low_end = low[best] + np.max(after, initial=0.0, where=abs(after) <= _NEAR)
         high_end = high[best] + np.min(before, initial=0.0, where=abs(before) <= _NEAR)
@@ -130,7 +141,10 @@ class Arcs:
 
     @cached_property
     def turns(self) -> Floats:
-        """Angles (k,) at which it changes who blocks whom, ends of arcs; along contacts alone where those are many."""
+        """Return the angles (k,) at which blocking changes: ends of arcs.
+
+        Above `_PIECES` or `_TURNS`, the directions along contacts are returned.
+        """
         if len(self.owner) <= _PIECES:
             every = np.concatenate([self.ends(piece) for piece in range(len(self.owner))]).ravel()
             found = _different(every[np.isfinite(every)])
@@ -141,7 +155,10 @@ class Arcs:
         return _different(np.concatenate([angles, angles + np.pi]))[:_TURNS]
 
     def blocking(self, of: Ints, count: int) -> Bools:
-        """(k, b, b) for every angle in `turns`: who keeps whom from moving along it. of: (n,) blocks."""
+        """Return the blocking table (k, b, b) for every angle in `turns`.
+
+        Entry (angle, i, j) is True where block j keeps block i from moving. of: (n,) block of each element; count: b.
+        """
         place = of[self.owner]
         table = np.array([self.of(piece) for piece in range(len(self.owner))])
         found = np.zeros((len(self.turns), count, count), dtype=bool)
@@ -150,7 +167,7 @@ class Arcs:
         holds[np.arange(len(place)), place] = 1.0
         for first in range(0, len(self.turns), step):
             angle = self.turns[first : first + step, None, None]
-            # angles that differ by less than 1e-6 are one: an arc blocks what lies inside it by more than that
+            # angles that differ by less than 1e-6 are equal: an arc blocks directions inside it by more than that
             inside = (angle - table[:, :, 0] - 1e-6) % (2.0 * np.pi) < table[:, :, 1] - 2e-6
             found[first : first + step] = (holds.T @ inside.astype(np.float32) @ holds) > 0.0
         found[:, np.arange(count), np.arange(count)] = False
@@ -158,24 +175,24 @@ class Arcs:
 
 
 def _turned(angle: Floats | float) -> Floats:
-    """Return angles between −π and π."""
+    """Reduce angles to −π … π."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _nearest(wanted: float, middle: Floats | float, half: Floats | float) -> Floats:
-    """Return the angle nearest to the wanted one in each interval, given by its middle and half its width."""
+    """Return the angle nearest to the wanted one in each interval (middle ± half)."""
     return np.asarray(middle + np.clip(_turned(wanted - middle), -half, half))
 
 
 def _different(angles: Floats) -> Floats:
-    """Return the angles that differ by more than 1e-6, ascending, each as it is and not rounded."""
+    """Return the angles that differ by more than 1e-6, ascending and not rounded."""
     angles = angles % (2.0 * np.pi)
     _, first = np.unique(np.round(angles, 6) % round(2.0 * np.pi, 6), return_index=True)
     return angles[first]
 
 
 def _convex_pieces(shape: Floats) -> list[Floats]:
-    """Convex polygons that make up a polygon (k, 2): itself, or triangles."""
+    """Split a polygon (k, 2) into convex polygons: itself if convex, else triangles."""
     edge = np.roll(shape, -1, axis=0) - shape
     turn = edge[:, 0] * np.roll(edge, -1, axis=0)[:, 1] - edge[:, 1] * np.roll(edge, -1, axis=0)[:, 0]
     size = float(abs(edge).max())

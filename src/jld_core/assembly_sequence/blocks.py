@@ -1,4 +1,4 @@
-"""The blocks of a labelling as bodies that are moved: which elements, what they touch and in which direction."""
+"""Blocks of a labelling as rigid bodies: elements, neighbours and contact normals."""
 
 from __future__ import annotations
 
@@ -12,10 +12,22 @@ from jld_core.assembly import Assembly, blocks_of
 
 @dataclass(frozen=True)
 class Blocks:
-    """k blocks of a labelling, numbered by their first element; what is joined to a support is one of them, and fixed.
+    """Blocks of a labelling, numbered by their first element.
 
-    of: (n,) block of each element. fixed: (k,) True where it holds a support. first, second: (c,) blocks on either
-    side of each dry contact between two of them. normal: (c, d) unit normals from the first to the second.
+    All elements joined to a support belong to one fixed block.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        Assembly of the labelling.
+    of : (n,) int array
+        Block of each element.
+    fixed : (k,) bool array
+        True for the block that holds the supports.
+    first, second : (c,) int array
+        Blocks on both sides of each contact between two blocks.
+    normal : (c, d) array
+        Unit normals from the first to the second block.
     """
 
     assembly: Assembly
@@ -29,15 +41,15 @@ class Blocks:
         return len(self.fixed)
 
     def elements(self, block: int) -> Ints:
-        """Elements of a block."""
+        """Return the elements of a block."""
         return np.flatnonzero(self.of == block)
 
     def name(self, block: int) -> str:
-        """A block by the name of its first element."""
+        """Return the name of a block: the id of its first element."""
         return self.assembly.elements.ids[int(self.elements(block)[0])]
 
     def contacts_of(self, block: int) -> tuple[Ints, Floats]:
-        """What a block touches: (c,) other blocks, and (c, d) unit normals from the block to them."""
+        """Return the neighbours (c,) of a block and the unit normals (c, d) towards them."""
         out, back = self.first == block, self.second == block
         return (
             np.concatenate([self.second[out], self.first[back]]),
@@ -46,7 +58,20 @@ class Blocks:
 
 
 def blocks_of_labelling(assembly: Assembly, labels: Bits) -> Blocks:
-    """The blocks of a labelling. labels: (m,) True dry. All supports are one fixed body of the ground."""
+    """Return the blocks of a labelling as rigid bodies; all supports form one fixed body.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with n elements and m interfaces.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    Blocks
+        The k blocks and the contacts between them.
+    """
     faces, elements = assembly.interfaces, assembly.elements
     ground = np.flatnonzero(elements.support)
     of = blocks_of(assembly, labels, (ground[:-1], ground[1:]))

@@ -1,10 +1,10 @@
-"""Laying as a constraint: whether a labelling can be laid and, where it cannot, which labels are to blame.
+"""Assembly sequence as a constraint on labellings, with the labels that violate it.
 
-Blocks that lock one another do so in every labelling that has each of them as a part of a block of its own: more
-blocks beside them are more in the way, and a group that could leave would leave with those of them that are in it. So
-only these labels are to blame: inner faces that hold each of them together, and dry faces around all of them but one,
-by which no two are ever one block. Where there is a single one, held between supports, it must not grow together with
-those. What is joined to a support and in the way is held there by inner faces.
+Blocks that lock one another do so in every labelling in which each of them is part of a separate block. Further blocks
+only add obstacles, and a group that could leave would leave with those of them that it contains. Two kinds of labels
+therefore suffice as a conflict: inner faces that hold each of these blocks together, and dry faces around all of them
+but one, which keep them separate. A single block, locked between supports, must also stay separate from the supports.
+Obstacles joined to a support are held there by inner faces.
 """
 
 from __future__ import annotations
@@ -24,12 +24,17 @@ from jld_core.assembly_sequence.order import GROUP, SequenceRule, assembly_order
 from jld_core.assembly_sequence.standing import Parts, Standing
 
 COUNTED: Final = {"translation": 2000, "standing": 60}
-"""Labellings of which it is said within seconds whether they can be laid."""
+"""Number of labellings that can be tested within seconds, by rule."""
 
 
 @dataclass(frozen=True)
 class Lock:
-    """No labelling with `labels` (k,) on `faces` (k,) can be laid. elements: (e,) of the blocks that are to blame."""
+    """Conflict: labellings with `labels` (k,) on `faces` (k,) are refused.
+
+    elements: (e,) elements of the blocks that prevent the assembly. A conflict on all faces may also mean that the
+    search
+    for stages that stand found no order within its limit.
+    """
 
     faces: Ints
     labels: Bits
@@ -37,10 +42,22 @@ class Lock:
 
 
 class SequenceConstraint:
-    """Whether labellings of one assembly can be laid. What was found is remembered, and locks settle other labellings.
+    """Test whether labellings of one assembly can be assembled, with memory of results.
 
-    wish: "translation": there is an order by translations; "standing": one whose every stage stands without props.
-    sideways: a planar wall may be laid out of its plane. may_join: (m,) faces that may be inner.
+    Conflicts found for one labelling also refute other labellings.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with m interfaces.
+    wish : {"translation", "standing"}
+        "translation": some order by translations exists. "standing": every stage of an order also stands without props.
+    may_join : (m,) bool array
+        Faces that may be inner.
+    sideways : bool
+        Allow a planar wall to be assembled out of its plane.
+    group : int
+        Largest number of blocks that are moved together where single blocks are locked.
     """
 
     def __init__(
@@ -52,23 +69,23 @@ class SequenceConstraint:
         self._known: dict[bytes, Lock | None] = {}
         self.locks: list[Lock] = []
         faces = assembly.interfaces
-        # an inner face to a support makes what it holds a part of the ground
+        # an inner face to a support makes the elements behind it part of the ground
         self._may_rest = bool(
             np.any((assembly.elements.support[faces.a] | assembly.elements.support[faces.b]) & may_join)
         )
 
     @property
     def counted(self) -> int:
-        """Labellings of which it is said within seconds whether they can be laid."""
+        """Return the number of labellings that can be tested within seconds."""
         return COUNTED[self.wish]
 
     @property
     def refused(self) -> int:
-        """How many labellings were found that cannot be laid."""
+        """Return the number of tested labellings that were refused."""
         return sum(lock is not None for lock in self._known.values())
 
     def lock(self, labels: Bits) -> Lock | None:
-        """Why a labelling (m,) cannot be laid; None where it can."""
+        """Return the conflict of a labelling (m,), True = dry; None where a sequence was found."""
         key = np.packbits(labels).tobytes()
         if key not in self._known:
             known = next((one for one in self.locks if np.array_equal(labels[one.faces], one.labels)), None)
@@ -76,10 +93,11 @@ class SequenceConstraint:
         return self._known[key]
 
     def possible(self, labellings: Bits) -> Bools:
-        """(k,) True where labellings (k, m) can be laid."""
+        """Return (k,) True for the labellings (k, m) with a known assembly sequence."""
         return np.array([self.lock(labels) is None for labels in labellings], dtype=bool)
 
     def _found(self, labels: Bits) -> Lock | None:
+        """Test a labelling (m,) and return its conflict, or None."""
         members = locked_blocks(self.assembly, labels, group=self.group, bodies=self._bodies)
         if members:
             lock = self._blamed(labels, np.array(members, dtype=np.int64))
@@ -88,7 +106,12 @@ class SequenceConstraint:
         return None if self.wish == "translation" else self._falls(labels)
 
     def _falls(self, labels: Bits) -> Lock | None:
-        """Why a labelling (m,) that can be laid by translations has no order whose every stage stands; None if one."""
+        """Return the conflict of a labelling without an order whose every stage stands, or None.
+
+        The labelling (m,) has an order by translations. The conflict covers all faces where the complete structure does
+        not
+        stand, the search reached its limit, or a stage was undecided.
+        """
         every, elements = np.arange(len(labels)), self.assembly.elements
         whole = Lock(every, labels, elements.free)
         blocks = blocks_of_labelling(self.assembly, labels)
@@ -110,7 +133,7 @@ class SequenceConstraint:
         return whole
 
     def _blamed_for(self, seen: Bools, labels: Bits) -> Lock:
-        """The labels of all faces of elements (n,) that were seen in a search that found no order."""
+        """Return the conflict of all faces of elements (n,) visited by an unsuccessful search."""
         faces, free = self.assembly.interfaces, ~self.assembly.elements.support
         seen = seen & free
         about = np.flatnonzero(seen[faces.a] | seen[faces.b])
@@ -120,9 +143,12 @@ class SequenceConstraint:
         return lock
 
     def _blamed(self, labels: Bits, members: Ints) -> Lock:
-        """The labels that blocks lock one another by."""
+        """Return the conflict of blocks that lock one another.
+
+        members: (e,) their elements.
+        """
         elements, faces, count = self.assembly.elements, self.assembly.interfaces, len(self.assembly.elements)
-        # all supports are one node
+        # represent all supports by one node
         place = np.where(elements.support, elements.support.argmax(), np.arange(count))
         a, b = place[faces.a], place[faces.b]
         block = connected_components(_graph(a[~labels], b[~labels], count), directed=False)[1]
@@ -132,7 +158,7 @@ class SequenceConstraint:
         held = self._tree(among, a, b, labels)
         needed = self._in_the_way(labels, among, ground)
         if needed.any():
-            # inner faces on the way from what is in the way to a support
+            # inner faces on the path from an obstacle to a support
             tree = self._tree(ground | elements.support, a, b, labels)
             _, before = breadth_first_order(_graph(a[tree], b[tree], count), start, directed=False)
             between = {(int(a[face]), int(b[face])): face for face in tree.tolist()}
@@ -144,7 +170,7 @@ class SequenceConstraint:
             held = np.concatenate([held, np.array(sorted(path), dtype=np.int64)])
         around = [np.flatnonzero((block[a] == name) != (block[b] == name)) for name in np.unique(block[members])]
         if len(around) > 1:
-            # the one with most around it may grow: it is told from the others by what is around these
+            # The block with most faces around it needs none of them: the faces around the others separate them from it.
             around.pop(int(np.argmax([len(one) for one in around])))
         elif not self._may_rest:
             around = []
@@ -152,7 +178,7 @@ class SequenceConstraint:
         return Lock(found, labels[found], members)
 
     def _tree(self, among: Bools, a: Ints, b: Ints, labels: Bits) -> Ints:
-        """Inner faces that join some elements as far as they are joined among themselves, as few as do."""
+        """Return few inner faces that join some elements: a spanning forest of their inner faces."""
         faces = self.assembly.interfaces
         inside = np.flatnonzero(among[faces.a] & among[faces.b] & ~labels)
         _, first = np.unique(np.sort(np.column_stack([a[inside], b[inside]]), axis=1), axis=0, return_index=True)
@@ -160,7 +186,10 @@ class SequenceConstraint:
         return np.asarray(inside[first[np.round(tree).astype(np.int64) - 1]])
 
     def _in_the_way(self, labels: Bits, among: Bools, ground: Bools) -> Bools:
-        """(n,) free elements joined to the ground without which blocks would not lock one another; as few as found."""
+        """Return (n,) True for grounded free elements that the lock needs.
+
+        Elements are removed one by one while the blocks remain locked, so that the set is small but not minimum.
+        """
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         blocks = blocks_of_labelling(self.assembly, labels | ground[faces.a] | ground[faces.b])
         first = np.unique(blocks.of, return_index=True)[1]
@@ -175,5 +204,5 @@ class SequenceConstraint:
 
 
 def _graph(a: Ints, b: Ints, count: int) -> coo_array:
-    """Arrows (k,) from a to b among so many, each with its number, from 1, as its weight."""
+    """Return a sparse graph of edges (k,) from a to b, with edge numbers from 1 as weights."""
     return coo_array((1.0 + np.arange(len(a)), (a, b)), shape=(count, count))

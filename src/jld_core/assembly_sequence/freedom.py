@@ -1,12 +1,12 @@
-"""Which blocks can be moved away by a translation, and what stands in their way.
+"""Free translations of blocks, and the blocks that obstruct them.
 
-Along one direction to infinity a block is blocked by every other that the volume it sweeps meets. Blocks and what
-blocks them are a directed graph for each direction; a set that no arrow leaves can be taken out together. Source:
-Wilson & Latombe, Geometric reasoning about mechanical assembly, Artificial Intelligence 71 (1994) 371–396.
+Along one direction to infinity, a block is obstructed by every other block that meets its swept volume. This gives a
+directed graph for each direction; a set without outgoing edges can be removed together. Source: Wilson & Latombe,
+Geometric reasoning about mechanical assembly, Artificial Intelligence 71 (1994) 371–396.
 
-Which directions are tried for a block follows from the block alone, and for groups from the assembly alone, never from
-what stands beside them: a block or group that can be moved away can be so when less is there, and blocks that lock one
-another do so whatever else is there.
+The directions tried for a block depend on the block alone, and those for groups on the assembly alone. They never
+depend on the other blocks present. A block or group that can be removed can therefore still be removed when fewer
+blocks remain. Blocks that lock one another do so beside any other blocks.
 """
 
 from __future__ import annotations
@@ -24,19 +24,20 @@ from jld_core.assembly_sequence.solids import Solids, tangents
 from jld_core.deadline import checkpoint
 
 _TURN: Final = 1e-7
-"""Sine by which a direction may point into a contact: what the normals of a drawing leave."""
+"""Sine of the angle by which a direction may point into a contact: accuracy of normals in drawings."""
 
 _DIRECTIONS: Final = 400
-"""Directions in space that are tried for a block or a group at the most."""
+"""Largest number of directions in space that are tried for a block or a group."""
 
 _CHUNK: Final = 1 << 22
-"""Arrows between blocks that are followed at once."""
+"""Number of entries of the blocking table that are processed in one batch."""
 
 _SIDEWAYS: Final = (0.0, 0.0, 1.0)
+"""Direction out of the plane of a planar wall."""
 
 
 class Bodies:
-    """What is known of the translations of an assembly's elements, shared by all its labellings.
+    """Translation data of an assembly's elements, shared by all its labellings.
 
     sideways: planar walls may be taken apart out of their plane.
     """
@@ -51,21 +52,21 @@ class Bodies:
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Of a planar assembly: the directions in which elements meet."""
+        """Return the blocked directions of a planar assembly."""
         return Arcs(self.assembly)
 
     @cached_property
     def solids(self) -> Solids:
-        """Of a spatial one: which elements are met along a direction."""
+        """Return the sweep tests of a spatial assembly."""
         return Solids(self.assembly)
 
     @cached_property
     def common(self) -> Floats:
-        """Directions in space (k, 3) that groups are tried in."""
+        """Return the directions in space (k, 3) that are tried for groups."""
         return _directions(self.assembly.interfaces.normal)
 
     def ways_of(self, mine: Bools) -> Floats:
-        """Directions in space (k, 3) that some elements (n,) are tried in, from above first."""
+        """Return the directions in space (k, 3) tried for some elements (n,), upward first."""
         key = np.packbits(mine).tobytes()
         if key not in self._ways:
             faces = self.assembly.interfaces
@@ -77,7 +78,10 @@ class Bodies:
 
 
 class Freedom:
-    """Translations of the blocks of one labelling. bodies: of their assembly, made where not given."""
+    """Free translations of the blocks of one labelling.
+
+    bodies: translation data of the assembly; created if not given.
+    """
 
     def __init__(self, blocks: Blocks, sideways: bool = False, bodies: Bodies | None = None) -> None:
         self.blocks = blocks
@@ -87,9 +91,9 @@ class Freedom:
         self._apart: dict[bytes, bool] = {}
 
     def way_out(self, block: int, there: Bools) -> Floats | None:
-        """A direction (d,) along which one block leaves the others that are there (k,), the nearest to upwards.
+        """Return the most upward direction (d,) in which one block leaves those present (k,).
 
-        None where there is none. Out of the plane the direction is the third unit vector.
+        None where there is none. Out of the plane, the direction is the third unit vector.
         """
         checkpoint()
         if self.sideways:
@@ -107,15 +111,15 @@ class Freedom:
         return next(free, None)
 
     def group_out(self, there: Bools, most: int) -> tuple[Ints, Floats] | None:
-        """The smallest group of at most so many blocks that leaves the others together, and its direction.
+        """Return the smallest group of at most `most` blocks that can leave, and its direction.
 
-        there: (k,) blocks not yet taken away, fixed ones among them. None where there is none. In space its blocks must
-        come apart as well; those of a planar wall slide together from the side before they are lifted.
+        there: (k,) blocks present, fixed ones included. None where there is no such group. In space, the blocks of the
+        group must also be separable; those of a planar wall are first slid together from the side.
         """
         return next((found for found in self._groups(there, most) if self._planar or self._separable(found[0])), None)
 
     def _groups(self, there: Bools, most: int) -> list[tuple[Ints, Floats]]:
-        """All smallest sets that leave together along some direction, the fewest blocks first, each once."""
+        """Return all smallest sets that can leave together along some direction, smallest first."""
         blocks = self.blocks
         ways, table = self._blocking
         standing = np.flatnonzero(there)
@@ -131,7 +135,7 @@ class Freedom:
         return sorted(found.values(), key=lambda one: (len(one[0]), one[0].tolist()))
 
     def _separable(self, group: Ints) -> bool:
-        """Whether the blocks of a group come apart by themselves, by translations."""
+        """Return True if the blocks of a group can be separated by translations."""
         if len(group) < 2:
             return True
         key = group.tobytes()
@@ -139,14 +143,14 @@ class Freedom:
             there = np.zeros(len(self.blocks), dtype=bool)
             there[group] = True
             parts = [part for part, _ in self._groups(there, len(group) - 1)]
-            # what comes apart does so whatever is taken first: less is in the way later
+            # the order of removal is irrelevant: fewer obstacles remain later
             rest = None if not parts else np.setdiff1d(group, parts[0])
             self._apart[key] = rest is not None and self._separable(parts[0]) and self._separable(rest)
         return self._apart[key]
 
     @cached_property
     def _blocking(self) -> tuple[Floats, Bools]:
-        """Directions (k, d), and for each who is blocked by whom (k, b, b)."""
+        """Return directions (k, d) and the blocking table (k, b, b): who is blocked by whom."""
         blocks, count = self.blocks, len(self.blocks)
         if self._planar:
             angle = self.bodies.arcs.turns
@@ -168,7 +172,7 @@ class Freedom:
 
 
 def _closed(arrows: Bools) -> Bools:
-    """(k, b, b) what is reached along arrows (k, b, b), each from itself too."""
+    """Return the reflexive transitive closure (k, b, b) of directed graphs (k, b, b)."""
     reach = np.asarray(arrows | np.eye(arrows.shape[1], dtype=bool))
     while True:
         wide = reach.astype(np.float32)
@@ -179,7 +183,10 @@ def _closed(arrows: Bools) -> Bools:
 
 
 def _directions(normals: Floats) -> Floats:
-    """Unit directions in space (k, 3) that normals (c, 3) suggest: along them, along their edges, and between those."""
+    """Return candidate unit directions in space (k, 3) derived from contact normals (c, 3).
+
+    They are the normals, the intersection lines of contact planes, tangents, and the bisectors of these.
+    """
     if not len(normals):
         return np.concatenate([np.eye(3), -np.eye(3)])
     both = np.concatenate([normals, -normals]) + 0.0

@@ -1,7 +1,7 @@
-"""An order of laying, found by taking the structure apart: what leaves last was laid first.
+"""Search for an assembly order by disassembly: the block removed last is laid first.
 
-Taking a block away never puts another in the way, so a structure that single blocks can be taken from until nothing
-is left has an order whichever is taken first; only what must stand at every stage needs a search.
+Removing a block never obstructs another one. If single blocks can be removed until nothing is left, any order of
+choices succeeds; only the condition that every stage stands needs a search.
 """
 
 from __future__ import annotations
@@ -18,19 +18,27 @@ from jld_core.assembly_sequence.freedom import Bodies, Freedom
 from jld_core.assembly_sequence.standing import Parts, Stage, Standing
 
 SequenceRule = Literal["translation", "standing"]
+"""Rule for an assembly sequence: translations only, or also stages that stand without props."""
 
 GROUP: Final = 3
-"""Blocks that are moved together at the most, where single ones fail."""
+"""Largest number of blocks that are moved together where single blocks are locked."""
 
 _STAGES: Final = 400
-"""Stages looked at in the search for an order that stands."""
+"""Largest number of stages examined in the search for an order whose stages stand."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of laying: these blocks come along −direction, (d,) or (3,) out of the plane; then the stage is that.
+    """One step of an assembly sequence.
 
-    blocks: numbers, more than one where they can only be moved together. stage: after the step.
+    Attributes
+    ----------
+    blocks : tuple of int
+        Numbers of the blocks that are laid; several where they can only be moved together.
+    direction : (d,) or (3,) array
+        Direction of removal; the blocks arrive along its negative. (3,) for out of the plane.
+    stage : Stage
+        Stage after the step.
     """
 
     blocks: tuple[int, ...]
@@ -40,11 +48,22 @@ class Step:
 
 @dataclass(frozen=True)
 class Laying:
-    """How a labelling is laid, block by block.
+    """Assembly sequence of a labelling, block by block.
 
-    steps: in the order of laying; empty where there is none. locked: blocks that hold one another so that none of
-    them, and no group up to the size looked for, can be moved; empty where an order was found. searched: True where
-    the search was ended by its limit, so that another order may exist.
+    Attributes
+    ----------
+    blocks : Blocks
+        Blocks of the labelling.
+    steps : tuple of Step
+        Steps in the order of laying; empty where there is no order.
+    locked : tuple of int
+        Blocks that lock one another: none of them, and no group up to the given size, can be moved. Empty where an
+        order
+        exists.
+    searched : bool
+        True where the search for an order whose every stage stands found none, at its limit or exhaustively.
+        Another order
+        may exist; `steps` then hold an order by translations.
     """
 
     blocks: Blocks
@@ -54,12 +73,12 @@ class Laying:
 
     @property
     def possible(self) -> bool:
-        """Whether an order was found."""
+        """Return True if an order that meets the requested rule was found."""
         return not self.locked and not self.searched
 
     @property
     def stands(self) -> bool | None:
-        """Whether every stage stands without a prop; None where a stage was not settled."""
+        """Return True if every stage stands without props; None where a stage is undecided."""
         verdicts = [step.stage.stands for step in self.steps]
         return False if False in verdicts else None if None in verdicts else True
 
@@ -74,12 +93,30 @@ def assembly_order(
     bodies: Bodies | None = None,
     parts: Parts | None = None,
 ) -> Laying:
-    """An order in which the blocks of a labelling can be laid by translations, and how its stages stand.
+    """Find an order in which the blocks of a labelling can be laid by translations.
 
-    labels: (m,) True dry. wish: "standing" asks for an order in which every stage stands under its own weight without
-    props; "translation" takes any, those that need least props before others. sideways: a planar wall may be laid out
-    of its plane. group: blocks moved together at the most where single ones fail. bodies: what is known of the
-    assembly's translations already. parts: of stages solved already.
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with m interfaces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    wish : {"translation", "standing"}
+        "standing" searches an order whose every stage stands under its own weight without props. "translation" accepts
+        any order and prefers stages that stand or need little prop force.
+    sideways : bool
+        Allow a planar wall to be assembled out of its plane.
+    group : int
+        Largest number of blocks that are moved together where single blocks are locked.
+    bodies : Bodies, optional
+        Translation data of the assembly, for reuse.
+    parts : Parts, optional
+        Solved stages of the assembly, for reuse.
+
+    Returns
+    -------
+    Laying
+        Steps with their stages, or the blocks that lock one another.
     """
     blocks = blocks_of_labelling(assembly, labels)
     freedom, standing = Freedom(blocks, sideways, bodies), Standing(blocks, labels, parts)
@@ -103,10 +140,27 @@ def locked_blocks(
     group: int = GROUP,
     bodies: Bodies | None = None,
 ) -> tuple[int, ...]:
-    """Elements of the blocks that lock one another, ascending; empty where the labelling can be laid by translations.
+    """Return the elements of blocks that lock one another.
 
-    They lock one another wherever these very blocks are, whatever stands beside them. bodies: what is known of the
-    assembly's translations already.
+    They lock one another wherever the same blocks occur, whatever other blocks are present.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with m interfaces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    sideways : bool
+        Allow a planar wall to be assembled out of its plane.
+    group : int
+        Largest number of blocks that are moved together where single blocks are locked.
+    bodies : Bodies, optional
+        Translation data of the assembly, for reuse.
+
+    Returns
+    -------
+    tuple of int
+        Element indices, ascending; empty where the labelling can be assembled by translations.
     """
     blocks = blocks_of_labelling(assembly, labels)
     freedom = Freedom(blocks, sideways, bodies)
@@ -118,10 +172,11 @@ def locked_blocks(
 
 
 Move = tuple[tuple[int, ...], Floats]
+"""One step of disassembly: block numbers and their direction of removal."""
 
 
 def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
-    """What can be taken away now: single blocks; where there is none, the smallest group."""
+    """Return the blocks that can be removed now, or else the smallest group."""
     blocks = freedom.blocks
     found: list[Move] = []
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -136,13 +191,17 @@ def _moves(freedom: Freedom, there: Bools, group: int) -> list[Move]:
 
 
 def _without(there: Bools, move: Move) -> Bools:
+    """Return the blocks present after a move."""
     left = there.copy()
     left[list(move[0])] = False
     return left
 
 
 def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move] | None, Bools]:
-    """Moves that take everything apart, those that leave most standing first; None, and what is left, where stuck."""
+    """Return moves that take the structure apart, or None and the locked remainder.
+
+    Moves whose remaining stage stands, or needs the least prop force, come first.
+    """
     blocks = freedom.blocks
     there = np.ones(len(blocks), dtype=bool)
     taken: list[Move] = []
@@ -160,7 +219,7 @@ def _apart(freedom: Freedom, standing: Standing, group: int) -> tuple[list[Move]
 
 
 def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
-    """What is left when everything that can be taken away is."""
+    """Return the blocks (k,) that remain after removal of all that can be removed."""
     blocks = freedom.blocks
     there = there.copy()
     while np.any(there & ~blocks.fixed):
@@ -178,7 +237,7 @@ def emptied(freedom: Freedom, there: Bools, group: int) -> Bools:
 
 
 def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...]:
-    """Blocks that lock one another, none of which can be missed."""
+    """Return an irreducible set of blocks that lock one another."""
     there = emptied(freedom, there, group)
     blocks = freedom.blocks
     for block in np.flatnonzero(there & ~blocks.fixed).tolist():
@@ -193,12 +252,13 @@ def _smallest_lock(freedom: Freedom, there: Bools, group: int) -> tuple[int, ...
 
 
 def _standing_order(freedom: Freedom, standing: Standing, group: int) -> list[Move] | None:
-    """Moves whose every stage stands, depth first with what failed remembered; None where none was found."""
+    """Search moves whose every stage stands, depth first with memory of failures; or None."""
     blocks = freedom.blocks
     failed: set[bytes] = set()
     looked = 0
 
     def search(there: Bools, taken: list[Move]) -> list[Move] | None:
+        """Return the moves that take the remaining blocks away with stages that stand, or None."""
         nonlocal looked
         if not np.any(there & ~blocks.fixed):
             return taken
@@ -220,10 +280,10 @@ def _standing_order(freedom: Freedom, standing: Standing, group: int) -> list[Mo
 
 @dataclass(frozen=True)
 class Built:
-    """What came of building a labelling up block by block, every stage standing.
+    """Result of building up a labelling block by block with stages that stand.
 
-    possible: None where the search was ended by its limit, or a stage was not settled. seen: (n,) elements of all
-    blocks that were laid or tried.
+    possible: None where the search reached its limit or a stage was undecided. seen: (n,) elements of all blocks that
+    were laid or tried.
     """
 
     possible: bool | None
@@ -231,10 +291,11 @@ class Built:
 
 
 def built_up(freedom: Freedom, standing: Standing) -> Built:
-    """Lay single blocks, each where it touches what is laid and the stage stands, depth first, the lowest first.
+    """Search an order of single blocks whose every stage stands, depth first, lowest first.
 
-    It finds an order wherever there is one, if single blocks can be taken away until nothing is left. Whether it
-    does follows from the blocks that were seen alone: a block that touches nothing that is laid cannot stand.
+    Each block must touch a laid one. Provided single blocks can be removed until nothing is left, the search finds an
+    order wherever one exists. Its outcome depends only on the visited blocks: a block that touches no laid block cannot
+    stand.
     """
     blocks = freedom.blocks
     failed: set[bytes] = set()
@@ -242,6 +303,7 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
     looked, settled = 0, True
 
     def search(laid: Bools) -> bool | None:
+        """Return True if the laid blocks can be completed, False if not, None at the limit."""
         nonlocal looked, settled
         key = np.packbits(laid).tobytes()
         if laid.all():
@@ -273,13 +335,16 @@ def built_up(freedom: Freedom, standing: Standing) -> Built:
 
 
 def _turn(blocks: Blocks, there: Bools, move: Move) -> tuple[float, int]:
-    """What is taken away first: what lies highest, and of that what touches least: gaps grow from their edges."""
+    """Return the sort key of a removal: highest first, then fewest contacts.
+
+    Gaps thus grow from their edges.
+    """
     touching = sum(int(np.count_nonzero(there[blocks.contacts_of(block)[0]])) for block in move[0])
     return -round(_height(blocks, move) / blocks.assembly.size, 6), touching
 
 
 def _height(blocks: Blocks, move: Move) -> float:
-    """How high against the weight the centre of what is moved lies."""
+    """Return the height of the moved blocks' centre against the direction of weight."""
     elements = blocks.assembly.elements
     total = elements.weight[elements.free].sum(axis=0)
     if not np.any(total):
@@ -290,6 +355,7 @@ def _height(blocks: Blocks, move: Move) -> float:
 
 
 def _steps(blocks: Blocks, standing: Standing, taken: list[Move]) -> tuple[Step, ...]:
+    """Return the steps of laying for moves of disassembly."""
     laid = blocks.fixed.copy()
     steps = []
     for move in reversed(taken):

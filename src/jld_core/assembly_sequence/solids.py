@@ -1,4 +1,4 @@
-"""Spatial blocks that move along a direction: which others the volume meets that they sweep."""
+"""Translations of spatial blocks: which elements the swept volume of a block meets."""
 
 from __future__ import annotations
 
@@ -13,20 +13,24 @@ from jld_core.assembly import Assembly, Elements
 from jld_core.geometry import across, area_of, area_vector
 
 SHARED: Final = 1e-6
-"""Volume, relative to the smaller block, that a sweep may share with another block: rounding of contacts."""
+"""Relative volume by which a sweep may overlap another element: rounding at contacts.
+
+Its power 2/3, times the element size, is the allowed penetration.
+"""
 
 
 class Solids:
-    """Spatial blocks, each a set of elements; one that is not convex is its skin of triangles to what moves past it.
+    """Sweep tests between the elements of a spatial assembly.
 
-    Where both a moving and a resting element are not convex the moving one is swept as its hull.
+    An element that is not convex is represented by the triangles of its surface, against a convex partner. Where both
+    are not convex, the moving one is replaced by its convex hull.
     """
 
     def __init__(self, assembly: Assembly) -> None:
         elements = assembly.elements
         self.elements = elements
         self.size = (elements.upper - elements.lower).max(axis=1)
-        from scipy.spatial import ConvexHull  # here and below: slow to import, and for spatial scenes alone
+        from scipy.spatial import ConvexHull  # local, here and below: slow to import, spatial scenes only
 
         hulls = [ConvexHull(corners) for corners in elements.shape]
         self.planes = [np.unique(np.round(hull.equations, 12), axis=0) for hull in hulls]
@@ -34,12 +38,12 @@ class Solids:
         self.convex = np.array([hull.volume for hull in hulls]) <= (1.0 + SHARED) * _volumes(elements)
 
     def swept(self, mine: Ints, others: Ints, direction: Floats) -> Ints:
-        """Those of other elements that some elements meet on their way along a unit direction to infinity."""
+        """Return those of `others` that the elements `mine` meet along a unit direction."""
         low, high = self.elements.lower, self.elements.upper
         met = np.zeros(len(others), dtype=bool)
         for e in mine.tolist():
             reach = 1e-9 * self.size[e]
-            # a box that can never be met, whichever way: cheap, and nearly all of them
+            # exclude boxes that can never be met: cheap, and nearly all of them
             ahead = (high[others] > low[e] + reach) | (direction < -1e-12)
             behind = (low[others] < high[e] - reach) | (direction > 1e-12)
             for place in np.flatnonzero(np.all(ahead & behind, axis=1) & ~met).tolist():
@@ -47,21 +51,23 @@ class Solids:
         return others[met]
 
     def meets(self, moving: int, still: int, direction: Floats) -> bool:
-        """Does one element, moved along a direction, ever share a volume with another? Remembered: blocks share it."""
+        """Return True if an element moved along a direction ever overlaps another one; cached."""
         key = (moving, still, direction.tobytes())
         if key not in self._met:
             self._met[key] = self._meets(moving, still, direction)
         return self._met[key]
 
     def _meets(self, moving: int, still: int, direction: Floats) -> bool:
+        """Return True if an element moved along a direction ever overlaps another one."""
         if self.convex[still]:
             if self.convex[moving]:
                 return self._solid_meets(moving, still, direction)
-            # what rests, moved the other way, past the skin of what moves
+            # equivalent: move the convex element at rest the opposite way, past the surface of the other
             return any(self._solid_meets_face(still, face, -direction) for face in self._skin(moving))
         return any(self._solid_meets_face(moving, face, direction) for face in self._skin(still))
 
     def _solid_meets(self, moving: int, still: int, direction: Floats) -> bool:
+        """Return True if a convex element moved along a direction overlaps a convex one."""
         p, q = self.planes[moving], self.planes[still]
         depth = self._depth(moving, still)
         ahead = (self.elements.shape[still] @ p[:, :3].T).min(axis=0) + p[:, 3]
@@ -70,7 +76,7 @@ class Solids:
         behind = (self.elements.shape[moving] @ q[:, :3].T).min(axis=0) + q[:, 3]
         if np.any((behind >= -depth) & (q[:, :3] @ direction >= -1e-9)):
             return False
-        # a point x of the moving one and a way t with x + t·d inside the other, both by the most
+        # maximise the depth of a point x in the moving element for which x + t·d lies in the other at the same depth
         rows = np.block(
             [
                 [p[:, :3], np.zeros((len(p), 1)), np.ones((len(p), 1))],
@@ -80,7 +86,7 @@ class Solids:
         return bool(self._inside(rows, -np.concatenate([p[:, 3], q[:, 3]]), None) > depth)
 
     def _solid_meets_face(self, moving: int, face: Floats, direction: Floats) -> bool:
-        """The same for a triangle (3, 3): a point well inside the moving one comes to lie on it."""
+        """Return True if a point inside a moving convex element comes to lie on a triangle (3, 3)."""
         p = self.planes[moving]
         normal = np.cross(face[1] - face[0], face[2] - face[0])
         normal = normal / np.linalg.norm(normal)
@@ -104,10 +110,11 @@ class Solids:
         return bool(self._inside(rows, right, equal) > depth)
 
     def _depth(self, moving: int, still: int) -> float:
+        """Return the penetration up to which two elements count as touching, a length."""
         return float(SHARED ** (2.0 / 3.0) * min(self.size[moving], self.size[still]))
 
     def _inside(self, rows: Floats, right: Floats, equal: tuple[Floats, Floats] | None) -> float:
-        """Greatest depth, the last of the unknowns x, t ≥ 0, depth; −inf where there is none."""
+        """Maximise the last unknown, depth, over x, t ≥ 0 and depth; −inf where infeasible."""
         bounds = [(None, None)] * 3 + [(0.0, None), (None, float(self.size.max()))]
         matrix, values = equal or (None, None)
         from scipy.optimize import linprog
@@ -116,7 +123,7 @@ class Solids:
         return -np.inf if answer.x is None else float(answer.x[4])
 
     def _skin(self, element: int) -> Floats:
-        """(t, 3, 3) triangles of the surface of an element."""
+        """Return the triangles (t, 3, 3) of the surface of an element."""
         if element not in self._skins:
             corners = self.elements.shape[element]
             faces = [corners[list(loop)] for loop in self.elements.faces[element]]
@@ -125,11 +132,15 @@ class Solids:
 
     @cached_property
     def _skins(self) -> dict[int, Floats]:
+        """Return the cache of surface triangles by element."""
         return {}
 
 
 def _volumes(elements: Elements) -> Floats:
-    """(n,) volumes of polyhedra from their faces, whatever volume a scene states."""
+    """Compute the volumes (n,) of polyhedra from their faces.
+
+    Volumes given by a scene are ignored.
+    """
     found = []
     for corners, faces in zip(elements.shape, elements.faces, strict=True):
         total = 0.0
@@ -141,18 +152,18 @@ def _volumes(elements: Elements) -> Floats:
 
 
 def _triangles(face: Floats) -> Floats:
-    """(t, 3, 3) triangles that make up a plane polygon (k, 3)."""
+    """Split a plane polygon (k, 3) into triangles (t, 3, 3)."""
     if len(face) == 3:
         return face[None]
     normal = area_vector(face)
     plane = across(normal / np.linalg.norm(normal))
-    # a face with a hole comes as one outline with a bridge, which is no edge of the region
+    # a face with a hole is one outline with a bridge, which is not an edge of the region
     flat = area_of(shapely.Polygon((face - face[0]) @ plane.T))
     parts = shapely.get_parts(shapely.constrained_delaunay_triangles(flat))
     return np.array([face[0] + shapely.get_coordinates(part)[:3] @ plane for part in parts])
 
 
 def tangents(normal: Floats) -> Floats:
-    """Four directions at right angles to a normal."""
+    """Return four unit directions orthogonal to a normal."""
     plane = across(normal)
     return np.concatenate([plane, -plane])

@@ -1,10 +1,10 @@
-"""Does a stage of laying stand under its own weight, and if not, which blocks need a prop and with how much force?
+"""Stability of assembly stages under self-weight, and the least prop forces otherwise.
 
-A prop is an upward force, against the weight, on an element, at its centroid or at the ends of its width. The least
-sum of such forces is a conic program over equilibrium and the yield sets of the faces that are laid.
+A prop is an upward force (against the weight) on an element, at its centroid or at the ends of its width. The least sum
+of prop forces is a conic program over equilibrium and the yield sets of the laid faces.
 
-What is laid in parts that do not touch one another stands where each part does, so parts are solved one by one, and
-each is solved once for all labellings of an assembly (`Parts`).
+Parts of a stage that do not touch one another are independent. They are solved separately, and each once for all
+labellings of an assembly (`Parts`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,19 @@ from jld_core.program import ConicProgram, Template, beginnings, pack
 from jld_core.solvers import auxiliary
 
 _NONE: Final = 1e-6
-"""Force of props, relative to the weight that is laid, below which a stage stands without them."""
+"""Prop force, relative to the laid weight, below which a prop is zero; also the accepted solver error.
+
+A stage stands up to ten times this force.
+"""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of laying. props: (k,) upward force on each block, scene units, 0 where none. error: residual of the
-    equations and of the yield rows, and the gap of the program, whichever is largest, relative to the weight."""
+    """One stage of an assembly sequence.
+
+    props: (k,) upward force on each block, scene units, 0 where none. error: largest of the residuals of equations and
+    yield rows and of the duality gap, relative to the weight. weight: laid weight, force.
+    """
 
     props: Floats
     error: float
@@ -40,7 +46,7 @@ class Stage:
 
     @property
     def stands(self) -> bool | None:
-        """Whether it stands without props; None where the program did not settle it."""
+        """Return True if the stage stands without props; None where the program did not converge."""
         if not self.error <= _NONE:
             return None
         return bool(self.props.sum() <= 10.0 * _NONE * self.weight)
@@ -48,7 +54,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class _Part:
-    """What props a part of a stage needs. props: (n,) upward force on each element; error, weight: see `Stage`."""
+    """Prop forces of one part of a stage.
+
+    props: (n,) upward force on each element; error, weight: as in `Stage`.
+    """
 
     props: Floats
     error: float
@@ -56,7 +65,10 @@ class _Part:
 
 
 class Standing:
-    """Stages of one labelling. labels: (m,) True dry. parts: solved before, of the same assembly; default none."""
+    """Stages of one labelling.
+
+    labels: (m,) True = dry. parts: solved parts of the same assembly; created if not given.
+    """
 
     def __init__(self, blocks: Blocks, labels: Bits, parts: Parts | None = None) -> None:
         self.blocks, self.labels = blocks, np.asarray(labels, dtype=bool)
@@ -64,7 +76,7 @@ class Standing:
         self._known: dict[bytes, Stage] = {}
 
     def stage(self, laid: Bools) -> Stage:
-        """The stage in which these blocks (k,) are laid, fixed ones always."""
+        """Return the stage in which the blocks `laid` (k,) and the fixed ones are laid."""
         laid = laid | self.blocks.fixed
         key = np.packbits(laid).tobytes()
         if key not in self._known:
@@ -78,7 +90,7 @@ class Standing:
 
 
 class Parts:
-    """Parts of stages of any labelling of one assembly, each solved once."""
+    """Cache of the parts of stages of all labellings of one assembly."""
 
     def __init__(self, assembly: Assembly) -> None:
         self.assembly = assembly
@@ -86,11 +98,17 @@ class Parts:
 
     @cached_property
     def template(self) -> Template:
-        """The program of a labelling: load cases differ in loads alone, and a stage carries nothing but its weight."""
+        """Return the program template.
+
+        It is that of the first load case: cases differ only in loads, and a stage carries self-weight only.
+        """
         return Template(self.assembly.by_case[0])
 
     def of(self, here: Bools, labels: Bits) -> list[_Part]:
-        """The parts of what is laid that do not touch one another. here: (n,) elements; labels: (m,) True dry."""
+        """Return the parts of the laid elements that do not touch one another.
+
+        here: (n,) laid elements; labels: (m,) True = dry.
+        """
         faces, support = self.assembly.interfaces, self.assembly.elements.support
         free = here & ~support
         joined = np.flatnonzero(free[faces.a] & free[faces.b])
@@ -100,6 +118,7 @@ class Parts:
         return [self._part(here & (support | (name == one)), labels) for one in np.unique(name[free])]
 
     def _part(self, here: Bools, labels: Bits) -> _Part:
+        """Return one part from the cache, or solve it."""
         faces = self.assembly.interfaces
         key = np.packbits(here).tobytes() + np.packbits(labels[here[faces.a] & here[faces.b]]).tobytes()
         if key not in self._known:
@@ -108,6 +127,7 @@ class Parts:
         return self._known[key]
 
     def _solved(self, here: Bools, labels: Bits) -> _Part:
+        """Minimise the sum of prop forces of one part."""
         assembly, template = self.assembly, self.template
         elements, faces, q = assembly.elements, assembly.interfaces, assembly.freedoms
         props = np.zeros(len(here))
@@ -120,7 +140,7 @@ class Parts:
         own = np.zeros((len(free), q))
         own[:, : assembly.dimension] = elements.weight[free]
         weight_of = (own / template.scaling.row).ravel()
-        # faces between what is laid; rows of elements that are; the column of λ falls away
+        # select faces between laid elements and equations of laid elements; drop the column of λ
         face = here[faces.a] & here[faces.b]
         pattern = template.yield_set.pattern
         equations = (q * standing[:, None] + np.arange(q)).ravel()
@@ -151,7 +171,7 @@ class Parts:
         return _Part(np.where(props > _NONE * weight, props, 0.0), error * relative, weight)
 
     def _props(self, standing: Ints) -> tuple[Floats, Ints]:
-        """Columns of unit props on the equations of the elements that are laid, scaled, and the element of each."""
+        """Return columns of scaled unit props on the equations of laid elements, and their owners."""
         assembly, template = self.assembly, self.template
         elements, q, d = assembly.elements, assembly.freedoms, assembly.dimension
         total = elements.weight[elements.free].sum(axis=0)
@@ -180,7 +200,10 @@ class Parts:
 
 
 def _error(program: ConicProgram, point: Floats, dual: Floats) -> float:
-    """Largest violation of the rows and the gap of an answer: nothing a solver says of itself is taken for it."""
+    """Return the largest violation of primal and dual rows and the duality gap of a solution.
+
+    It is evaluated here, independently of the solver's own status.
+    """
     if not (np.isfinite(point).all() and np.isfinite(dual).all()):
         return np.inf
     structure = program.structure

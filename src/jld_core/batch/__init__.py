@@ -1,28 +1,26 @@
-"""Labellings in the lanes of a register: a compiled interior point over many labellings of one assembly.
+"""Batch solver: a compiled interior-point method that bounds λ of many labellings of one assembly at once.
 
-- `CARRIED`: fate of a labelling whose forces were seen to carry more
-- `CARRIES`: answer of a labelling that carries more than was asked
-- `FALLS`: answer of a labelling that stands for no λ ≥ 0
-- `LOCKED`: answer of a labelling that carries any load
-- `OPEN`: answer of a labelling that is left to the usual way
-- `PROVEN`: answer of a labelling with both bounds
-- `REFUTED`: fate of a labelling that a mechanism proves too weak
-- `SOLVED`: state of a choice of blocks of which a bound can be expected
-- `BlockAnswers`: of k choices: own (k, own rows of all blocks), shared (k, shared rows): multipliers of the rows; …
-- `BlockColumns`: columns of one block
-- `BlockLanes`: min −λ over choices of blocks, by the batch solver
-- `Graph`: blocks of many labellings
-- `Joining`: parts joined in the order of keys
-- `BatchResults`: what is proven of many labellings
-- `BatchSolver`: the batch solver for one template
-- `MinimizationOptions`: how labellings are shrunk to what makes them too weak
-- `MinimizationResults`: what shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each
-  …
-- `ConflictRequest`: labellings to be shrunk, whoever is asked: the batch solver, the relaxation of one load or that of
-  several cases
-- `chosen`: the batch solver in use
-- `described`: the batch solver in use, in words
-- `fits`: whether the batch solver knows rows of a shape
+- `CARRIED`: fate of a labelling whose forces carry more than its threshold
+- `CARRIES`: verdict for a labelling whose λ exceeds its threshold
+- `FALLS`: verdict for a labelling for which no λ ≥ 0 is admissible
+- `LOCKED`: verdict for a labelling that carries any live load
+- `OPEN`: verdict for a labelling that the batch solver could not settle
+- `PROVEN`: verdict for a labelling with both bounds and a narrow bracket
+- `REFUTED`: fate of a labelling that a mechanism refutes at its threshold
+- `SOLVED`: state of a choice of blocks whose multipliers are ready to give a bound
+- `BatchResults`: proven bounds on λ of many labellings
+- `BatchSolver`: batch solver for the labellings of one template
+- `BlockAnswers`: multipliers, shares and λ of k choices of allowed blocks
+- `BlockColumns`: rows and columns of one block in the relaxation by blocks
+- `BlockLanes`: batch solver for the relaxation by blocks
+- `ConflictRequest`: labellings whose conflicts are to be minimised
+- `Graph`: graph of elements and interfaces that finds the blocks of many labellings
+- `Joining`: graph of atoms that are joined into parts in a given order
+- `MinimizationOptions`: options of conflict minimisation
+- `MinimizationResults`: minimised conflicts of k labellings and their neighbours
+- `chosen`: return the variant of the batch solver in use
+- `described`: describe the batch solver in use in words
+- `fits`: test whether the batch solver takes a template
 """
 
 from jld_core.batch.batch_solver import CARRIES, FALLS, LOCKED, OPEN, PROVEN, BatchResults, BatchSolver

@@ -1,7 +1,7 @@
-"""Many labellings of one assembly at once, in the lanes of a register: both bounds on λ, proven as ever.
+"""Batch solver: proven lower and upper bounds on λ for many labellings of one assembly at once.
 
-The batch solver takes rows from the yield sets of a template and states none itself. What it leaves open is for the
-routes that take one labelling at a time.
+The compiled solver treats several labellings together in the SIMD lanes of the processor. All rows come from the yield
+sets of a template; this module defines no yield set. Labellings that stay open are solved one at a time elsewhere.
 """
 
 from __future__ import annotations
@@ -24,11 +24,15 @@ from jld_core.mechanics import Rows
 from jld_core.program import Template
 
 OPEN: Final = 0
+"""Verdict: nothing proven yet; verdicts have the numbers of `JldVerdict` in source/problem.h."""
 PROVEN: Final = 1
+"""Verdict: both bounds are proven and the bracket is narrow."""
 FALLS: Final = 2
+"""Verdict: no λ ≥ 0 is admissible."""
 CARRIES: Final = 3
+"""Verdict: λ is above its threshold."""
 LOCKED: Final = 4
-"""Verdicts, as `JldVerdict` of source/problem.h numbers them."""
+"""Verdict: λ is unbounded."""
 
 _FIRST: Final[dict[str, float]] = {
     "proximal": 1e-5,
@@ -44,6 +48,7 @@ _FIRST: Final[dict[str, float]] = {
     "press": 0.0,
     "endless": 1e300,
 }
+"""Defaults of `library.Try`; the comments of `JldTry` in source/problem.h define each field."""
 TRIES: Final = (
     library.Try(**_FIRST | {"endless": 1e4}, most=28),
     library.Try(**_FIRST | {"aim": -1.0, "press": 1e-2}, most=28),
@@ -51,8 +56,9 @@ TRIES: Final = (
     library.Try(**_FIRST | {"proximal": 1e-6, "margin": 1e-11, "active": 1e-5, "first": 0.9, "jumps": 1e-9}, most=40),
     library.Try(**_FIRST | {"proximal": 1e-4, "margin": 1e-9, "active": 1e-3, "first": 0.9, "near": 1e-4}, most=60),
 )
-"""Settings of the passes over what is still open, planar: what runs away is tried for a ray, the rest for a state at
-the edge. Source: measured, see benchmarks/lanes.py."""
+"""Settings of the successive passes over the open labellings, planar. Passes 2 and 3 look for a ray of unbounded load
+and for an admissible state on the boundary. Source: measured in benchmarks/lanes.py.
+"""
 
 SPATIAL_TRIES: Final = tuple(
     library.Try(**_FIRST | {"target": 3e-8, "jumps": 1e-7, "near": 1e-2} | more)
@@ -63,20 +69,34 @@ SPATIAL_TRIES: Final = tuple(
         {"proximal": 1e-4, "most": 60},
     )
 )
-"""The same in space, where edges of cones are left to others."""
+"""Settings of the successive passes over the open labellings, spatial. No pass looks for states on the boundary of a
+cone. Source: measured in benchmarks/lanes.py.
+"""
 
-_UNDECIDED: Final = 2
-_SAMPLES: Final = 32  # labellings whose mean is where others start
-_SHARE: Final = 0.7  # of that mean; the rest is the least forces in equilibrium
-_ROOM_BLIND: Final = 3.0  # least slack at the start where no such mean is known
-_ROOM: Final = 1.0
-_PUSH: Final = 1.0  # least multiplier there
-_PUSH_SPATIAL: Final = 0.3
+_UNDECIDED: Final = 2  # `JLD_UNDECIDED` of source/problem.h
+_SAMPLES: Final = 32  # random labellings whose mean solution gives the starting point
+_SHARE: Final = 0.7  # weight of that mean; the least-norm forces in equilibrium have the weight 1 − 0.7
+_ROOM_BLIND: Final = 3.0  # least slack at the starting point without such a mean, scaled
+_ROOM: Final = 1.0  # least slack at the starting point with such a mean, scaled
+_PUSH: Final = 1.0  # least multiplier at the starting point, planar, scaled
+_PUSH_SPATIAL: Final = 0.3  # least multiplier at the starting point, spatial, scaled
 
 
 @dataclass(frozen=True)
 class _Start:
-    """Forces and jumps (m, q), velocities (q·free,) in the batch solver's order, λ, and the least slack of a row."""
+    """Starting point of the iterations, scaled.
+
+    Attributes
+    ----------
+    forces, jumps : (m, q) arrays
+        Resultants, and jumps of the velocities.
+    speed : (q·free,) array
+        Velocities, in the batch solver's order of elimination.
+    load : float
+        Load factor λ.
+    room : float
+        Least slack of a row.
+    """
 
     forces: Floats
     jumps: Floats
@@ -87,13 +107,27 @@ class _Start:
 
 @dataclass(frozen=True)
 class BatchResults:
-    """What is proven of k labellings, scaled.
+    """Proven bounds on λ of k labellings, scaled.
 
-    low, high: (k,) bounds on λ, infinite where there is none. verdict: (k,) OPEN, PROVEN (both bounds, a narrow
-    bracket), FALLS (no λ ≥ 0 is admissible), CARRIES (λ above its threshold) or LOCKED (λ without end: a state and a
-    ray). iterations, tries: (k,) what it took. forces (k, m, q) and velocity (k, q·free) belong to the bounds and rays
-    (k, m, q), for λ = 1, to what is locked, where asked for. diagnosis: (k, 4) slack, error, margin and gap at the last
-    try.
+    Attributes
+    ----------
+    low, high : (k,) arrays
+        Lower and upper bound on λ; infinite where there is none.
+    verdict : (k,) int32 array
+        `OPEN`; `PROVEN` (both bounds, a narrow bracket); `FALLS` (no λ ≥ 0 is admissible); `CARRIES` (λ above its
+        threshold); or `LOCKED` (λ is unbounded, proven by an admissible state and a ray).
+    iterations : (k,) int32 array
+        Iterations of all passes.
+    tries : (k,) int32 array
+        Number of passes.
+    forces : (k, m, q) array or None
+        Forces of the lower bound; only with `vectors=True`, as all that follow.
+    velocity : (k, q·free) array or None
+        Velocities of the upper bound, in the order of the elements.
+    diagnosis : (k, 4) array or None
+        Slack, equilibrium error, margin of the jumps (before the opening motion is added) and gap at the last pass.
+    rays : (k, m, q) array or None
+        Rays of `LOCKED` labellings, for λ = 1.
     """
 
     low: Floats
@@ -108,15 +142,38 @@ class BatchResults:
 
 
 class BatchSolver:
-    """The batch solver for one template.
+    """Batch solver for the labellings of one template.
 
-    template: its yield sets in pairs of linear rows, in space edges of hulls and one cone of shear a face. opening:
-    (q·free,) velocities that open every face under any labelling, None where there are none. zero: scaled λ beside
-    which a bracket around zero may be narrow. undecided: rows of faces whose label is not decided, in the place of
-    those of dry ones. variant: see `library`; default the one in use. tries: settings of the passes over what is still
-    open. drawn: iterations start near the answers of a few random labellings, whose share that is settled `settles`
-    tells; else, for a few labellings alone, near the least forces in equilibrium.
-    Raises ValueError where the template's rows have not the batch solver's shape (ask `fits` first).
+    Parameters
+    ----------
+    template : Template
+        Gives equilibrium and yield sets. Their rows must be pairs of linear rows; in space edges of hulls and one shear
+        cone per face.
+    opening : (q·free,) array, optional
+        Velocities that open every face under any labelling; None if there are none.
+    zero : float
+        Magnitude of scaled λ relative to which a bracket around zero counts as narrow.
+    undecided : Rows, optional
+        Rows of faces whose label is undecided; they replace the rows of dry faces.
+    variant : str, optional
+        Variant or path of the compiled library (see `library`); default: the variant in use.
+    tries : sequence of Try
+        Settings of the passes over the open labellings; default `TRIES` or `SPATIAL_TRIES`.
+    drawn : bool
+        True: start near the mean solution of a few random labellings. False: start from the least-norm forces in
+        equilibrium, which is cheaper for a few labellings.
+
+    Attributes
+    ----------
+    variant : str
+        Variant of the compiled library.
+    settles : float
+        Share of the random labellings that got a verdict; 0 if none were solved.
+
+    Raises
+    ------
+    ValueError
+        No batch solver is built or in use, or the template's rows have an unsupported shape (see `fits`).
     """
 
     def __init__(
@@ -143,7 +200,7 @@ class BatchSolver:
         self._meets = rows.meets
         usual = TRIES if template.assembly.dimension == 2 else SPATIAL_TRIES
         if rows.bows is not None:
-            usual = tuple(one for one in usual if one.aim > 0.0)  # edges and rays of parabolas are left to others
+            usual = tuple(one for one in usual if one.aim > 0.0)  # these passes do not support parabolas
         chosen_tries = tries or usual
         self._tries = tuple(chosen_tries)
         self.pattern, a, b = pattern_of(template.assembly)
@@ -157,7 +214,7 @@ class BatchSolver:
         self._start = self._starting(template, drawn)
 
     def _starting(self, template: Template, sampled: bool) -> _Start:
-        """Where iterations start: between the least forces in equilibrium and the mean answer of a few labellings."""
+        """Compute the starting point from the least-norm equilibrium and a mean solution."""
         matrix = template.matrix
         least = -(matrix.T @ spsolve(matrix @ matrix.T, template.dead)).reshape(self.faces, self._q)
         nothing = np.zeros(self.size)
@@ -180,10 +237,11 @@ class BatchSolver:
         return _Start(forces, jumps, speed[self._ends], _SHARE * float(found.low[good].mean()), _ROOM)
 
     def _lay_out(self, template: Template, a: Ints, b: Ints) -> None:
+        """Store ends, matrix blocks and equilibrium of all faces in order of elimination."""
         place = np.full(len(self.pattern.order) + 1, -1, dtype=np.int64)
         place[self.pattern.order] = np.arange(len(self.pattern.order))
         a, b = place[a], place[b]  # −1 stays −1
-        # a support is nobody's: the free side stands first
+        # supports have index −1, so the free element of such an interface comes first
         swap = (a < 0) | ((b >= 0) & (b < a))
         low, high = np.where(swap, b, a), np.where(swap, a, b)
         self._low, self._high = low.astype(np.int32), high.astype(np.int32)
@@ -212,10 +270,28 @@ class BatchSolver:
         thresholds: Floats | None = None,
         vectors: bool = False,
     ) -> BatchResults:
-        """Bounds for labellings (k, m), True dry; an answer depends on its own labelling alone.
+        """Compute bounds on λ for labellings; each result depends on its own labelling alone.
 
-        undecided: (k, m) faces of no label. thresholds: (k,) scaled λ above which nothing more need be known. vectors:
-        also hand back forces and velocities.
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            True = dry.
+        undecided : (k, m) bool array, optional
+            True where a face has no label.
+        thresholds : (k,) array, optional
+            Scaled λ; once a labelling is known to exceed its threshold its iterations end.
+        vectors : bool
+            Return forces, velocities, rays and the diagnosis as well.
+
+        Returns
+        -------
+        BatchResults
+            Scaled bounds and verdicts.
+
+        Raises
+        ------
+        MemoryError
+            The compiled solver cannot allocate its workspace.
         """
         labels = np.ascontiguousarray(labellings, dtype=np.uint8)
         if undecided is not None:
@@ -249,7 +325,10 @@ class BatchSolver:
         return BatchResults(low, high, verdict, iterations, tries, forces, velocity, diagnosis, rays)
 
     def reversed(self) -> BatchSolver:
-        """The same structure under the opposite live load, for a few labellings alone."""
+        """Return a solver of the same structure under the opposite live load.
+
+        The starting point has no load and no velocities, so use the result for a few labellings only.
+        """
         other = copy(self)
         other._live = -self._live
         nothing = np.zeros((self.faces, self._q))
@@ -257,9 +336,25 @@ class BatchSolver:
         return other
 
     def minimize_conflicts(self, asked: ConflictRequest) -> MinimizationResults:
-        """Each labelling with as few faces decided as still keep λ at its threshold, which is a scaled one.
+        """Minimise the conflicts of labellings at their thresholds.
 
-        What is said to refute is a hint, to be weighed by who uses it.
+        A conflict keeps as few faces decided as still prove λ below the threshold. The fate `REFUTED` is a hint: the
+        caller must verify the work balance of the mechanism.
+
+        Parameters
+        ----------
+        asked : ConflictRequest
+            Labellings, scaled thresholds and options.
+
+        Returns
+        -------
+        MinimizationResults
+            Row i·(1 + neighbours) belongs to labelling i; the rows of its neighbours follow.
+
+        Raises
+        ------
+        MemoryError
+            The compiled solver cannot allocate its workspace.
         """
         count, how = len(asked.labellings), asked.how
         wide = 1 + how.neighbours
@@ -290,12 +385,13 @@ class BatchSolver:
         )
 
     def _as_elements(self, velocity: Floats) -> Floats:
-        """Velocities (k, q·free) in the order of elements, from that of elimination."""
+        """Reorder velocities (k, q·free) from the order of elimination to that of the elements."""
         back = np.empty_like(velocity)
         back[:, self._ends] = velocity
         return back
 
     def _problem(self) -> library.Problem:
+        """Return the problem description in the layout of the compiled library."""
         start = self._start
         arrays = library.pointers(
             low=self._low,

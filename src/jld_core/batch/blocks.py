@@ -1,8 +1,7 @@
-"""The linear program of the relaxation by blocks under many choices of allowed blocks, in the lanes of a register.
+"""Batch solver for the linear program of the relaxation by blocks under many choices of allowed blocks.
 
-The batch solver takes columns as they are and knows nothing of mechanics: of each block its own rows, which are
-eliminated
-block by block, and those that it shares with others, three to a node.
+The solver takes the columns as given and knows nothing of mechanics. Each block has rows of its own, which are
+eliminated block by block, and shares other rows with further blocks, three rows to a node.
 """
 
 from __future__ import annotations
@@ -20,30 +19,45 @@ from jld_core.batch import library
 from jld_core.batch.pattern import factor_pattern
 
 SOLVED: Final = 1
-"""State of a choice of which a bound can be expected."""
+"""State of a choice whose multipliers are accurate enough to give a bound (`BlockAnswers.state`)."""
 
 _Q: Final = 3
+"""Shared rows of one node."""
 _ROWS: Final = 96
-"""Rows of one block at the most: `MOST` of source/blocks.h."""
+"""Largest number of rows of one block: `MOST` of source/blocks.h."""
 
 _GAP: Final = 1e-5
-"""Relative gap that is asked for: bounds that are compared with one another."""
+"""Relative gap at which iterations end; the bounds are only compared with one another."""
 
 _NEAR: Final = 1e-4
+"""Relative distance of λ from its threshold below which `_FINE` replaces `_GAP`."""
 _FINE: Final = 1e-8
-"""Gap that is asked for where the answer is nearer than that to the threshold, relative."""
+"""Relative gap at which iterations end close to the threshold."""
 
 _ROOM: Final = 1e-6
-"""Error of the multipliers that is left for others to repair."""
+"""Error of the multipliers at which iterations end; the caller repairs the rest."""
 
 _MOST: Final = 50
-"""Iterations of one; from the same start it takes 15 to 30."""
+"""Largest number of iterations of one choice; 15 to 30 were measured from the common starting point."""
 
 
 @dataclass(frozen=True)
 class BlockColumns:
-    """Columns of one block. shared: (s,) rows that it shares. row, entry: of each column, rows of the block: its own
-    `own` ones, then the shared ones. of_x, of_load: (own + s,) entries of its share, and of its λ times its share."""
+    """Rows and columns of one block in the relaxation by blocks.
+
+    Attributes
+    ----------
+    own : int
+        Number of rows that belong to this block alone.
+    shared : (s,) int array
+        Rows that the block shares with others.
+    columns : tuple of (row, entry)
+        Row numbers and entries of each column. Rows count within the block: its own rows first, then the shared ones.
+    of_x : (own + s,) array
+        Entries of the block's share.
+    of_load : (own + s,) array
+        Entries of the block's λ times its share.
+    """
 
     own: int
     shared: Ints
@@ -54,8 +68,23 @@ class BlockColumns:
 
 @dataclass(frozen=True)
 class BlockAnswers:
-    """Of k choices: own (k, own rows of all blocks), shared (k, shared rows): multipliers of the rows; share (k, p);
-    load (k,) λ; iterations (k,); state (k,) 0 open, 1 solved, 2 below the threshold."""
+    """Results for k choices of allowed blocks.
+
+    Attributes
+    ----------
+    own : (k, own rows of all blocks) array
+        Multipliers of the blocks' own rows.
+    shared : (k, shared rows) array
+        Multipliers of the shared rows.
+    share : (k, p) array
+        Shares of the blocks.
+    load : (k,) array
+        Load factor λ.
+    iterations : (k,) int32 array
+        Iterations.
+    state : (k,) uint8 array
+        0 open, 1 `SOLVED`, 2 below the threshold.
+    """
 
     own: Floats
     shared: Floats
@@ -66,11 +95,28 @@ class BlockAnswers:
 
 
 class BlockLanes:
-    """min −λ over choices of blocks, by the batch solver, `width` at a time. places: (nodes, d), three shared rows
-    each. rhs:
-    (3 nodes,). load: shared rows that λ enters, with −1.
+    """Batch solver that minimises −λ for many choices of allowed blocks.
 
-    Raises ValueError where there is no batch solver.
+    Parameters
+    ----------
+    blocks : sequence of BlockColumns
+        All possible blocks.
+    places : (nodes, d) array
+        Coordinates of the nodes; each node has three shared rows.
+    rhs : (3·nodes,) array
+        Right-hand side of the shared rows.
+    load : int array
+        Shared rows in which λ has the coefficient −1.
+
+    Attributes
+    ----------
+    width : int
+        Number of choices that the compiled library solves together.
+
+    Raises
+    ------
+    ValueError
+        No batch solver is built or in use.
     """
 
     def __init__(self, blocks: Sequence[BlockColumns], places: Floats, rhs: Floats, load: Ints) -> None:
@@ -108,11 +154,11 @@ class BlockLanes:
 
     @staticmethod
     def takes(blocks: Sequence[BlockColumns]) -> bool:
-        """Whether no block has more rows than the batch solver takes."""
+        """Return True if no block has more rows than the compiled solver takes."""
         return max((one.own + len(one.shared) for one in blocks), default=0) <= _ROWS
 
     def _places(self, rows: Ints) -> Ints:
-        """Where the pairs of some rows stand in the matrix, lower triangle."""
+        """Return the positions of all pairs of these rows in the matrix, lower triangle."""
         starts, below = self.pattern.column_start, self.pattern.row
         found = []
         for k, one in enumerate(rows.tolist()):
@@ -126,8 +172,29 @@ class BlockLanes:
         return np.array(found, dtype=np.int64)
 
     def solve(self, allowed: Bools, thresholds: Floats, least: Floats, most: Floats) -> BlockAnswers:
-        """Choices (k, p) of allowed blocks. thresholds: (k,) λ, an answer below which need say no more. least, most:
-        (k,) range of the λ of every block."""
+        """Solve the linear program of each choice of allowed blocks.
+
+        Parameters
+        ----------
+        allowed : (k, p) bool array
+            True where a choice allows the block.
+        thresholds : (k,) array
+            λ to reach; iterations end once λ is known to stay below it.
+        least, most : (k,) arrays
+            Bounds on the λ of every block.
+
+        Returns
+        -------
+        BlockAnswers
+            Multipliers, shares and λ of each choice.
+
+        Raises
+        ------
+        MemoryError
+            The compiled solver cannot allocate its workspace.
+        ValueError
+            A block has too many rows (see `takes`).
+        """
         count = len(allowed)
         chosen = np.ascontiguousarray(allowed, dtype=np.uint8)
         dual, share, load = (
@@ -163,8 +230,10 @@ class BlockLanes:
 
 
 def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+    """Return where each of several consecutive ranges starts, and where the last one ends."""
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
 
 def _flat(lists: Sequence[Ints]) -> NDArray[np.int32]:
+    """Concatenate arrays of indices."""
     return np.concatenate(list(lists)).astype(np.int32)

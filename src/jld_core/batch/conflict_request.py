@@ -1,4 +1,4 @@
-"""What the batch solver is asked when it shrinks labellings to what makes them too weak, and what it answers."""
+"""Request and results of conflict minimisation."""
 
 from __future__ import annotations
 
@@ -11,19 +11,28 @@ from numpy.typing import NDArray
 from jld_core.arrays import Bits, Bools, Floats, Ints
 
 REFUTED: Final = 1
-"""Fate of a labelling that was to be shrunk: a mechanism proves it too weak. Numbers as in `JldFate` of problem.h."""
+"""Fate of a labelling that a mechanism refutes at its threshold; the number is that of `JldFate` in source/problem.h.
+"""
 
 CARRIED: Final = 2
-"""The same where its forces were seen to carry more than its threshold."""
+"""Fate of a labelling whose forces carry more than its threshold; the number is that of `JldFate` in source/problem.h.
+"""
 
 
 @dataclass(frozen=True)
 class MinimizationOptions:
-    """How labellings are shrunk to what makes them too weak.
+    """Options of conflict minimisation.
 
-    neighbours: of each labelling that falls, the same with one face of its conflict undecided from the start. tries:
-    single faces tried in vain before a conflict is taken as it is. inner: whether inner faces are tried before dry
-    ones. balance: error of equilibrium with which forces that carry more end a relaxation.
+    Attributes
+    ----------
+    neighbours : int
+        Further minimisations per refuted labelling; each starts with one face of its conflict undecided.
+    tries : int
+        Number of single faces that may fail before minimisation of a conflict ends.
+    inner : bool
+        True: make inner faces undecided before dry ones.
+    balance : float
+        Equilibrium error (scaled) at which forces that carry more than the threshold end a relaxation.
     """
 
     neighbours: int = 0
@@ -34,11 +43,24 @@ class MinimizationOptions:
 
 @dataclass(frozen=True)
 class ConflictRequest:
-    """Labellings to be shrunk, whoever is asked: the batch solver, the relaxation of one load or that of several cases.
+    """Labellings whose conflicts are to be minimised.
 
-    labellings: (k, m), True dry. free: (m,) faces that may take either label. thresholds: (k,) λ that each is to stay
-    below, in the unit of who is asked. undecided: (k, m) free faces that are so from the start, None for none. how:
-    see `MinimizationOptions`. seed: of the faces that neighbours do without.
+    The batch solver, the relaxation of one load and the relaxation of several load cases all take this request.
+
+    Attributes
+    ----------
+    labellings : (k, m) bool array
+        True = dry.
+    free : (m,) bool array
+        Faces that may take either label.
+    thresholds : (k,) array
+        λ that each labelling is to be proven to stay below, in the unit of the solver asked.
+    undecided : (k, m) bool array or None
+        Free faces that are undecided from the start; None for none.
+    how : MinimizationOptions
+        Options.
+    seed : int
+        Seed of the random choice of the face that a neighbour leaves undecided.
     """
 
     labellings: Bits
@@ -49,22 +71,39 @@ class ConflictRequest:
     seed: int = 0
 
     def take(self, rows: Ints) -> ConflictRequest:
-        """Some of the labellings, (j,) of the k."""
+        """Return the request for some of the k labellings.
+
+        Parameters
+        ----------
+        rows : (j,) int array
+            Indices of the labellings.
+        """
         undecided = None if self.undecided is None else self.undecided[rows]
         return replace(self, labellings=self.labellings[rows], thresholds=self.thresholds[rows], undecided=undecided)
 
     def in_units(self, unit: float) -> ConflictRequest:
-        """The same with thresholds in another unit of λ."""
+        """Return the same request with thresholds divided by a unit of λ."""
         return replace(self, thresholds=self.thresholds / unit)
 
 
 @dataclass(frozen=True)
 class MinimizationResults:
-    """What shrinking k labellings with their neighbours came to, r = k · (1 + neighbours) rows, each labelling before
-    its neighbours.
+    """Minimised conflicts of k labellings and their neighbours, r = k · (1 + neighbours) rows.
 
-    labelling: (r,) which of the k it is of. fate: (r,) 0 (open, or never begun), REFUTED or CARRIED. decided:
-    (r, m) faces that matter. velocity: (r, q·free) of the mechanism. relaxations: (r,) solved.
+    The row of a labelling comes before those of its neighbours.
+
+    Attributes
+    ----------
+    labelling : (r,) int array
+        Index of the labelling among the k.
+    fate : (r,) uint8 array
+        0 (open, or never begun), `REFUTED` or `CARRIED`.
+    decided : (r, m) bool array
+        Faces of the conflict, that is, the faces that stay decided.
+    velocity : (r, q·free) array
+        Velocities of the mechanism.
+    relaxations : (r,) int32 array
+        Number of relaxations solved.
     """
 
     labelling: Ints

@@ -1,4 +1,4 @@
-"""The compiled batch solver: which variants there are, which one this processor runs, and its plain C interface."""
+"""C interface of the compiled batch solver: its variants, and the one that this processor runs."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from jld_core.batch import build
 from jld_core.errors import InputError
 
 VARIANTS: Final = ("avx512", "avx2", "neon", "base")
-"""From the fastest down; a build has those that its processor family knows."""
+"""Variants, fastest first; a build has those of its processor family."""
 
 SWITCH: Final = "JLD_KERNEL"
-"""Environment variable that names a variant, or "off"."""
+"""Environment variable that names a variant or the path of a library, or "off"."""
 
 _NEEDED: Final[dict[str, tuple[str, ...]]] = {
     "avx512": ("avx512f", "avx512dq", "avx512vl"),
@@ -27,8 +27,10 @@ _NEEDED: Final[dict[str, tuple[str, ...]]] = {
     "neon": (),
     "base": (),
 }
+"""Processor flags that each variant needs, as /proc/cpuinfo names them."""
 
 _LIBRARIES: Final = (".so", ".pyd", ".dll", ".dylib")
+"""File extensions of shared libraries."""
 
 _int32 = ctypes.c_int32
 _double = ctypes.c_double
@@ -38,7 +40,7 @@ _bytes = ctypes.POINTER(ctypes.c_uint8)
 
 
 class FactorPattern(ctypes.Structure):
-    """`FactorPattern` of source/cholesky.h."""
+    """ctypes mirror of `FactorPattern` in source/cholesky.h."""
 
     _fields_ = (
         ("nodes", _int32),
@@ -53,7 +55,7 @@ class FactorPattern(ctypes.Structure):
 
 
 class Problem(ctypes.Structure):
-    """`JldProblem` of source/problem.h."""
+    """ctypes mirror of `JldProblem` in source/problem.h."""
 
     _fields_ = (
         ("elements", _int32),
@@ -88,7 +90,7 @@ class Problem(ctypes.Structure):
 
 
 class Try(ctypes.Structure):
-    """`JldTry`: settings of one pass over the labellings that are still open."""
+    """ctypes mirror of `JldTry` in source/problem.h: settings of one pass."""
 
     _fields_ = (
         ("proximal", _double),
@@ -108,7 +110,7 @@ class Try(ctypes.Structure):
 
 
 class MinimizationOptions(ctypes.Structure):
-    """`JldShrinking`: labellings to be shrunk to what makes them too weak, and where that goes."""
+    """ctypes mirror of `JldShrinking` in source/problem.h: a conflict minimisation."""
 
     _fields_ = (
         ("count", ctypes.c_int64),
@@ -128,7 +130,7 @@ class MinimizationOptions(ctypes.Structure):
 
 
 class Answers(ctypes.Structure):
-    """`JldAnswers`: where results go."""
+    """ctypes mirror of `JldAnswers` in source/problem.h: output arrays of the bounds."""
 
     _fields_ = (
         ("low", _doubles),
@@ -144,7 +146,7 @@ class Answers(ctypes.Structure):
 
 
 class Blocks(ctypes.Structure):
-    """`JldBlocks` of source/blocks.h."""
+    """ctypes mirror of `JldBlocks` in source/blocks.h."""
 
     _fields_ = (
         ("blocks", _int32),
@@ -168,7 +170,7 @@ class Blocks(ctypes.Structure):
 
 
 class BlockTask(ctypes.Structure):
-    """`JldBlockTask`: choices of blocks, how far they are solved, and where results go."""
+    """ctypes mirror of `JldBlockTask` in source/blocks.h: choices of allowed blocks."""
 
     _fields_ = (
         ("count", ctypes.c_int64),
@@ -190,28 +192,36 @@ class BlockTask(ctypes.Structure):
 
 
 _POINTERS: Final[dict[str, Any]] = {"float64": _doubles, "int32": _int32s, "uint8": _bytes}
+"""Pointer type of each element type of numpy."""
 
 
 def pointers(**arrays: NDArray[Any] | None) -> dict[str, Any]:
-    """Arrays by the names of a structure's fields as it takes them, those that are None left out: they are null."""
+    """Return ctypes pointers to arrays by field name; leave out arrays that are None."""
     known = {name: array for name, array in arrays.items() if array is not None}
     return {name: array.ctypes.data_as(_POINTERS[array.dtype.name]) for name, array in known.items()}
 
 
 def built() -> dict[str, Path]:
-    """Libraries by variant, fastest first: those of the package, if made of its sources, else those in the cache."""
+    """Return the compiled libraries by variant, fastest first.
+
+    Libraries of the package come first if they match the sources; otherwise those of the cache are returned.
+    """
     own = _within(Path(__file__).parent)
     return {name: path for name, path in own.items() if build.is_current(path)} or _within(build.cache())
 
 
 def _within(folder: Path) -> dict[str, Path]:
+    """Return the first shared library of each variant in a folder."""
     found = {name: sorted(folder.glob(f"_{name}.*")) for name in VARIANTS}
     usable = {name: [path for path in paths if path.suffix in _LIBRARIES] for name, paths in found.items()}
     return {name: paths[0] for name, paths in usable.items() if paths}
 
 
 def _compiled() -> dict[str, Path]:
-    """What a compiler makes on first use, where nothing is built: the system's, or that of the extra `compiler`."""
+    """Compile the fastest variant of this processor on first use, if nothing is built.
+
+    Try the compilers of `build.compilers` in order. If all of them fail, warn and return an empty dictionary.
+    """
     fit = [name for name in build.variants() if runs_here(name)]
     problems = []
     for compiler in build.compilers() if fit else []:
@@ -225,16 +235,17 @@ def _compiled() -> dict[str, Path]:
 
 
 def runs_here(variant: str) -> bool:
-    """Does this processor have the instructions of a variant?"""
+    """Return True if this processor has the instructions of a variant."""
     return set(_NEEDED[variant]) <= _flags()
 
 
 @cache
 def _flags() -> frozenset[str]:
+    """Return the processor flags from /proc/cpuinfo; an empty set where they are unknown."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
-        # elsewhere the variant without special instructions runs
+        # Without this file only variants that need no special instructions run.
         return frozenset()
     for line in text.splitlines():
         if line.startswith("flags"):
@@ -244,6 +255,7 @@ def _flags() -> frozenset[str]:
 
 @cache
 def _found(wish: str) -> tuple[str, Path] | None:
+    """Return name and path of the library that `wish` names ("": fastest); None if "off"."""
     if wish == "off":
         return None
     if os.sep in wish:
@@ -255,10 +267,19 @@ def _found(wish: str) -> tuple[str, Path] | None:
 
 
 def chosen() -> str | None:
-    """The batch solver in use: the fastest variant that is built and runs here, or what `JLD_KERNEL` names; None for
-    none.
+    """Return the name of the batch solver's variant in use, or None if there is none.
 
-    Raises InputError where the variable names a variant that is not built or does not run here.
+    `JLD_KERNEL` selects it; by default it is the fastest variant that is built and runs here.
+
+    Returns
+    -------
+    str or None
+        Name of the variant, or the path that `JLD_KERNEL` gives.
+
+    Raises
+    ------
+    InputError
+        `JLD_KERNEL` names a variant that is not built or does not run here.
     """
     found = _found(os.environ.get(SWITCH, ""))
     return None if found is None else found[0]
@@ -266,8 +287,10 @@ def chosen() -> str | None:
 
 @cache
 def library(variant: str) -> ctypes.CDLL:
-    """A batch solver, loaded, by the name of its variant or the path of a library. Raises InputError if it is not
-    there."""
+    """Load a batch solver by the name of its variant or the path of a library.
+
+    Raises InputError if there is no such library.
+    """
     found = _found(variant)
     if found is None or not found[1].exists():
         raise InputError(SWITCH, f"no kernel at {variant!r}", "a variant that is built, or a library")
@@ -296,7 +319,13 @@ def library(variant: str) -> ctypes.CDLL:
 
 
 def described() -> str:
-    """The batch solver in use, in words for `jld --version`."""
+    """Describe the batch solver in use in words, for `jld --version`.
+
+    Returns
+    -------
+    str
+        Variant and number of labellings solved together, or "no kernel".
+    """
     name = chosen()
     if name is None:
         return "no kernel"

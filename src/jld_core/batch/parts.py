@@ -1,6 +1,7 @@
-"""Graphs of many labellings in the compiled batch solver: their blocks, and parts that are joined in the order of keys.
+"""Blocks of many labellings, and joined parts of graphs, computed by the compiled batch solver.
 
-Whole numbers only: each answers as its slower statement beside it, `blocks_of` and `Batches` of jld_explore, does.
+All values are integers. The results equal those of the slower Python versions, `blocks_of` and `Batches` of
+jld_explore.
 """
 
 from __future__ import annotations
@@ -14,13 +15,22 @@ from jld_core.arrays import Bits, Bools, Ints
 from jld_core.batch import library
 
 Names = NDArray[np.int32]
+"""Array of int32 with the name of the part of each atom."""
 
 
 class Graph:
-    """Elements and the faces between them.
+    """Graph of elements and the interfaces between them.
 
-    elements: how many. a, b: (m,) elements of each face. always: (t, 2) elements that are one whatever the labels.
-    variant: see `library`; default the one in use, where there is one.
+    Parameters
+    ----------
+    elements : int
+        Number of elements.
+    a, b : (m,) int arrays
+        Elements of each interface.
+    always : (t, 2) int array
+        Pairs of elements that are of one block under every labelling.
+    variant : str, optional
+        Variant or path of the compiled library (see `library`); default: the variant in use, if any.
     """
 
     def __init__(self, elements: int, a: Ints, b: Ints, always: Ints, variant: str | None = None) -> None:
@@ -29,7 +39,23 @@ class Graph:
         self._variant = variant
 
     def blocks(self, labellings: Bits) -> Ints | None:
-        """(k, n) the smallest element in the block of each, of labellings (k, m); None without a batch solver."""
+        """Return the block of each element under each labelling.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            True = dry.
+
+        Returns
+        -------
+        (k, n) int array or None
+            Smallest element in the block of each element; None without a batch solver.
+
+        Raises
+        ------
+        MemoryError
+            The compiled library cannot allocate its workspace.
+        """
         kernel = _library(self._variant)
         if kernel is None:
             return None
@@ -45,10 +71,20 @@ class Graph:
 
 
 class Joining:
-    """Atoms and the pairs of them that may be joined.
+    """Graph of atoms that are joined into parts in a given order of pairs.
 
-    first, second: (pairs,) atoms. cells: (atoms,) cells of each; least, most: of a part. rounds: passes in which what
-    is too small is joined to what it touches. variant: see `Graph`.
+    Parameters
+    ----------
+    first, second : (pairs,) int arrays
+        Atoms of each pair that may be joined.
+    cells : (atoms,) int array
+        Number of cells of each atom.
+    least, most : int, float
+        Smallest and largest number of cells of a part; `most` may be inf.
+    rounds : int
+        Passes that join parts with too few cells to a part that they touch.
+    variant : str, optional
+        Variant or path of the compiled library (see `library`); default: the variant in use, if any.
     """
 
     def __init__(
@@ -56,15 +92,30 @@ class Joining:
     ) -> None:
         self._first, self._second = (np.ascontiguousarray(part, dtype=np.int32) for part in (first, second))
         self._cells = np.ascontiguousarray(cells, dtype=np.int64)
-        # what exceeds all cells is no limit, nor is infinity
+        # A limit above the number of all cells, or infinity, has no effect and must fit an integer.
         self._least, self._most = least, int(min(most, self._cells.sum()))
         self._rounds = rounds
         self._variant = variant
 
     def parts(self, order: Ints, wanted: Ints) -> tuple[Names, Bools] | None:
-        """(k, atoms) the part of each atom and (k,) whether no part is too small; None without a batch solver.
+        """Join atoms into parts, once for each order of the pairs.
 
-        order: (k, pairs) the order in which pairs are joined, of which the first `wanted` (k,) ask for it.
+        Parameters
+        ----------
+        order : (k, pairs) int array
+            Order in which pairs are joined.
+        wanted : (k,) int array
+            Number of leading pairs of each order that ask to be joined.
+
+        Returns
+        -------
+        ((k, atoms) int32 array, (k,) bool array) or None
+            Part of each atom, and True where no part has too few cells; None without a batch solver.
+
+        Raises
+        ------
+        MemoryError
+            The compiled library cannot allocate its workspace.
         """
         kernel = _library(self._variant)
         if kernel is None:
@@ -83,5 +134,6 @@ class Joining:
 
 
 def _library(variant: str | None) -> Any:
+    """Return the loaded library of a variant (default: the one in use), or None."""
     name = variant or library.chosen()
     return None if name is None else library.library(name)

@@ -1,6 +1,6 @@
-"""Elimination order and fill of a block-sparse symmetric matrix, and the products that its factor is made of.
+"""Symbolic factorisation of a block-sparse symmetric matrix: elimination order, fill, and products.
 
-Made once per assembly: what the batch solver does with numbers follows these lists without a branch.
+It is computed once per assembly. The compiled solver then follows these lists without a branch.
 """
 
 from __future__ import annotations
@@ -17,18 +17,26 @@ from jld_core.batch import library
 from jld_core.linalg import nested_dissection
 
 Int32s = NDArray[np.int32]
+"""Array of int32."""
 
 _LEAVES: Final = (4, 12)
-"""Sizes of the parts that dissection leaves, tried beside minimum degree."""
+"""Numbers of nodes at which nested dissection stops; each order is compared with minimum degree."""
 
 
 @dataclass(frozen=True)
 class FactorPattern:
-    """Pattern of a block Cholesky factor, blocks numbered column by column in order of elimination.
+    """Pattern of a block Cholesky factor; matrix blocks are numbered column by column.
 
-    order: (n,) node eliminated at each step. column_start (n + 1,), row (blocks,): blocks below the diagonal.
-    pair_start (blocks + 1,), pair (pairs, 2): products of two earlier blocks that each block loses. left_start
-    (n + 1,), left, left_column (blocks,): blocks of each block row, and their columns.
+    Attributes
+    ----------
+    order : (n,) int array
+        Node eliminated at each step.
+    column_start, row : (n + 1,), (blocks,) int arrays
+        Matrix blocks below the diagonal of each column.
+    pair_start, pair : (blocks + 1,), (pairs, 2) int arrays
+        Pairs of earlier matrix blocks whose product is subtracted from each matrix block.
+    left_start, left, left_column : (n + 1,), (blocks,), (blocks,) int arrays
+        Matrix blocks of each block row, and their columns.
     """
 
     order: Ints
@@ -41,21 +49,22 @@ class FactorPattern:
     left_column: Int32s
 
     def handed_over(self) -> library.FactorPattern:
-        """As the batch solver takes it; the arrays stay where they are."""
+        """Return the pattern as a ctypes structure that points to these arrays."""
         names = ("column_start", "row", "pair_start", "pair", "left_start", "left", "left_column")
         arrays = {name: getattr(self, name) for name in names}
         return library.FactorPattern(nodes=len(self.order), **library.pointers(**arrays))
 
     @property
     def products(self) -> int:
-        """Products of blocks in one factorisation, those of the diagonal included."""
+        """Number of products of matrix blocks in one factorisation, diagonal ones included."""
         return len(self.pair) + len(self.left)
 
 
 def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
-    """The pattern with the fewest products among a few orders; the load cases of one structure share it.
+    """Return the pattern with the fewest products among a few elimination orders.
 
-    a, b: (e,) nodes that share a block, loops ignored. places: (n, d) where nodes are.
+    Results are cached, so that the load cases of one structure share a pattern. a, b: (e,) nodes that share a matrix
+    block, loops ignored. places: (n, d) coordinates of the nodes.
     """
     a, b, places = np.asarray(a, dtype=np.int64), np.asarray(b, dtype=np.int64), np.asarray(places, dtype=float)
     return _pattern(a.tobytes(), b.tobytes(), places.tobytes(), places.shape)
@@ -63,6 +72,7 @@ def factor_pattern(a: Ints, b: Ints, places: Floats) -> FactorPattern:
 
 @lru_cache(maxsize=4)
 def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) -> FactorPattern:
+    """Compute the pattern from the arrays' bytes, which serve as the key of the cache."""
     a, b = (np.frombuffer(ends, dtype=np.int64) for ends in (first, second))
     places = np.frombuffer(where, dtype=float).reshape(shape)
     count = len(places)
@@ -71,14 +81,14 @@ def _pattern(first: bytes, second: bytes, where: bytes, shape: tuple[int, int]) 
     orders = [_minimum_degree(a, b, count)]
     orders += [nested_dissection(a, b, count, leaf, places).order for leaf in _LEAVES if len(a) and count > leaf]
     columns = [_fill(a, b, order) for order in orders]
-    # of a column with k blocks the factor takes k (k + 1) / 2 products; ties go to the order that came first
+    # A column with k matrix blocks takes k (k + 1) / 2 products; the first order wins ties.
     cost = [sum(len(column) * (len(column) + 1) // 2 for column in found) for found in columns]
     best = int(np.argmin(cost))
     return _laid_out(orders[best], columns[best])
 
 
 def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
-    """Neighbours of each node, in order."""
+    """Return the neighbours of each node in a fixed order."""
     found: list[dict[int, None]] = [{} for _ in range(count)]
     for one, other in sorted(zip(a.tolist(), b.tolist(), strict=True)):
         found[one][other] = None
@@ -87,6 +97,7 @@ def _neighbours(a: Ints, b: Ints, count: int) -> list[dict[int, None]]:
 
 
 def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
+    """Return the minimum-degree elimination order."""
     near = _neighbours(a, b, count)
     left = dict.fromkeys(range(count))
     order = []
@@ -102,7 +113,7 @@ def _minimum_degree(a: Ints, b: Ints, count: int) -> Ints:
 
 
 def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
-    """Block rows below the diagonal of each column, in order of elimination, fill included."""
+    """Return the block rows below the diagonal of each column, fill included."""
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
     below: list[set[int]] = [set() for _ in order]
@@ -118,6 +129,7 @@ def _fill(a: Ints, b: Ints, order: Ints) -> list[list[int]]:
 
 
 def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
+    """Build the pattern from an elimination order and the block rows of each column."""
     start = np.concatenate([[0], np.cumsum([len(rows) for rows in columns])])
     place = {(row, j): int(start[j]) + k for j, rows in enumerate(columns) for k, row in enumerate(rows)}
     lefts: list[list[tuple[int, int]]] = [[] for _ in columns]
@@ -141,8 +153,10 @@ def _laid_out(order: Ints, columns: list[list[int]]) -> FactorPattern:
 
 
 def _starts(lists: list[list[tuple[int, int]]]) -> Int32s:
+    """Return where each list starts in their concatenation, with the total length at the end."""
     return np.concatenate([[0], np.cumsum([len(one) for one in lists])]).astype(np.int32)
 
 
 def _flat(lists: list[list[int]]) -> Int32s:
+    """Concatenate lists of integers."""
     return np.array([value for one in lists for value in one], dtype=np.int32)

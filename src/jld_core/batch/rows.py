@@ -1,4 +1,4 @@
-"""Rows of a template's yield sets in the batch solver's shape, or the answer that they have another."""
+"""Convert the rows of a template's yield sets to the layout of the batch solver, if that supports them."""
 
 from __future__ import annotations
 
@@ -15,27 +15,43 @@ from jld_core.mechanics import RowPattern, Rows
 from jld_core.program import Template
 
 LARGEST: Final = 3000
-"""Faces above which one labelling alone is a long solve, and a solver made for large ones is the quicker."""
+"""Number of faces above which the batch solver is not used: solvers made for large structures are faster on one
+labelling.
+"""
 
 EDGES: Final = 8
-"""Edges of a spatial face's hull at the most."""
+"""Largest number of hull edges of a spatial face."""
 
 _SIZES: Final = (4, EDGES)
-"""Edges that the batch solver is compiled for."""
+"""Numbers of hull edges that the batch solver is compiled for."""
 
 _CONE: Final = np.array([[0.0] * 6 + [-1.0], [0.0, -1.0] + [0.0] * 5, [0.0, 0.0, -1.0] + [0.0] * 4])
+"""Rows of the shear cone of a spatial face, columns N, V1, V2, M1, M2, MT and the bound t on shear."""
 
 MOST: Final = 15_000_000
-"""The same in products of one factorisation, which bulky structures need far more of than thin ones with as many faces:
-with 6³ cubes 8 million, with 10³ cubes 290 million, a wall of 30 × 30 cells 2.5 million."""
+"""Number of scalar products of one factorisation above which the batch solver is not used. Solid structures need far
+more products than thin ones with as many faces. Measured: 6³ cubes 8 million, 10³ cubes 290 million, a wall of 30 × 30
+cells 2.5 million.
+"""
 
-_SMALL: Final = 300  # faces up to which no structure needs so many
+_SMALL: Final = 300  # number of faces up to which every structure stays below `MOST`, so that none is counted
 
 
 def fits(template: Template, undecided: Rows | None = None) -> bool:
-    """Whether the batch solver knows rows of this shape and the structure is small enough for it; undecided: rows of a
-    third
-    label, see `rows_of`."""
+    """Return True if the batch solver supports the rows and the size of a template.
+
+    Parameters
+    ----------
+    template : Template
+        Assembly and yield sets.
+    undecided : Rows, optional
+        Rows of undecided faces (see `rows_of`).
+
+    Returns
+    -------
+    bool
+        False above `LARGEST` faces, above `MOST` products, or for rows of another shape.
+    """
     return (
         len(template.assembly.interfaces) <= LARGEST
         and rows_of(template, undecided) is not None
@@ -44,12 +60,15 @@ def fits(template: Template, undecided: Rows | None = None) -> bool:
 
 
 def _products(template: Template) -> int:
-    """Products of numbers in one factorisation."""
+    """Return the number of scalar products of one factorisation."""
     return int(pattern_of(template.assembly)[0].products * template.assembly.freedoms**3)
 
 
 def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
-    """The pattern of an assembly's equilibrium, and the free elements (m,) on both sides of each face, −1 for none."""
+    """Return the pattern of an assembly's equilibrium and the free elements of each face.
+
+    The two element arrays (m,) are numbered among the free elements; −1 stands for a support.
+    """
     elements, faces = assembly.elements, assembly.interfaces
     node = np.full(len(elements), -1, dtype=np.int64)
     node[elements.free] = np.arange(len(elements.free))
@@ -60,16 +79,23 @@ def pattern_of(assembly: Assembly) -> tuple[FactorPattern, Ints, Ints]:
 
 @dataclass(frozen=True)
 class Sheets:
-    """Numbers of all labels, inner then dry, then undecided where there is a third.
+    """Coefficients of the yield rows under all labels: inner, dry, and maybe undecided.
 
-    rows: (labels, m, numbers). Planar: a, b, h of −a N ± b X ≤ h for each pair; X is M, V, and M where inner faces
-    crush. In space the same of M1, M2, and MT with t, the bound on shear; or, where any hull has other edges, a, p, q,
-    h of −a N + p M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h of MT. pairs: of rows, in space 2
-    of bending or how many edges there is room for. keep: (labels, m) 1 where V counts. bows: (labels, m, 2) c and n₀ of
-    a first pair b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, None where no face has one. meets:
-    where undecided faces crush V and M meet, and the numbers of `ParabolicBending.meeting` follow n₀ in `bows`, 0 where
-    a label is
-    decided.
+    Attributes
+    ----------
+    rows : (labels, m, numbers) array
+        Planar: a, b, h of −a N ± b X ≤ h for each pair, where X is M, V, and M again where inner faces crush. In space
+        the same for M1, M2, and MT with t, the bound on shear. Where any hull has other edges: a, p, q, h of −a N + p
+        M1 + q M2 ≤ h for each edge, the corners between edges, and a, b, h of MT.
+    pairs : int
+        Number of pairs; in space 2 (pairs in bending), or the number of edges that there is room for.
+    keep : (labels, m) array
+        1 where V takes part in equilibrium, else 0.
+    bows : (labels, m, 2 or 14) array or None
+        c and n₀ of a first pair b |M| ≤ h + a N − c N² from N = n₀ on, and its tangent at n₀ below. None where no face
+        has one. With `meets`, the numbers of `ParabolicBending.meeting` follow n₀; they are 0 for decided labels.
+    meets : bool
+        True where undecided faces crush and their V and M interact.
     """
 
     rows: Floats
@@ -80,20 +106,22 @@ class Sheets:
 
 
 def rows_of(template: Template, undecided: Rows | None = None) -> Sheets | None:
-    """The batch solver's numbers. undecided: rows of a third label, in the place of those of dry faces.
+    """Return a template's rows in the batch solver's layout, or None if unsupported.
 
-    None where the pattern has rows of another shape.
+    undecided: rows of a third label, which replace those of dry faces.
     """
-    # asked twice of each template: whether it fits, and when the batch solver is made
+    # Cached, because both `fits` and the constructor of the batch solver ask for the same template.
     return _decided(template) if undecided is None else _rows_of(template, undecided)
 
 
 @lru_cache(maxsize=2)
 def _decided(template: Template) -> Sheets | None:
+    """Return the cached rows of the labels dry and inner."""
     return _rows_of(template, None)
 
 
 def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
+    """Compute the rows of all labels, or None if any shape is unsupported."""
     own = template.yield_set
     every = np.ones(len(template.assembly.interfaces), dtype=bool)
     labels = [(own.pattern, False), (own.pattern, True)] + ([] if undecided is None else [(undecided.pattern, True)])
@@ -104,7 +132,7 @@ def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
     loose, held = ([0, 2], [1]) if planar else ([0, 3, 4], [1, 2, 5])
     if any(sheet is None for sheet in sheets):
         return None
-    # shear and torsion are dropped together or not at all
+    # The layout has one flag per face, so shear and torsion must be dropped together.
     if not all(mask[:, loose].all() and (mask[:, held] == mask[:, held[:1]]).all() for mask in active):
         return None
     keep = np.ascontiguousarray([mask[:, 1].astype(float) for mask in active])
@@ -134,14 +162,17 @@ def _rows_of(template: Template, undecided: Rows | None) -> Sheets | None:
 
 
 def planar_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """(m, pairs, 3) of one label of planar faces, see `rows_of`; cones are the parabolas of crushing joints."""
+    """Return the linear rows (m, pairs, 3) of planar faces under one label, or None.
+
+    See `rows_of`. Cones are ignored here: they are the parabolas of crushing joints.
+    """
     if pattern.extra:
         return None
     return _pairs(pattern, *((pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)), faces)
 
 
 def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Floats | None:
-    """(m, pairs, 3) of one label, pairs in the order M, V, M."""
+    """Return the rows (m, pairs, 3) of one label, with pairs in the order M, V, M, or None."""
     linear = pattern.row < pattern.linear
     row, resultant = pattern.row[linear], pattern.column[linear] % 3
     sides = sides[: pattern.linear]
@@ -173,14 +204,17 @@ def _pairs(pattern: RowPattern, values: Floats, sides: Floats, faces: int) -> Fl
 
 
 def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
-    """Rows of one label of spatial faces, see `_spatial_table`; None where they have another shape."""
+    """Return the rows of spatial faces under one label, or None if unsupported.
+
+    The layout is that of `_spatial_table`.
+    """
     if pattern.cones != (3,) * faces or pattern.extra != faces:
         return None
     values, sides = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
     bound = np.zeros(faces, dtype=np.int64)
     extra = pattern.column >= 6 * faces
     bound[pattern.face[extra]] = pattern.column[extra]
-    # columns by face: its six resultants, then its bound on shear, then the right-hand side
+    # Columns of the table: six resultants of the face, its bound on shear, the right-hand side.
     if np.any(extra & (pattern.column != bound[pattern.face])):
         return None
     table = np.zeros((len(sides), 8))
@@ -190,7 +224,11 @@ def spatial_rows(pattern: RowPattern, dry: bool, faces: int) -> Floats | None:
 
 
 def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | None:
-    """(m, EDGES + 1, 4) a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last, then a, b, h of torsion; or None."""
+    """Return an array (m, EDGES + 1, 4) of spatial rows, or None if unsupported.
+
+    Bending rows come first: a, p, q, h of −a N + p M1 + q M2 ≤ h, idle rows last. The last row holds a, b, h of
+    torsion.
+    """
     found = np.zeros((faces, EDGES + 1, 4))
     found[:, :, 3] = 1.0
     owners = pattern.row_face
@@ -198,7 +236,7 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
         own = np.flatnonzero(owners == face)
         linear, last = own[own < pattern.linear], own[own >= pattern.linear]
         cone = table[last]
-        # the cone of a face that resists no shear idles, since V is dropped there
+        # Where a face resists no shear, V is dropped and its cone has right-hand side one.
         if not np.array_equal(cone[:, :7], _CONE) or cone[1:, 7].any() or cone[0, 7] not in (0.0, 1.0):
             return None
         twist = table[linear, 5] != 0.0
@@ -209,7 +247,7 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
         expected = np.array([[one[0], 0, 0, 0, 0, sign * one[5], size, one[7]] for sign in (1.0, -1.0)])
         if not np.array_equal(torsion, expected) or one[0] > 0.0:
             return None
-        # h over a is the same for all edges of a face, which what opens at a cost relies on
+        # The compiled solver relies on equal a and equal h of all edges of a face.
         a, h = -bending[:, 0], bending[:, 7]
         if np.any(a <= 0.0) or np.ptp(a) > 0.0 or np.ptp(h) > 0.0:
             return None
@@ -219,7 +257,10 @@ def _spatial_table(table: Floats, pattern: RowPattern, faces: int) -> Floats | N
 
 
 def _in_pairs(found: Floats) -> Floats | None:
-    """(labels, m, 9) where all bending rows are pairs for either moment: a, b, h of M1, M2 and MT; else None."""
+    """Return (labels, m, 9) numbers if all bending rows form pairs, else None.
+
+    The numbers are a, b, h of M1, M2 and MT.
+    """
     edges = found[:, :, :4]
     used = edges[..., 1:3].any(axis=-1)
     across = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -233,7 +274,10 @@ def _in_pairs(found: Floats) -> Floats | None:
 
 
 def _along_edges(found: Floats) -> Floats:
-    """(labels, m, 6 R + 3) rows of R edges, corners between them and torsion, R the least size that holds all."""
+    """Return (labels, m, 6 R + 3) numbers: rows of R edges, their corners, and torsion.
+
+    R is the smallest compiled number of edges that holds all hulls.
+    """
     used = int(found[:, :, :EDGES, 1:3].any(axis=-1).sum(axis=-1).max())
     most = next(size for size in _SIZES if size >= used)
     corners = np.zeros((*found.shape[:2], most, 2))
@@ -241,7 +285,7 @@ def _along_edges(found: Floats) -> Floats:
         rows = found[label, face, :EDGES]
         rows = rows[rows[:, 1:3].any(axis=1)]
         onward = np.roll(rows, -1, axis=0)
-        # corners of {p x + q y ≤ a} between a row and the next, in order of angle
+        # Corners of {p x + q y ≤ a} between each row and the next, in order of angle.
         cross = rows[:, 1] * onward[:, 2] - rows[:, 2] * onward[:, 1]
         ends = np.stack([onward[:, 2] - rows[:, 2], rows[:, 1] - onward[:, 1]], axis=1) * rows[:, :1] / cross[:, None]
         corners[label, face, : len(rows)] = ends

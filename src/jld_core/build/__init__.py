@@ -1,14 +1,14 @@
-"""Scene → Assembly: elements, interfaces, materials, loads.
+"""Conversion of a scene to an assembly: elements, interfaces, materials, loads.
 
-- `Resultant`: what a set of generalised forces adds up to
-- `Settlement`: a movement of supports, known up to its size
-- `build_assembly`: Scene → Assembly
-- `build_geometry`: Scene → Geometry
-- `build_robust`: the same at the low values of materials
-- `faces_of_pairs`: the interfaces between the elements of each pair
-- `gravity_vector`: gravity as a vector
-- `resultant`: its force, line of action and moment
-- `settlements_of`: the settlements of a scene, in their order
+- `Resultant`: resultant of a set of generalised forces
+- `Settlement`: support movement, known up to its magnitude
+- `build_assembly`: convert a scene to an assembly
+- `build_geometry`: compute the elements and interfaces of a scene
+- `build_robust`: convert a scene to an assembly with the low material values
+- `faces_of_pairs`: return the mask of the interfaces between pairs of elements
+- `gravity_vector`: return gravity as a vector
+- `resultant`: compute force, line of action and moment of generalised forces
+- `settlements_of`: return the settlements of a scene, in the scene's order
 """
 
 from __future__ import annotations

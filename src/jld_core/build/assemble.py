@@ -1,4 +1,4 @@
-"""Scene → Assembly: the one place where a validated file becomes geometry, loads and labels."""
+"""Conversion of a validated scene to an assembly: geometry, loads, strengths and labels."""
 
 from __future__ import annotations
 
@@ -19,12 +19,28 @@ from jld_core.linalg import components
 from jld_core.scene import BodyLoad, Contact, FaceMaterial, PointLoad, Scene, at_low
 
 LABELS = {"dry": DRY, "inner": INNER}
+"""Label values by their names in a scene: True = dry, False = inner."""
 
 
 def build_geometry(scene: Scene) -> Geometry:
-    """Elements and interfaces of a scene, which neither its materials nor its loads change.
+    """Compute the elements and interfaces of a scene.
 
-    Raises InputError: geometry and references that cannot be used, each by name.
+    Both are independent of materials and loads.
+
+    Parameters
+    ----------
+    scene : Scene
+        Validated scene.
+
+    Returns
+    -------
+    Geometry
+        Elements without weights, interfaces, and the scene's own entries for both.
+
+    Raises
+    ------
+    InputError
+        Geometry or references are invalid, or an element has no path of interfaces to a support.
     """
     geometry = spatial_geometry(scene) if scene.dimension == 3 else planar_geometry(scene)
     _check_paths(geometry)
@@ -32,9 +48,22 @@ def build_geometry(scene: Scene) -> Geometry:
 
 
 def build_robust(scene: Scene) -> Assembly:
-    """The assembly of a scene at the low values of its materials, with the nominal ones beside them.
+    """Convert a scene to an assembly with the low values of its materials.
 
-    Raises InputError as `build_assembly`, and where no material value has a low one.
+    Parameters
+    ----------
+    scene : Scene
+        Scene with at least one material value that has a low value.
+
+    Returns
+    -------
+    Assembly
+        Assembly with low `strengths`; the nominal strengths are in `nominal`.
+
+    Raises
+    ------
+    InputError
+        No material value has a low value, or as in `build_assembly`.
     """
     low = at_low(scene)
     nominal = build_assembly(scene)
@@ -42,10 +71,24 @@ def build_robust(scene: Scene) -> Assembly:
 
 
 def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
-    """Elements, interfaces, loads, strengths and own labels of a scene, in scene units.
+    """Convert a scene to an assembly, in scene units.
 
-    geometry: of a scene that differs in nothing but materials and loads, where there is one.
-    Raises InputError: geometry, references, loads or materials that cannot be used, each by name.
+    Parameters
+    ----------
+    scene : Scene
+        Validated scene.
+    geometry : Geometry, optional
+        Geometry of a scene that differs only in materials and loads, to save its computation.
+
+    Returns
+    -------
+    Assembly
+        Elements, interfaces, load cases, strengths, the scene's own labels, and plausibility warnings.
+
+    Raises
+    ------
+    InputError
+        Geometry, references, loads or materials are invalid; the message names them.
     """
     geometry = build_geometry(scene) if geometry is None else geometry
     interfaces, given = geometry.interfaces, geometry.given
@@ -70,7 +113,7 @@ def build_assembly(scene: Scene, geometry: Geometry | None = None) -> Assembly:
 
 
 def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) -> list[FaceMaterial | None]:
-    """Return per interface the entry of "materials.faces" for its two elements, None where there is none."""
+    """Return per interface the entry of "materials.faces" for its two elements, or None."""
     found: list[FaceMaterial | None] = [None] * len(interfaces)
     for position, entry in enumerate(scene.materials.faces):
         where = f"materials.faces[{position}].between"
@@ -83,7 +126,10 @@ def _face_materials(scene: Scene, elements: Elements, interfaces: Interfaces) ->
 
 
 def _check_paths(geometry: Geometry) -> None:
-    """Every free element must reach a support through interfaces, or its equilibrium has no solution."""
+    """Raise InputError for an element without a path of interfaces to a support.
+
+    Equilibrium of such an element has no solution.
+    """
     elements, interfaces = geometry.elements, geometry.interfaces
     part = components(len(elements), interfaces.a, interfaces.b)
     reached = np.isin(part, part[elements.support])
@@ -97,7 +143,10 @@ def _check_paths(geometry: Geometry) -> None:
 
 
 def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given: list[Contact | None]) -> Bits:
-    """Labels by the scene's precedence: interface, lists, default, then block membership."""
+    """Compute the scene's labels (m,), True = dry.
+
+    Precedence, highest first: the interface's own label, the lists, the default, membership in blocks.
+    """
     number = {name: n for n, name in enumerate(dict.fromkeys(elements.blocks))}
     block = np.array([-1 if name is None else number[name] for name in elements.blocks])
     same = (block[interfaces.a] == block[interfaces.b]) & (block[interfaces.a] >= 0)
@@ -119,7 +168,10 @@ def _own_labels(scene: Scene, elements: Elements, interfaces: Interfaces, given:
 
 
 def _cases(scene: Scene, elements: Elements) -> tuple[LoadCase, ...]:
-    """The load cases of a scene, each with the common dead load and self-weight; without a name where it has one."""
+    """Return the load cases of a scene, each including the common dead load and self-weight.
+
+    A scene without "cases" has one case with an empty name.
+    """
     common = loads.generalised(scene.loads.dead, elements, "loads.dead")
     common[:, : scene.dimension] += np.where(elements.support[:, None], 0.0, elements.weight)
     if scene.loads.cases is None:
@@ -135,6 +187,10 @@ def _cases(scene: Scene, elements: Elements) -> tuple[LoadCase, ...]:
 def _case(
     name: str, key: str, dead: Floats, live: Sequence[PointLoad | BodyLoad], required: float, elements: Elements
 ) -> LoadCase:
+    """Return one load case; raise InputError if its live load is zero.
+
+    dead, total: (n, q) generalised forces.
+    """
     total = loads.generalised(live, elements, f"{key}.live")
     if not np.any(total):
         raise InputError(f"{key}.live", "the live load is zero", "at least one load that acts on a free element")
@@ -142,6 +198,7 @@ def _case(
 
 
 def _points(live: Sequence[PointLoad | BodyLoad], elements: Elements) -> Points:
+    """Return the point of application and the force of each live point load."""
     points = []
     for entry in live:
         if isinstance(entry, PointLoad) and entry.force is not None:

@@ -1,4 +1,4 @@
-"""Element entries of a scene → Elements, and the names by which a scene refers to them."""
+"""Conversion of a scene's element entries to `Elements`, and look-up of elements by id."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ def collect_elements(
     shape: list[Floats],
     faces: tuple[tuple[tuple[int, ...], ...], ...],
 ) -> Elements:
-    """Elements without weight yet, given volumes and centroids put in place of computed ones.
+    """Return the elements of a scene, still without weights.
 
-    centroid: (n, d); volume: (n,); shape, faces: as in Elements.
+    Volumes and centroids given in the scene replace computed ones. centroid: (n, d); volume: (n,); shape, faces: as in
+    `Elements`. Raises InputError where all or none of the elements are supports.
     """
     volume = np.array([e.volume if e.volume is not None else v for e, v in zip(entries, volume, strict=True)])
     centroid = np.array([e.centroid if e.centroid is not None else c for e, c in zip(entries, centroid, strict=True)])
@@ -48,7 +49,7 @@ def collect_elements(
 
 
 def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Elements:
-    """Elements with the self-weights that their entries and the scene's materials give them."""
+    """Return the elements with their self-weights from element entries and materials."""
     direction = materials.direction_of_weight(scene)
     gravity = float(np.linalg.norm(materials.gravity_vector(scene.materials, scene.dimension)))
     weight = [
@@ -60,12 +61,24 @@ def weighed(elements: Elements, entries: list[Element], scene: Scene) -> Element
 
 @dataclass(frozen=True)
 class Geometry:
-    """Elements and interfaces of a scene, and what had to be done to them; neither materials nor loads change them.
+    """Elements and interfaces of a scene, independent of materials and loads.
 
-    elements: without weights. entries: the scene's own entry for each. given: the scene's own entry for each interface,
-    None where it was found. touching: pairs of supports that share a face, whatever interfaces the scene states. moved:
-    farthest that a corner moved to close gaps and overlaps, length. warnings: what was found near enough to be meant as
-    contact, and is none.
+    Attributes
+    ----------
+    elements : Elements
+        Elements without weights.
+    entries : list of Element
+        The scene's entry for each element.
+    interfaces : Interfaces
+        Interfaces, except those between two supports.
+    given : list of Contact or None
+        The scene's entry for each interface; None for a detected interface.
+    touching : tuple of (int, int)
+        Pairs of supports that share a face, whether or not the scene states an interface there.
+    moved : float
+        Largest displacement of a corner when gaps and overlaps were closed, length.
+    warnings : tuple of str
+        Near misses of faces, or poor fits of stated interfaces.
     """
 
     elements: Elements
@@ -78,14 +91,17 @@ class Geometry:
 
 
 def snapping(scene: Scene, edges: Floats) -> tuple[float, float]:
-    """Length up to which gaps and overlaps are closed, 0 for none, and the shortest of the edges, inf without any."""
+    """Return the snapping tolerance (0 for none) and the shortest edge (inf without edges).
+
+    edges: lengths of all edges. Gaps and overlaps up to the tolerance are closed.
+    """
     shortest = float(edges[edges > 0.0].min(initial=np.inf))
     tolerance = scene.tolerance if scene.tolerance is not None else tolerances.SNAP * shortest
     return (tolerance if tolerance < np.inf else 0.0), shortest
 
 
 def refuse_twins(ids: list[str]) -> None:
-    """Raise InputError for an id that two elements share."""
+    """Raise InputError for an element id that is used twice."""
     seen: set[str] = set()
     for position, name in enumerate(ids):
         if name in seen:
@@ -94,7 +110,10 @@ def refuse_twins(ids: list[str]) -> None:
 
 
 def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, int]:
-    """Element indices of a pair of ids. Raises InputError for an unknown id or twice the same one."""
+    """Return the element indices of a pair of ids.
+
+    Raises InputError for an unknown id, or for one id given twice.
+    """
     for name in pair:
         if name not in elements.index:
             raise InputError(where, f"no element is named {name!r}", "ids of two elements")
@@ -104,9 +123,28 @@ def pair_index(pair: list[str], elements: Elements, where: str) -> tuple[int, in
 
 
 def faces_of_pairs(pairs: list[list[str]], elements: Elements, interfaces: Interfaces, where: str) -> Bits:
-    """(m,) mask of all interfaces between the elements of each pair.
+    """Return the mask of all interfaces between the elements of each pair.
 
-    where: the key, for complaints. Raises InputError for unknown ids and for elements that do not touch.
+    Parameters
+    ----------
+    pairs : list of [str, str]
+        Ids of two elements each.
+    elements : Elements
+        Elements of the assembly.
+    interfaces : Interfaces
+        The m interfaces of the assembly.
+    where : str
+        Key of the list in the scene, for error messages.
+
+    Returns
+    -------
+    (m,) bool array
+        True for interfaces between the elements of a pair.
+
+    Raises
+    ------
+    InputError
+        An id is unknown, or two elements share no interface.
     """
     chosen = np.zeros(len(interfaces), dtype=bool)
     if not pairs:

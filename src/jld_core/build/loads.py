@@ -1,4 +1,4 @@
-"""Load entries of a scene to generalised forces about the centroids."""
+"""Conversion of a scene's load entries to generalised forces about the centroids."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from jld_core.scene import BodyLoad, PointLoad
 
 
 def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key: str) -> Floats:
-    """Sum of load entries as (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m) about the centroids.
+    """Sum load entries to generalised forces about the elements' centroids.
 
-    elements: the assembly's; key: "loads.dead" or "loads.live", for complaints. The moment of a force
-    applied at p is (p − c) × f; "at" may lie outside the element. What cancels leaves nothing, not its rounding.
-    Raises InputError: unknown element, a support, or a vector of the wrong length.
+    Returns (n, 3) planar (fx, fy, m) or (n, 6) spatial (f, m). elements: with weights. key: key of the entries in the
+    scene, for error messages. The moment of a force applied at p is (p − c) × f; "at" may lie outside the element. Sums
+    within rounding of zero become exactly zero. Raises InputError for an unknown element, a support, or a vector of the
+    wrong length.
     """
     dimension = elements.centroid.shape[1]
     total = np.zeros((len(elements), 3 if dimension == 2 else 6))
@@ -61,6 +62,7 @@ def generalised(entries: Sequence[PointLoad | BodyLoad], elements: Elements, key
 
 
 def _vector(values: list[float], dimension: int, where: str) -> Floats:
+    """Return a list as a vector; raise InputError for a wrong length."""
     if len(values) != dimension:
         raise InputError(where, f"it has {len(values)} numbers", f"{dimension} in this scene")
     return np.array(values, dtype=float)

@@ -1,4 +1,4 @@
-"""Materials of a scene to strengths per interface, and self-weights per element."""
+"""Conversion of materials to strengths per interface and self-weights per element."""
 
 from __future__ import annotations
 
@@ -24,18 +24,34 @@ from jld_core.scene import (
 
 
 def friction(source: Dry | Inner | Contact) -> float | None:
-    """Friction coefficient, from either key; None where neither is given."""
+    """Return the friction coefficient from either key; None where neither is given."""
     return _coefficient(source.friction_coefficient, source.friction_angle)
 
 
 def _coefficient(coefficient: float | None, angle: float | None) -> float | None:
+    """Return the friction coefficient, from an angle in degrees if given."""
     return coefficient if angle is None else math.tan(math.radians(angle))
 
 
 def gravity_vector(materials: Materials, dimension: int) -> Floats:
-    """Gravity as a vector (d,): a number points along −y (planar) or −z (spatial).
+    """Return gravity as a vector.
 
-    Raises InputError for a vector of the wrong length.
+    Parameters
+    ----------
+    materials : Materials
+        Materials; a number for gravity acts along −y (planar) or −z (spatial).
+    dimension : int
+        Dimension d of the scene, 2 or 3.
+
+    Returns
+    -------
+    (d,) array
+        Acceleration, in the scene's units.
+
+    Raises
+    ------
+    InputError
+        A given vector has the wrong length.
     """
     if isinstance(materials.gravity, float | int):
         vector = np.zeros(dimension)
@@ -51,7 +67,7 @@ def gravity_vector(materials: Materials, dimension: int) -> Floats:
 
 
 def direction_of_weight(scene: Scene) -> Floats:
-    """Unit vector (d,) in which given weights act; downwards where gravity is zero."""
+    """Return the unit vector (d,) along which given weights act; downwards for zero gravity."""
     vector = gravity_vector(scene.materials, scene.dimension)
     length = float(np.linalg.norm(vector))
     if length == 0.0:
@@ -60,9 +76,10 @@ def direction_of_weight(scene: Scene) -> Floats:
 
 
 def self_weight(element: Element, volume: float, materials: Materials, direction: Floats, gravity: float) -> Floats:
-    """Self-weight (d,) of one element as a force: "weight" if given, else density × volume × gravity.
+    """Return the self-weight (d,) of one element as a force.
 
-    direction: unit vector of gravity; gravity: its magnitude. Neither weight nor density means no weight.
+    It is "weight" if given, else density × volume × gravity; without a density it is zero. direction: unit vector of
+    gravity; gravity: its magnitude.
     """
     if element.weight is not None:
         return element.weight * direction
@@ -71,7 +88,7 @@ def self_weight(element: Element, volume: float, materials: Materials, direction
 
 
 def _of_face(face: FaceMaterial) -> dict[str, float]:
-    """Return the values that an entry of "materials.faces" states, by the names of `Strengths`."""
+    """Return the values that an entry of "materials.faces" states, by fields of `Strengths`."""
     dry, inner = face.dry or DryFace(), face.inner or InnerFace()
     given = {
         "friction": _coefficient(dry.friction_coefficient, dry.friction_angle),
@@ -88,11 +105,12 @@ def _of_face(face: FaceMaterial) -> dict[str, float]:
 def strengths(
     materials: Materials, contacts: list[Contact | None], faces: list[FaceMaterial | None] | None = None
 ) -> Strengths:
-    """What each interface would be made of under either label, (m,) arrays, NaN where not named.
+    """Return the strengths of each interface under both labels as (m,) arrays.
 
-    contacts: per interface the scene's own entry with its overriding keys, or None. faces: per interface the entry of
-    "materials.faces" for its two elements, which the keys of a contact override, or None.
-    Raises InputError for an interface whose own keys put its tensile strength beyond the apex of its friction.
+    Friction, tension and shear that are not given are NaN; compressive strengths are inf, cohesion and inner friction
+    0. contacts: per interface the scene's own entry with overriding keys, or None. faces: per interface the entry of
+    "materials.faces" for its two elements, or None; keys of a contact override it. Raises InputError where a tensile
+    strength exceeds the apex of its friction cone.
     """
     dry, inner = materials.dry, materials.inner
     usual = {

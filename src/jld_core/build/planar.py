@@ -1,4 +1,4 @@
-"""Planar scene → elements and interfaces: grids of cells, or general polygons."""
+"""Elements and interfaces of planar scenes: grids of cells, or general polygons."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from jld_core.scene import Contact, Element, Grid, Scene
 
 
 def planar_geometry(scene: Scene) -> Geometry:
-    """Elements and interfaces of a planar scene, gaps and overlaps within its tolerance closed.
+    """Compute elements and interfaces of a planar scene, with gaps and overlaps closed.
 
-    Raises InputError for polygons or interfaces that cannot be used.
+    Interfaces between two supports are dropped. Raises InputError for invalid polygons or interfaces.
     """
     entries = _cells(scene.grid) if scene.grid is not None else list(scene.elements or [])
     thickness = scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
@@ -70,10 +70,10 @@ def planar_geometry(scene: Scene) -> Geometry:
 
 
 def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[Floats], float]:
-    """Outlines with gaps and overlaps up to the scene's tolerance closed, and the largest movement.
+    """Close gaps and overlaps up to the tolerance; return outlines and largest displacement.
 
-    Cells of a grid meet as they are, and stated interfaces are of the outlines as they were drawn. What moves by no
-    more than two edges may differ that touch is left as it was.
+    Grids and scenes with stated interfaces stay unchanged. So do scenes whose largest displacement is within the
+    tolerance of contact detection.
     """
     if scene.grid is not None or scene.interfaces is not None:
         return outlines, 0.0
@@ -93,7 +93,10 @@ def _closed(scene: Scene, ids: list[str], outlines: list[Floats]) -> tuple[list[
 
 
 def _cells(grid: Grid) -> list[Element]:
-    """Elements of a grid, named c{column}r{row}; blocks are the joined parts of equal letters."""
+    """Return the elements of a grid, named c{column}r{row}.
+
+    Blocks are the connected parts of equal letters.
+    """
     width, height = grid.cell
     count = len(grid.rows)
     block = _joined_letters(grid.rows)
@@ -115,7 +118,10 @@ def _cells(grid: Grid) -> list[Element]:
 
 
 def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
-    """Block name of each free cell: the letter, numbered where one letter makes several blocks."""
+    """Return the block name of each free cell.
+
+    The name is the letter, numbered where one letter forms several blocks.
+    """
     part: dict[tuple[int, int], int] = {}
     parts: dict[str, int] = {}
     for r, row in enumerate(rows):
@@ -138,9 +144,9 @@ def _joined_letters(rows: list[str]) -> dict[tuple[int, int], str]:
 
 
 def _misfits(scene: Scene, contacts: list[PlanarContact], elements: Elements) -> tuple[str, ...]:
-    """Warnings about stated interfaces that fit the outlines of their elements poorly.
+    """Return warnings about stated interfaces that fit the outlines of their elements poorly.
 
-    Raises InputError for those that cannot be meant: beyond an outline, inside an element, or stated twice.
+    Raises InputError for interfaces beyond an outline, inside an element, or stated twice.
     """
     refuse_repeated([(c.a, c.b) for c in contacts], [c.ends for c in contacts])
     found = []
@@ -153,7 +159,7 @@ def _misfits(scene: Scene, contacts: list[PlanarContact], elements: Elements) ->
 
 
 def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarContact:
-    """An interface the scene states, its normal taken from the outline of its first element."""
+    """Convert an interface stated by the scene to a contact."""
     where = f"interfaces[{position}]"
     a, b = pair_index(entry.elements, elements, f"{where}.elements")
     if len(entry.polygon) != 2 or any(len(point) != 2 for point in entry.polygon):
@@ -169,6 +175,6 @@ def _given_contact(entry: Contact, position: int, elements: Elements) -> PlanarC
     along = (ends[1] - ends[0]) / length
     distance = abs(np.einsum("ij,ij->i", ends.mean(axis=0) - outline, outward)) + length * abs(outward @ along)
     normal = outward[int(np.argmin(distance))]
-    # the stated line decides the direction, the element's face only on which side the other element lies
+    # the stated line gives the direction of the normal, the element's nearest edge only its sign
     across = np.array([along[1], -along[0]])
     return PlanarContact(a, b, ends, across if across @ normal > 0 else -across)

@@ -1,6 +1,6 @@
-"""What a scene may say and hardly means: numbers of another unit, loads beside the structure. Never an error.
+"""Plausibility warnings for scenes: numbers in a wrong unit, loads beside the structure.
 
-Numbers are judged in metres and newtons only: what is usual is known in those units alone.
+Numbers are checked only in scenes with metres and newtons, because usual values are known in these units.
 """
 
 from __future__ import annotations
@@ -17,22 +17,30 @@ from jld_core.build.materials import friction, gravity_vector
 from jld_core.geometry import moment_about
 from jld_core.scene import Contact, Dry, Inner, Scene
 
-_FRICTION: Final = 2.0  # friction coefficient above which an angle in degrees was written
-_ANGLE: Final = 2.0  # degrees below which radians, or the coefficient, were written
-_DENSITY: Final = (300.0, 9000.0)  # kg/m³: light earth mixtures to steel
-_STRENGTH: Final = 1e9  # Pa
-_GRAVITY: Final = (1.0, 25.0)  # m/s²
-_ANGLES: Final = (10.0, 60.0)  # degrees that an angle of friction may well have
-_ELEMENT: Final = (1e-3, 1e3)  # m
+_FRICTION: Final = 2.0  # above this friction coefficient, an angle in degrees was probably meant
+_ANGLE: Final = 2.0  # degrees: below, radians or the coefficient were probably given
+_DENSITY: Final = (300.0, 9000.0)  # kg/m³, from light earth mixtures to steel
+_STRENGTH: Final = 1e9  # Pa, upper limit of usual strengths
+_GRAVITY: Final = (1.0, 25.0)  # m/s², limits of usual gravity
+_ANGLES: Final = (10.0, 60.0)  # degrees, limits of plausible angles of friction
+_ELEMENT: Final = (1e-3, 1e3)  # m, limits of usual element sizes
 
 
 @dataclass(frozen=True)
 class Resultant:
-    """What a set of generalised forces adds up to.
+    """Resultant of a set of generalised forces.
 
-    force: (d,) sum. moment: couple left over, about the out-of-plane axis (planar) or along the force (spatial); of a
-    set whose forces cancel, the whole couple's magnitude. point: (d,) the point of the line of action nearest to the
-    middle of the structure; NaN where the forces cancel. total: sum of the magnitudes of the forces.
+    Attributes
+    ----------
+    force : (d,) array
+        Sum of the forces, scene units.
+    moment : float
+        Remaining couple: about the out-of-plane axis (planar; 0 unless the forces cancel) or along the force (spatial).
+        Where the forces cancel in space, the magnitude of the whole couple.
+    point : (d,) array
+        Point of the line of action nearest to the middle of the structure; NaN where the forces cancel.
+    total : float
+        Sum of the magnitudes of the forces.
     """
 
     force: Floats
@@ -42,12 +50,25 @@ class Resultant:
 
     @property
     def cancels(self) -> bool:
-        """Whether the forces add up to nothing but rounding."""
+        """Return True if the forces add up to zero within rounding."""
         return bool(np.isnan(self.point).any())
 
 
 def resultant(loads: Floats, elements: Elements) -> Resultant:
-    """Resultant of (n, 3) planar or (n, 6) spatial generalised forces about the elements' centroids, free ones only."""
+    """Compute the resultant of the generalised forces on the free elements.
+
+    Parameters
+    ----------
+    loads : (n, 3) or (n, 6) array
+        Planar (fx, fy, m) or spatial (f, m) generalised forces about the elements' centroids.
+    elements : Elements
+        The n elements.
+
+    Returns
+    -------
+    Resultant
+        Force, moment and line of action, scene units.
+    """
     free = elements.free
     d = elements.centroid.shape[1]
     middle = 0.5 * (elements.lower.min(axis=0) + elements.upper.max(axis=0))
@@ -67,9 +88,9 @@ def resultant(loads: Floats, elements: Elements) -> Resultant:
 
 
 def implausible(scene: Scene, assembly: Assembly) -> list[str]:
-    """One sentence for each number that can hardly be meant: what, its value, what is usual, what was probably meant.
+    """Return one sentence for each implausible number, with usual range and likely cause.
 
-    Of numbers, nothing for scenes whose units are not metres and newtons.
+    For scenes in units other than metres and newtons, only keys without effect are reported.
     """
     idle = [*_of_no_use(scene)]
     if (scene.units.length, scene.units.force) != ("m", "N"):
@@ -78,22 +99,27 @@ def implausible(scene: Scene, assembly: Assembly) -> list[str]:
 
 
 def _of_no_use(scene: Scene) -> Iterator[str]:
-    """Warn about what is stated and changes nothing."""
+    """Warn about keys that have no effect."""
     if scene.dimension == 3 and scene.thickness is not None:
         yield f"thickness is {scene.thickness:g} and the elements are spatial, so it changes nothing"
 
 
 def _within(value: float, usual: tuple[float, float]) -> bool:
+    """Return True if a value lies within limits."""
     return usual[0] <= value <= usual[1]
 
 
 def _meant(readings: dict[str, float], usual: tuple[float, float], unit: str = "", *, first: bool = False) -> str:
-    """What a number would be in other units, by the words for them, as far as that is usual; "" where nothing is."""
+    """Describe the plausible values of a number in other units; "" where none is plausible.
+
+    readings: values by the words for their units. first: mention only the first plausible one.
+    """
     likely = [f"{value:.4g}{unit} if {how}" for how, value in readings.items() if _within(value, usual)]
     return "".join(f"; {text}" for text in likely[: 1 if first else None])
 
 
 def _of_friction(scene: Scene) -> Iterator[str]:
+    """Warn about implausible friction coefficients and angles."""
     sources: list[tuple[str, Dry | Contact]] = []
     if scene.materials.dry is not None:
         sources.append(("materials.dry", scene.materials.dry))
@@ -114,6 +140,7 @@ def _of_friction(scene: Scene) -> Iterator[str]:
 
 
 def _of_weight(scene: Scene) -> Iterator[str]:
+    """Warn about implausible densities and gravity."""
     low, high = _DENSITY
     densities = [("materials.density", scene.materials.density)]
     densities += [(f"elements[{k}].density", element.density) for k, element in enumerate(scene.elements or [])]
@@ -136,6 +163,7 @@ def _of_weight(scene: Scene) -> Iterator[str]:
 
 
 def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
+    """Warn about strengths above 1 GPa or below the stress from self-weight."""
     elements = assembly.elements
     free = elements.free
     weight = np.linalg.norm(elements.weight[free], axis=1).sum() / elements.volume[free].sum()
@@ -150,7 +178,7 @@ def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
     for where, source in sources:
         for name in named:
             value = getattr(source, name, None)
-            if not value:  # without this strength: a model of its own
+            if not value:  # absent or zero: a model without this strength
                 continue
             if value > _STRENGTH:
                 meant = _meant({"it was turned into Pa twice": value / 1e6}, (own, _STRENGTH))
@@ -164,6 +192,7 @@ def _of_strengths(scene: Scene, assembly: Assembly) -> Iterator[str]:
 
 
 def _of_geometry(assembly: Assembly) -> Iterator[str]:
+    """Warn about implausible element sizes and, for each load case, the live load."""
     elements = assembly.elements
     extent = (elements.upper - elements.lower).max(axis=1)
     for bad, what, meant in (
@@ -183,6 +212,7 @@ def _of_geometry(assembly: Assembly) -> Iterator[str]:
 
 
 def _of_live(assembly: Assembly) -> Iterator[str]:
+    """Warn about a live load whose line of action passes far beside the structure."""
     elements = assembly.elements
     live = resultant(assembly.live, elements)
     if live.cancels:
@@ -195,7 +225,7 @@ def _of_live(assembly: Assembly) -> Iterator[str]:
         beside = arms @ np.array([-along[1], along[0]])
         miss = 0.0 if beside.min() <= 0.0 <= beside.max() else float(abs(beside).min())
     else:
-        # a line misses the box by at least what it misses the ball around it
+        # the distance of a line from the circumscribed ball is a lower bound of its distance from the box
         centre = 0.5 * (low + high) - live.point
         miss = float(np.linalg.norm(centre - (centre @ along) * along)) - 0.5 * float(np.linalg.norm(high - low))
     if miss > assembly.size:

@@ -1,4 +1,4 @@
-"""Settlements of a scene → velocities of its supports."""
+"""Conversion of a scene's settlements to velocities of its supports."""
 
 from __future__ import annotations
 
@@ -15,10 +15,16 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class Settlement:
-    """A movement of supports, known up to its size.
+    """Movement of supports, known up to its magnitude.
 
-    velocity: (n, q) of each element about its centroid, rotations last; zeros but for supports that move. load: share
-    of the live load that acts meanwhile.
+    Attributes
+    ----------
+    name : str
+        Name in the scene.
+    velocity : (n, q) array
+        Velocity of each element about its centroid, rotations last; zero except for supports that move.
+    load : float
+        Share of the live load that acts during the settlement.
     """
 
     name: str
@@ -27,10 +33,25 @@ class Settlement:
 
 
 def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
-    """The settlements of a scene, in their order.
+    """Return the settlements of a scene, in the scene's order.
 
-    Raises InputError: an unknown element, one that is no support or bears nothing, a vector of the wrong length, no
-    movement at all.
+    Parameters
+    ----------
+    scene : Scene
+        Scene with settlements.
+    assembly : Assembly
+        Assembly of this scene.
+
+    Returns
+    -------
+    tuple of Settlement
+        Settlements with support velocities.
+
+    Raises
+    ------
+    InputError
+        An element is unknown, is no support, or touches no free element; a vector has the wrong length; or nothing
+        moves.
     """
     return tuple(
         Settlement(one.name, _velocity(scene, assembly, place), one.load) for place, one in enumerate(scene.settlements)
@@ -38,6 +59,7 @@ def settlements_of(scene: Scene, assembly: Assembly) -> tuple[Settlement, ...]:
 
 
 def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
+    """Return the velocities (n, q) of all elements for one settlement."""
     elements, d, q = assembly.elements, assembly.dimension, assembly.freedoms
     velocity = np.zeros((len(elements), q))
     faces = assembly.interfaces
@@ -67,6 +89,7 @@ def _velocity(scene: Scene, assembly: Assembly, place: int) -> Floats:
 
 
 def _sized(values: list[float], size: int, where: str) -> Floats:
+    """Return a list as a vector; raise InputError for a wrong length."""
     if len(values) != size:
         raise InputError(where, f"it has {len(values)} number{'s' * (len(values) != 1)}", f"{size} in this scene")
     return np.array(values, dtype=float)

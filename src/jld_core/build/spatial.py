@@ -1,4 +1,4 @@
-"""Spatial scene → elements and interfaces, step by step as in planar.py."""
+"""Elements and interfaces of spatial scenes, with the same steps as in planar.py."""
 
 from __future__ import annotations
 
@@ -32,10 +32,9 @@ from jld_core.scene import Contact, Scene
 
 
 def spatial_geometry(scene: Scene) -> Geometry:
-    """Elements and interfaces of a spatial scene, gaps and overlaps within its tolerance closed.
+    """Compute elements and interfaces of a spatial scene, with gaps and overlaps closed.
 
-    Interfaces between two supports are dropped.
-    Raises InputError for polyhedra or interfaces that cannot be used.
+    Interfaces between two supports are dropped. Raises InputError for invalid polyhedra or interfaces.
     """
     entries = list(scene.elements or [])
     ids = [entry.id for entry in entries]
@@ -48,7 +47,7 @@ def spatial_geometry(scene: Scene) -> Geometry:
         vertices, faces, volume, centroid = solids(ids, vertices, faces)
     except InputError as error:
         if moved > 0.0 and scene.tolerance is not None:
-            solids(ids, drawn, faces)  # where the drawing itself is wrong, that is what is said
+            solids(ids, drawn, faces)  # raises the error of the drawing itself where snapping is not the cause
             problem = f"within {scene.tolerance:g} {error.where} cannot be kept: {error.problem}"
             raise InputError("tolerance", problem, "less than the elements measure") from None
         raise
@@ -79,9 +78,10 @@ def spatial_geometry(scene: Scene) -> Geometry:
 
 
 def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[list[Floats], float]:
-    """Vertices with gaps up to the scene's tolerance closed and faces near one plane put into it; the largest movement.
+    """Close gaps and make faces coplanar; return vertices and the largest displacement.
 
-    What moves by no more than two faces may differ that touch is left as it was.
+    Scenes with stated interfaces stay unchanged. So do scenes whose largest displacement is within the tolerance of
+    contact detection.
     """
     if scene.interfaces is not None or scene.tolerance == 0.0:
         return vertices, 0.0
@@ -100,7 +100,10 @@ def _closed(scene: Scene, vertices: list[Floats], faces: list[Faces]) -> tuple[l
 
 
 def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) -> list[SpatialContact]:
-    """Interfaces the scene states, their normals out of the faces of their first elements."""
+    """Convert interfaces stated by the scene to contacts.
+
+    Normals point out of the first element of each.
+    """
     if not entries:
         return []
     couples, polygons = [], []
@@ -116,9 +119,9 @@ def _given_contacts(entries: list[Contact], elements: Elements, facets: Facets) 
 
 
 def _misfits(scene: Scene, contacts: list[SpatialContact], elements: Elements, facets: Facets) -> tuple[str, ...]:
-    """Warnings about stated interfaces that fit the faces of their elements poorly.
+    """Return warnings about stated interfaces that fit the faces of their elements poorly.
 
-    Raises InputError for those that cannot be meant: beyond a face, inside an element, or stated twice.
+    Raises InputError for interfaces beyond a face, inside an element, or stated twice.
     """
     refuse_repeated([(c.a, c.b) for c in contacts], [c.polygon for c in contacts])
     start = np.searchsorted(facets.element, np.arange(len(elements) + 1)).tolist()

@@ -1,16 +1,16 @@
-"""Files of other programs: in as scenes, with a report; out as blocks.
+"""Exchange of files with other programs: import as scenes with a report, export of blocks.
 
-- `FORMATS`: endings and formats that can be written
-- `RUN_BY_SPREADSHEETS`: what a text begins with that a spreadsheet takes for a formula
-- `Block`: one block of a layout: elements, outline or solid, mass, shape
-- `ImportOptions`: how a file is read
-- `Imported`: a scene document and how it came about
-- `Layout`: an assembly under one labelling, as blocks
-- `Report`: what a reader did, in sentences
-- `blocks_csv`: the text of blocks.csv
-- `export`: a layout → a file of another program
-- `harmless`: a text that no spreadsheet runs
-- `import_file`: a file of another program → a scene document
+- `FORMATS`: export formats and their file endings
+- `RUN_BY_SPREADSHEETS`: first characters by which a spreadsheet takes a text for a formula
+- `Block`: one block of a layout: elements, mass, bounding box, shape
+- `ImportOptions`: options for reading a file
+- `Imported`: scene document with a report of its import
+- `Layout`: assembly under one labelling, as blocks
+- `Report`: sentences on what a reader found, snapped, assumed and skipped
+- `blocks_csv`: return the text of blocks.csv
+- `export`: write a layout to a file of another program
+- `harmless`: quote a text that a spreadsheet would run as a formula
+- `import_file`: read a file of another program as a scene document
 """
 
 from __future__ import annotations

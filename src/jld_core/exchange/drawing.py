@@ -1,6 +1,6 @@
-"""From a drawing to elements: outlines or a network of lines, snapped, cut into cells, named by their layers.
+"""Conversion of a drawing to planar elements: outlines or a network of lines.
 
-Every planar reader ends here: it says what is drawn where, and this module what that means.
+Paths are snapped, cut into cells and given roles by their layers. All planar readers use this module.
 """
 
 from __future__ import annotations
@@ -32,13 +32,16 @@ from jld_core.exchange.paths import Path, flatten
 from jld_core.geometry import Snapped, find_planar_contacts, polygons, snap_paths, straight
 
 _LEAST, _MOST_SIZE = 1e-12, 1e12
+"""Limits of the size of a drawing, scene units."""
+
 _CHUNK, _CROSSINGS = 64, 5
+"""Number of lines per batch in counting crossings, and largest number of crossings in units of `MOST`."""
 
 
 def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Imported:
-    """A planar scene out of a drawing.
+    """Convert a drawing to a planar scene.
 
-    Raises InputError: nothing that could be an element, no support, or past all reason.
+    Raises InputError where there is no possible element, no support, or more content than a structure has.
     """
     scale, unit = _scale(drawing, options, notes)
     paths = [_scaled(path, scale) for path in drawing.paths if options.role(path.layer) not in ("skip", "id")]
@@ -81,7 +84,7 @@ def planar_scene(drawing: Drawing, options: ImportOptions, notes: Notes) -> Impo
 
 
 def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[float, str]:
-    """Factor to the scene's unit, and its name."""
+    """Return the factor to the scene's length unit, and the name of this unit."""
     if "units" in drawing.facts and options.unit is None:
         return 1.0, str(drawing.facts["units"].get("length", "m"))
     unit = options.unit or drawing.unit
@@ -96,16 +99,19 @@ def _scale(drawing: Drawing, options: ImportOptions, notes: Notes) -> tuple[floa
 
 
 def _scaled(path: Path, scale: float) -> Path:
+    """Return a path with scaled coordinates."""
     factor = np.array([scale, scale, 1.0])
     return Path(path.points * factor, path.closed, path.layer, path.name, tuple(hole * factor for hole in path.holes))
 
 
 def _moved(mark: Mark, scale: float) -> Mark:
+    """Return a mark with scaled coordinates."""
     end = None if mark.end is None else (mark.end[0] * scale, mark.end[1] * scale)
     return Mark((mark.at[0] * scale, mark.at[1] * scale), mark.layer, mark.text, end)
 
 
 def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
+    """Note the number and size of displacements, and the collapsed paths."""
     notes.largest = snapped.largest
     if snapped.moved:
         notes.snapped.append(
@@ -117,7 +123,10 @@ def _say_snapped(snapped: Snapped, tolerance: float, notes: Notes) -> None:
 def _cells(
     paths: list[Path], snapped: Snapped, options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> list[Cell]:
-    """Elements: outlines, cut by the lines that cross them; or, without outlines, the cells of the network."""
+    """Return the cells that become elements.
+
+    They are outlines, cut by lines that cross them; without outlines, the cells of the network of lines.
+    """
     kept = [k for k in range(len(paths)) if k not in snapped.collapsed]
     holes = [k for k in kept if paths[k].closed and options.role(paths[k].layer) == "hole"]
     outlines = [k for k in kept if paths[k].closed and k not in holes]
@@ -161,7 +170,10 @@ def _cells(
 
 
 def _refuse_crossings(segments: list[shapely.LineString]) -> None:
-    """Count where lines may cross before the places are computed: a few thousand lines may have millions."""
+    """Refuse too many crossings before these are computed.
+
+    A few thousand lines may have millions of crossings.
+    """
     if len(segments) ** 2 <= MOST:
         return
     tree, total = shapely.STRtree(segments), 0
@@ -174,7 +186,7 @@ def _refuse_crossings(segments: list[shapely.LineString]) -> None:
 
 
 def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, notes: Notes) -> list[int]:
-    """Outlines without those drawn twice: the same corners in any order of rotation."""
+    """Remove outlines drawn twice: the same corners in any order."""
     seen: dict[bytes, int] = {}
     kept = []
     for k in outlines:
@@ -191,7 +203,10 @@ def _one_outline_each(outlines: list[int], paths: list[Path], snapped: Snapped, 
 def _network(
     segments: list[shapely.LineString], layers: list[str], options: ImportOptions, size: float, notes: Notes
 ) -> list[Cell]:
-    """Cells that a network of lines encloses, from below to above; the role of most of its boundary is a cell's."""
+    """Return the cells enclosed by a network of lines, from below to above.
+
+    A cell is a support where more than half of its boundary lies on support lines.
+    """
     noded = shapely.node(shapely.MultiLineString(segments))
     cells, cuts, dangles, invalid = shapely.polygonize_full([noded])
     notes.skip(
@@ -215,7 +230,7 @@ def _network(
 
 
 def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], size: float) -> list[Floats]:
-    """Pieces of an outline between the lines that cross it."""
+    """Cut an outline by the lines that cross it."""
     inside = [shapely.intersection(shape, line) for line in lines]
     kept = [part for part in inside if part.length > 1e-9 * size]
     if not kept:
@@ -228,7 +243,7 @@ def _cut(shape: shapely.Polygon, lines: list[shapely.LineString], size: float) -
 
 
 def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
-    """A cell cut across its holes, since an element is one outline."""
+    """Cut a cell through its holes, since an element has one outline."""
     if not cell.interiors:
         return [cell]
     x0, y0, x1, y1 = cell.bounds
@@ -239,7 +254,7 @@ def _without_holes(cell: shapely.Polygon) -> list[shapely.Polygon]:
 
 
 def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
-    """Names: a text on a layer for names inside the cell, else the outline's own, else a number."""
+    """Name the cells: by a text on a name layer inside, by the outline's name, or by number."""
     named = [mark for mark in marks if mark.text and options.role(mark.layer) == "id"]
     if named:
         tree = shapely.STRtree([shapely.Polygon(cell.points) for cell in cells])
@@ -260,7 +275,7 @@ def _name(cells: list[Cell], marks: list[Mark], options: ImportOptions) -> None:
 def _support(
     cells: list[Cell], marks: list[Mark], options: ImportOptions, size: float, tolerance: float, notes: Notes
 ) -> None:
-    """Supports: on a layer for them, with a point or text on one inside, or what touches the lowest point."""
+    """Set the supports: by layer, by a mark on a support layer inside, or by lowest point."""
     shapes = [shapely.Polygon(cell.points) for cell in cells]
     pins = [mark.at for mark in marks if options.role(mark.layer) == "support"]
     pinned = set()
@@ -276,7 +291,7 @@ def _support(
 
 
 def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
-    """Raise InputError where nothing is a support, or everything is."""
+    """Raise InputError where no element or every element is a support."""
     if not any(support):
         given = f"no layer is like {listed(options.support)}" if options.support else "no layer is named for supports"
         raise InputError("", f"it has no support: {given}", "--support LAYER, or --support lowest")
@@ -285,7 +300,8 @@ def check_supports(support: Sequence[bool], options: ImportOptions) -> None:
 
 
 def _element(cell: Cell, size: float) -> dict[str, Any]:
-    # corners of neighbours in straight edges were needed to cut, and are no corners of the element
+    """Return the scene entry of a cell."""
+    # corners of neighbours in straight edges were needed for cutting; the element does not need them
     cell.points = straight(cell.points)
     cell.points = points = cell.points if polygons.area(cell.points[None])[0] > 0.0 else cell.points[::-1]
     entry: dict[str, Any] = {"id": cell.name, "polygon": rounded(points, size)}
@@ -295,8 +311,10 @@ def _element(cell: Cell, size: float) -> dict[str, Any]:
 def _labels(
     cells: list[Cell], paths: list[Path], snapped: Snapped, options: ImportOptions, reach: float, notes: Notes
 ) -> dict[str, Any]:
-    """Labels of the faces that lie on lines of a layer for joints or cracks: lists of pairs, or, where two faces of
-    one pair differ, all interfaces one by one."""
+    """Return labels of faces that lie on lines of joint or crack layers.
+
+    The result holds lists of pairs, or all interfaces where two faces of one pair have different labels.
+    """
     drawn: dict[str, list[shapely.Geometry]] = {"dry": [], "inner": []}
     for k, path in enumerate(paths):
         role = options.role(path.layer)

@@ -1,4 +1,4 @@
-"""What is drawn: paths and marks on layers, and the cells that they make."""
+"""Content of a drawing: paths and marks on layers, and the resulting cells."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from jld_core.arrays import Floats
 from jld_core.exchange.paths import Path
 
 MOST: Final = 200_000
-"""Corners, lines or cells that a drawing may have: past that it is no structure, or no honest file."""
+"""Largest number of corners, lines or cells of a drawing; more indicate a wrong or malicious file."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A point or a text on a layer; end: where an arrow ends, for a line on a load layer."""
+    """Point or text on a layer.
+
+    at: place. end: end of an arrow, for a line on a load layer.
+    """
 
     at: tuple[float, float]
     layer: str
@@ -24,7 +27,10 @@ class Mark:
 
 @dataclass(frozen=True)
 class Drawing:
-    """What a file holds. unit: of its lengths, None where it does not say. facts: keys of a scene it carries along."""
+    """Content of a planar file.
+
+    unit: unit of length, None if unknown. facts: keys of a scene stored in the file.
+    """
 
     paths: list[Path]
     marks: list[Mark]
@@ -35,7 +41,7 @@ class Drawing:
 
 @dataclass
 class Cell:
-    """An element to be: its outline, layer, name, and the outline it was cut from."""
+    """Future element: outline, layer, name, and index of the outline from which it was cut."""
 
     points: Floats
     layer: str

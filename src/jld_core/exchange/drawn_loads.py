@@ -1,4 +1,4 @@
-"""Loads that are drawn: arrows, points and texts on the layers for them."""
+"""Loads from a drawing: arrows, points and texts on load layers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from jld_core.exchange.paths import Path
 def drawn_loads(
     paths: list[Path], marks: list[Mark], cells: list[Cell], options: ImportOptions, drawing: Drawing, notes: Notes
 ) -> dict[str, Any]:
-    """Forces: arrows along lines, or points and texts; their sizes from texts, 1 where there is none."""
+    """Return the loads of a drawing: arrows along lines, or points and texts.
+
+    Texts give the magnitudes; an arrow without a text has magnitude 1.
+    """
     entries: dict[str, list[dict[str, Any]]] = {"live": [], "dead": []}
     unit = str(drawing.facts.get("units", {}).get("force", "N"))
     structure = _Structure(cells, [shapely.Polygon(cell.points) for cell in cells])
@@ -48,7 +51,10 @@ def drawn_loads(
 
 
 def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, taken: set[int]) -> int | None:
-    """The text nearest to an arrow, no further from it than the arrow is long."""
+    """Return the number of the text nearest to an arrow, or None.
+
+    The text may be at most the arrow's length away.
+    """
     arrow = shapely.LineString([start, end])
     away = [(arrow.distance(shapely.Point(mark.at)), k) for k, mark in enumerate(texts) if k not in taken]
     close = [(distance, k) for distance, k in away if distance <= arrow.length]
@@ -58,7 +64,7 @@ def _nearest(texts: list[Mark], middle: Floats, start: Floats, end: Floats, take
 def _of_arrows(
     arrows: list[Path], texts: list[Mark], unit: str, notes: Notes
 ) -> tuple[list[tuple[Floats, tuple[float, ...], str]], set[int]]:
-    """Return place, force and source of every arrow, and the numbers of the texts that belong to arrows."""
+    """Return place, force and source of every arrow, and the numbers of the texts used."""
     found: list[tuple[Floats, tuple[float, ...], str]] = []
     taken: set[int] = set()
     for path in arrows:
@@ -84,7 +90,10 @@ def _of_arrows(
 
 
 def _written(mark: Mark, unit: str, notes: Notes) -> WrittenForce:
-    """Parse the text of a mark; say where a force has no unit. Raises InputError for a text that is no force."""
+    """Parse the text of a mark, and note a missing unit.
+
+    Raises InputError for a text that is no force.
+    """
     try:
         written = parse_force(mark.text or "", unit)
     except InputError as error:
@@ -95,22 +104,25 @@ def _written(mark: Mark, unit: str, notes: Notes) -> WrittenForce:
 
 
 def _told(entry: dict[str, Any], unit: str) -> str:
-    """Return a force with its unit, element and place."""
+    """Format a force with its unit, element and place."""
     force, at = (", ".join(f"{value:.9g}" for value in entry[key]) for key in ("force", "at"))
     return f"({force}) {unit} on element {entry['element']!r} at ({at})"
 
 
 class _Structure:
-    """Cells, and which of them a force acts on."""
+    """Cells with their polygons, for finding the element that a force acts on."""
 
     def __init__(self, cells: list[Cell], shapes: list[shapely.Polygon]) -> None:
         self._cells, self._shapes = cells, shapes
         self._free = [k for k, cell in enumerate(cells) if not cell.support]
 
     def entry(self, at: Floats, force: tuple[float, ...]) -> dict[str, Any]:
-        """Return the load of a force on the free element nearest to its place, the first of several."""
+        """Return the load entry of a force on the free element nearest to its place.
+
+        Among equally near elements the first one counts.
+        """
         point = shapely.Point(at)
         chosen = min(self._free, key=lambda k: (round(self._shapes[k].distance(point), 12), k))
         name = self._cells[chosen].name
-        # a negative zero is a zero to people
+        # adding 0.0 turns a negative zero into zero
         return {"element": name, "force": [float(f) + 0.0 for f in force], "at": [float(v) + 0.0 for v in at]}

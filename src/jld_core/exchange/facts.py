@@ -1,4 +1,4 @@
-"""What of a scene a file of another kind has no place for, carried along so that nothing is lost on the way back."""
+"""Scene data that another file format cannot represent, stored in the file for re-import."""
 
 from __future__ import annotations
 
@@ -13,20 +13,24 @@ from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
 
 _SCENE: Final = ("name", "units", "materials", "source", "notes")
+"""Scene keys that are stored unchanged."""
+
 _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
+"""Element keys that are stored unchanged."""
 
 
 def document_of(layout: Layout) -> dict[str, Any]:
-    """The layout's scene as a document, defaults left out."""
+    """Return the layout's scene as a document, without defaults."""
     found: dict[str, Any] = layout.scene.model_dump(mode="json", exclude_defaults=True)
     return found
 
 
 def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
-    """Name, units, materials and loads of a layout's scene.
+    """Return name, units, materials and loads of a layout's scene.
 
-    cells: the file holds every element; else blocks, and point loads go to these. spatial: a planar scene is extruded,
-    so its vectors (x, y) become (x, 0, y) and places lie in the middle of the thickness.
+    cells: True where the file holds every element; otherwise point loads refer to blocks. spatial: True where a planar
+    scene is extruded: vectors (x, y) become (x, 0, y), and places lie in the middle of the thickness. Raises InputError
+    for "materials.faces".
     """
     document = document_of(layout)
     if layout.scene.materials.faces:
@@ -39,6 +43,7 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
     names = _names(layout, cells)
 
     def carried(loads: dict[str, Any]) -> dict[str, Any]:
+        """Return the live and dead loads of an entry, converted for the file."""
         given = {key: loads[key] for key in ("live", "dead") if loads.get(key)}
         return {key: [_load(entry, names, layout, lift) for entry in entries] for key, entries in given.items()}
 
@@ -51,6 +56,7 @@ def facts_of(layout: Layout, *, cells: bool, spatial: bool) -> dict[str, Any]:
 
 
 def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
+    """Return a function from an element's id to its name in the file."""
     if cells:
         return lambda name: name
     index, blocks = layout.assembly.elements.index, layout.blocks
@@ -58,17 +64,18 @@ def _names(layout: Layout, cells: bool) -> Callable[[str], str]:
 
 
 def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, lift: bool) -> dict[str, Any]:
+    """Convert a load entry to the names and the dimension of the file."""
     if "body" in entry:
         return {"body": _lifted(entry["body"]) if lift else entry["body"]}
     element = layout.assembly.elements.index[entry["element"]]
     found: dict[str, Any] = {"element": names(entry["element"])}
     if entry.get("force") is not None:
-        # said explicitly, since the centroid of a block is not that of its cell
+        # explicit, since the centroid of a block differs from that of its cell
         at = entry.get("at") or layout.assembly.elements.centroid[element].tolist()
         found["force"] = _lifted(entry["force"]) if lift else entry["force"]
         found["at"] = _lifted(at, 0.5 * layout.thickness) if lift else at
     if np.any(entry.get("moment", 0.0)):
-        # counter-clockwise in x–z is about −y
+        # counter-clockwise in the x–z plane is about −y
         found["moment"] = [0.0, -float(entry["moment"]), 0.0] if lift else entry["moment"]
     elif "force" not in found:
         found["moment"] = [0.0, 0.0, 0.0] if lift or layout.assembly.dimension == 3 else 0.0
@@ -76,11 +83,12 @@ def _load(entry: dict[str, Any], names: Callable[[str], str], layout: Layout, li
 
 
 def _lifted(vector: list[float], y: float = 0.0) -> list[float]:
+    """Convert a planar vector (x, y) to (x, y0, y), with y0 = 0 by default."""
     return [vector[0], y, vector[1]]
 
 
 def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
-    """By element what a scene says of it besides its geometry."""
+    """Return the scene's non-geometric keys of each element, by id."""
     entries = layout.scene.elements or []
     dumped = [entry.model_dump(mode="json", exclude_defaults=True) for entry in entries]
     kept: dict[str, dict[str, Any]] = {}
@@ -90,7 +98,7 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
 
 
 def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
-    """All interfaces one by one, labelled, with their strengths where these differ from the materials'."""
+    """Return all interfaces with label, and with strengths that differ from the usual ones."""
     assembly = layout.assembly
     faces, ids = assembly.interfaces, assembly.elements.ids
     rows = _overrides(assembly)
@@ -106,6 +114,7 @@ def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
 
 
 def _overrides(assembly: Assembly) -> list[dict[str, float]]:
+    """Return the strengths of each interface that differ from the median."""
     strengths = assembly.strengths
     names = {"friction": "friction_coefficient", "tension": "tensile_strength", "shear": "shear_strength"}
     rows: list[dict[str, float]] = [{} for _ in assembly.labels]

@@ -1,4 +1,4 @@
-"""Forces written as text, with or without a unit: the one parser of `10 kN`, `F1 = 2,5 kN`, `1 t`, `3 kN; -4 kN`."""
+"""Parser of forces written as text: `10 kN`, `F1 = 2,5 kN`, `1 t`, `3 kN; -4 kN`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 from jld_core.errors import InputError
 
 GRAVITY: Final = 9.81
-"""Acceleration that makes a mass in a text a force, m/s²: the default of `materials.gravity`."""
+"""Acceleration that converts a mass in a text to a force, m/s²: the default of `materials.gravity`."""
 
 NEWTONS: Final = {
     "N": 1.0,
@@ -23,33 +23,44 @@ NEWTONS: Final = {
     "lbf": 4.4482216152605,
     "kip": 4448.2216152605,
 }
-"""Newtons in a unit of force; of a mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
+"""Newtons per unit of force; for a unit of mass, its weight. Pound-force by NIST SP 811, appendix B.8."""
 
 _SPELLINGS: Final = {"KN": "kN", "kn": "kN", "n": "N", "DAN": "daN", "KG": "kg", "kips": "kip", "LBF": "lbf"}
-"""Spellings of units that drawings in capital letters have; mN and T are not guessed."""
+"""Alternative spellings of units in drawings with capital letters; mN and T are ambiguous and refused."""
 
 _EXPECTED: Final = f'a number with one of {", ".join(NEWTONS)}, as "F1 = 2.5 kN", or two as "3 kN; -4 kN"'
+"""Expected text, for error messages."""
+
 _DECIMAL: Final = r"[-+]?(?:\d+(?:\.\d*|,\d+)?|[.,]\d+)(?:[eE][-+]?\d+)?"
+"""Pattern of a number with decimal point or decimal comma."""
+
 _FORCE: Final = re.compile(
     rf"(?:(?P<name>[^\W\d][\w.]*)\s*[=:]\s*)?(?P<number>{_DECIMAL})\s*(?P<unit>[^\W\d]+)?(?P<per>\s*/\s*[^\W\d]\w*[²³]?)?"
 )
+"""Pattern of one force: optional name, number, optional unit, optional "per length or area"."""
+
 _THOUSANDS: Final = re.compile(r"[-+]?\d{1,3},\d{3}(?!\d)")
+"""Pattern of a number whose comma may separate thousands."""
+
 _COMPONENT: Final = re.compile(r"[FPQV]?_?([XY])", re.IGNORECASE)
+"""Pattern of names of components, such as Fx or Q_y."""
+
 _BETWEEN: Final = re.compile(r"\s*(?:;|,(?=\s|[-+]|[^\W\d]))\s*")
+"""Pattern of the separator of two forces."""
 
 
 @dataclass(frozen=True)
 class WrittenForce:
     """Force that a text states.
 
-    Parameters
+    Attributes
     ----------
     values : tuple of float
-        One size, or the two components fx and fy, in the force unit that was asked for.
+        One magnitude, or the two components fx and fy, in the requested force unit.
     components : bool
-        Whether the values are components. One value with False is a size without direction.
+        True if the values are components. One value with False is a magnitude without direction.
     has_unit : bool
-        Whether the text names a unit.
+        True if the text names a unit.
     """
 
     values: tuple[float, ...]
@@ -104,7 +115,10 @@ def parse_force(text: str, unit: str = "N") -> WrittenForce:
 
 
 def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]:
-    """Return name, value and presence of a unit of one number. Raises InputError as `parse_force`."""
+    """Return name, value and presence of a unit of one number.
+
+    Raises InputError as `parse_force`.
+    """
     number, given = found["number"], found["unit"]
     if found["per"]:
         problem = f"{found['number']} {given or ''}{found['per'].strip()} is a load per length or area"
@@ -126,7 +140,10 @@ def _part(found: re.Match[str], text: str, unit: str) -> tuple[str, float, bool]
 
 
 def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
-    """Return the force of one or two numbers. Raises InputError as `parse_force`."""
+    """Return the force of one or two numbers.
+
+    Raises InputError as `parse_force`.
+    """
     if len(parts) > 2:
         raise _refused(text, f"it has {len(parts)} numbers")
     axes = [match[1].casefold() if (match := _COMPONENT.fullmatch(name)) else "" for name, _, _ in parts]
@@ -143,4 +160,5 @@ def _joined(parts: list[tuple[str, float, bool]], text: str) -> WrittenForce:
 
 
 def _refused(text: str, problem: str, expected: str = _EXPECTED) -> InputError:
+    """Return the InputError for a text."""
     return InputError(f"the text {text!r}", problem, expected)

@@ -1,4 +1,4 @@
-"""A layout: one labelling of an assembly as the blocks that a saw would cut."""
+"""Layout: an assembly under one labelling, as the blocks to be cut."""
 
 from __future__ import annotations
 
@@ -26,11 +26,29 @@ from jld_core.scene import Scene
 
 @dataclass(frozen=True)
 class Block:
-    """One block. elements: indices, free ones and supports glued to it. support: it holds a support.
+    """One block of a layout.
 
-    cells: free elements in it. volume, mass: of those (mass is weight over gravity, kg with m and N). centroid: of
-    their weight, of their volume where there is none. lower, upper: bounding box. shape: number of its shape, from 1,
-    0 for supports. dry, inner: length of joints around it and of cracks in it (spatial: area).
+    Attributes
+    ----------
+    name : str
+        Name of the block.
+    elements : tuple of int
+        Indices of all elements, including supports joined to it.
+    support : bool
+        True if it holds a support.
+    cells : int
+        Number of free elements.
+    volume, mass : float
+        Volume and mass of the free elements (of supports where there are none); mass is weight over gravity, kg with m
+        and N.
+    centroid : tuple of float
+        Centre of weight; centre of volume where there is no weight.
+    lower, upper : tuple of float
+        Corners of the bounding box.
+    shape : int
+        Number of its shape from 1; 0 for supports.
+    dry, inner : float
+        Length of dry faces around it and of inner faces within it (spatial: area).
     """
 
     name: str
@@ -49,7 +67,19 @@ class Block:
 
 @dataclass(frozen=True)
 class Layout:
-    """An assembly under one labelling, as blocks. labels: (m,) True dry. result: its analysis, where it was made."""
+    """Assembly under one labelling, as blocks.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene of the assembly.
+    assembly : Assembly
+        Assembly with n elements and m interfaces.
+    labels : (m,) bool array
+        Labels, True = dry.
+    result : LimitAnalysisResult or None
+        Its analysis, where available.
+    """
 
     scene: Scene
     assembly: Assembly
@@ -58,7 +88,7 @@ class Layout:
 
     @cached_property
     def block_of(self) -> Ints:
-        """(n,) position in `blocks` of each element's block; blocks with free elements come first."""
+        """Return the position in `blocks` (n,) of each element's block; free blocks come first."""
         number = blocks_of(self.assembly, self.labels)
         free = ~self.assembly.elements.support
         _, first = np.unique(number, return_index=True)
@@ -69,18 +99,21 @@ class Layout:
 
     @cached_property
     def members(self) -> tuple[Ints, ...]:
-        """Elements of each block, ascending."""
+        """Return the elements of each block, ascending."""
         return tuple(np.flatnonzero(self.block_of == k) for k in range(int(self.block_of.max()) + 1))
 
     @cached_property
     def regions(self) -> tuple[tuple[Region, ...], ...]:
-        """Planar: outlines of each block, with holes."""
+        """Return the planar regions of each block, with holes."""
         shapes = self.assembly.elements.shape
         return tuple(tuple(union_outlines([shapes[k] for k in one.tolist()])) for one in self.members)
 
     @cached_property
     def surfaces(self) -> tuple[tuple[Surface, ...], ...]:
-        """Closed surfaces of each block; planar ones extruded from y = 0, with the plane's y as z."""
+        """Return the closed surfaces of each block.
+
+        Planar blocks are extruded from y = 0; the plane's y becomes z.
+        """
         elements = self.assembly.elements
         if self.assembly.dimension == 2:
             depth = self.thickness
@@ -92,13 +125,13 @@ class Layout:
 
     @property
     def thickness(self) -> float:
-        """Out-of-plane depth of a planar scene."""
+        """Return the out-of-plane depth of a planar scene."""
         scene = self.scene
         return scene.grid.thickness if scene.grid is not None else (scene.thickness or 1.0)
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """All blocks, those that are only supports last."""
+        """Return all blocks, pure supports last."""
         elements, faces = self.assembly.elements, self.assembly.interfaces
         weight = np.linalg.norm(elements.weight, axis=1)
         extent = self.assembly.face_sizes
@@ -130,18 +163,21 @@ class Layout:
         return tuple(found)
 
     def _name(self, members: Ints) -> str:
-        """The scene's name of a block that is the whole of one of its blocks, else the name of its first element."""
+        """Return the scene's name of a block equal to it, else the id of its first element."""
         elements = self.assembly.elements
         name = elements.blocks[int(members[0])]
         whole = [k for k, other in enumerate(elements.blocks) if other == name]
         return name if name is not None and whole == members.tolist() else elements.ids[int(members[0])]
 
     def _shapes(self) -> list[int]:
-        """Number of the shape of each block; a planar block may be turned over, a spatial one may not be mirrored."""
+        """Return the shape number of each block.
+
+        Planar blocks may be mirrored (turned over), spatial ones may not.
+        """
         elements = self.assembly.elements
         planar = self.assembly.dimension == 2
         chosen = [k for k, one in enumerate(self.members) if not elements.support[one].all()]
-        # what the block is without a support that it is glued to
+        # the outline of a block excludes supports joined to it
         shapes = Outlines(self.assembly)
         outlines = [shapes.of(one[~elements.support[one]]) for one in map(self.members.__getitem__, chosen)]
         numbers = [0] * len(self.members)
@@ -150,7 +186,7 @@ class Layout:
         return numbers
 
     def table(self) -> list[dict[str, Any]]:
-        """Rows of blocks.csv: the blocks that hold a free element, with their names, sizes and shapes."""
+        """Return the rows of blocks.csv: names, sizes and shapes of blocks with a free element."""
         ids, axes = self.assembly.elements.ids, "xyz"[: self.assembly.dimension]
         measure = "length" if self.assembly.dimension == 2 else "area"
         rows = [
@@ -171,7 +207,7 @@ class Layout:
             for block in self.blocks
             if block.cells
         ]
-        # to twelve digits: what sums leave behind the last is no news
+        # twelve digits: sums have rounding errors in the last ones
         return [
             {key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in row.items()}
             for row in rows

@@ -1,4 +1,4 @@
-"""Libraries that only some formats need, and what to install where one is missing."""
+"""Optional libraries of some formats, and checks of input files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from typing import Any, Final
 from jld_core.errors import InputError
 
 EXTRAS: Final = {"ezdxf": "dxf", "meshio": "mesh", "svgelements": "svg"}
-"""The extra of this project that brings each library."""
+"""Extra of this project that installs each library."""
 
-_LARGEST: Final = 64 * 1024 * 1024  # parsers take some thirty times of it in memory
+_LARGEST: Final = 64 * 1024 * 1024  # bytes; parsers need about thirty times the file size in memory
 
 
 def library(name: str, path: Path) -> Any:
-    """A library by its name. Raises InputError naming the extra that brings it, where it is not installed."""
+    """Import a library by name.
+
+    Raises InputError naming the extra to install where it is missing.
+    """
     try:
         return import_module(name)
     except ImportError:
@@ -27,7 +30,10 @@ def library(name: str, path: Path) -> Any:
 
 
 def readable(path: Path) -> Path:
-    """A file that is there and is no larger than memory can bear. Raises InputError otherwise."""
+    """Check that a file exists, is not empty and has at most `_LARGEST` bytes; return it.
+
+    Raises InputError otherwise.
+    """
     try:
         size = path.stat().st_size
         with path.open("rb") as stream:
@@ -42,7 +48,7 @@ def readable(path: Path) -> Path:
 
 
 def text_of(path: Path) -> str:
-    """Text of a file in UTF-8. Raises InputError for another encoding."""
+    """Read a text file in UTF-8; raise InputError for another encoding."""
     try:
         return readable(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -51,7 +57,10 @@ def text_of(path: Path) -> str:
 
 @contextmanager
 def parsing(kind: str, expected: str) -> Iterator[None]:
-    """Whatever a parser trips over in a file that is broken is one complaint."""
+    """Convert any exception of a parser to one InputError (context manager).
+
+    kind: of the file, for the message. expected: what the message asks for.
+    """
     try:
         yield
     except InputError:

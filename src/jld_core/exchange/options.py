@@ -1,4 +1,4 @@
-"""What a reader is told, and what it reports: found, snapped, assumed, skipped."""
+"""Options and report of an import, and functions shared by all readers."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from jld_core.errors import InputError
 from jld_core.scene import Scene
 
 _ZERO: Final = 1e-15
-"""Coordinate, relative to the size of what is drawn, that is a zero and its rounding."""
+"""Coordinate, relative to the size of the drawing, below which it is rounding of zero."""
 
 LOWEST: Final = "lowest"
-"""The word for supports that are found: whatever touches the lowest point."""
+"""Value of `support` that makes every element at the lowest point a support."""
 
 SNAP: Final = 1e-6
-"""Default tolerance of snapping, relative to the size of what is drawn."""
+"""Default snapping tolerance, relative to the size of the drawing."""
 
 FACET: Final = 1e-3
-"""Default distance of chords from their arcs, relative to the size of what is drawn."""
+"""Default distance of chords from their arcs, relative to the size of the drawing."""
 
 ROLES: Final = {
     "support": ("*support*",),
@@ -35,18 +35,27 @@ ROLES: Final = {
     "hole": ("holes",),
     "skip": ("*dimension*", "defpoints", "arrows", "block ids"),
 }
-"""Layers by their names, as patterns, where no option names them; letters may be capital or not."""
+"""Patterns of layer names by role, for roles without an option; letter case is ignored."""
 
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """How a file is read; everything may be left out.
+    """Options for reading a file; all are optional.
 
-    support, dry, inner, load: layers or groups, as patterns with * and ?; support may be "lowest". thickness: out of
-    plane. tolerance: of snapping, in the units of the scene, default 1e-6 of the size. facet: largest distance of
-    chords from arcs, default 1e-3 of the size. unit: of the file's lengths ("mm", "in", …), where its header says
-    none or the wrong one; lengths then become metres. like: a scene whose materials, search and, where the file
-    holds none, loads are taken over, those on elements by name.
+    Attributes
+    ----------
+    support, dry, inner, load : tuple of str
+        Layers or groups, as patterns with * and ?; `support` may contain "lowest".
+    thickness : float or None
+        Out-of-plane depth of planar elements, scene units.
+    tolerance : float or None
+        Snapping tolerance, scene units; default 1e-6 of the size.
+    facet : float or None
+        Largest distance of chords from arcs, scene units; default 1e-3 of the size.
+    unit : str or None
+        Length unit of the file ("mm", "in", …), where its header gives none or a wrong one. Lengths are converted to m.
+    like : Scene or None
+        Scene that supplies materials, search and, where the file has none, loads. Loads on elements are matched by id.
     """
 
     support: tuple[str, ...] = ()
@@ -69,13 +78,13 @@ class ImportOptions:
             raise InputError("--unit", f"no unit is named {self.unit!r}", "one of " + ", ".join(METRES))
 
     def role(self, layer: str) -> str | None:
-        """What a layer is for: "support", "dry", "inner", "load", another key of ROLES, or None for anything else."""
+        """Return the role of a layer: a key of ROLES, "dead", or None for any other layer."""
         plain = layer.casefold()
         for role in ("support", "dry", "inner", "load"):
             if any(fnmatchcase(plain, pattern.casefold()) for pattern in getattr(self, role) if pattern != LOWEST):
                 return role
         for role, patterns in ROLES.items():
-            # an option takes the place of the names that stand for it otherwise
+            # an option replaces the default patterns of its role
             if getattr(self, role, ()) or not any(fnmatchcase(plain, pattern) for pattern in patterns):
                 continue
             return "dead" if role == "load" and "dead" in plain else role
@@ -83,19 +92,27 @@ class ImportOptions:
 
 
 METRES: Final = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "km": 1e3, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
-"""Metres in a unit of length."""
+"""Metres per unit of length."""
 
 DEFAULT_MATERIALS: Final[dict[str, Any]] = {
     "density": 2000.0,
     "dry": {"friction_coefficient": 0.6},
     "inner": {"tensile_strength": 2e5, "shear_strength": 2e5},
 }
-"""What an imported scene is made of where nothing says otherwise: kg/m³, coefficient, Pa. To be edited."""
+"""Materials of an imported scene without others: kg/m³, friction coefficient, Pa. Users should edit them."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a reader did, in sentences. largest: farthest that any corner moved, in the units of the scene."""
+    """Report of an import, as sentences.
+
+    Attributes
+    ----------
+    found, snapped, assumed, skipped : tuple of str
+        Sentences of each kind.
+    largest : float
+        Largest displacement of a corner, scene units.
+    """
 
     found: tuple[str, ...] = ()
     snapped: tuple[str, ...] = ()
@@ -110,7 +127,15 @@ class Report:
 
 @dataclass(frozen=True)
 class Imported:
-    """A scene document, ready for `parse_scene`, and how it came about."""
+    """Scene document with a report of its import.
+
+    Attributes
+    ----------
+    document : dict
+        Document for `parse_scene`.
+    report : Report
+        What was found, snapped, assumed and skipped.
+    """
 
     document: dict[str, Any]
     report: Report
@@ -118,7 +143,7 @@ class Imported:
 
 @dataclass
 class Notes:
-    """A report while it is being written."""
+    """Mutable collection of the sentences of a report."""
 
     found: list[str] = field(default_factory=list)
     snapped: list[str] = field(default_factory=list)
@@ -127,34 +152,37 @@ class Notes:
     largest: float = 0.0
 
     def skip(self, what: str, count: int, why: str) -> None:
-        """Say that things were left out, and why; nothing where there are none."""
+        """Note the number of things left out, and why; do nothing for 0."""
         if count:
             self.skipped.append(f"{count} {what}: {why}")
 
     def report(self) -> Report:
-        """What was noted."""
+        """Return the immutable report."""
         return Report(tuple(self.found), tuple(self.snapped), tuple(self.assumed), tuple(self.skipped), self.largest)
 
 
 def rounded(points: Floats, size: float) -> list[list[float]]:
-    """Coordinates as a scene takes them: what rounding left of a zero is zero."""
+    """Convert coordinates to lists, with rounding errors of zero set to zero."""
     cleaned: list[list[float]] = np.where(np.abs(points) < _ZERO * size, 0.0, points).tolist()
     return cleaned
 
 
 def several(count: int, word: str, plural: str | None = None) -> str:
-    """A number and its noun."""
+    """Return a number with its noun, in singular or plural."""
     return f"{count} {word if count == 1 else plural or word + 's'}"
 
 
 def listed(names: Iterable[str], most: int = 6) -> str:
-    """The first few names, and how many more there are."""
+    """Return the first few names, and the number of the others."""
     every = list(names)
     return ", ".join(every[:most]) + (f" and {len(every) - most} more" if len(every) > most else "")
 
 
 def complete(document: dict[str, Any], options: ImportOptions, notes: Notes, *, dimension: int) -> dict[str, Any]:
-    """A document with materials and a live load, from the scene it is to be like or by default, and said so."""
+    """Add materials and a live load to a document where missing, and note assumptions.
+
+    They come from `options.like` if given, else from defaults. dimension: 2 or 3.
+    """
     like = options.like.model_dump(mode="json", exclude_defaults=True) if options.like is not None else {}
     if "materials" not in document:
         document["materials"] = like.get("materials", DEFAULT_MATERIALS)

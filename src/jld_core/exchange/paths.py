@@ -1,8 +1,8 @@
-"""Paths of lines and arcs, and the chords that stand for them.
+"""Paths of lines and arcs, and their approximation by chords.
 
-A path is an array (k, 3) of x, y and bulge: the tangent of a quarter of the angle of the arc from this point to the
-next, positive to the left, 0 for a line. Arcs of one circle are cut at the same points, whichever paths they belong to,
-so that neighbours along an arc share their chords.
+A path is an array (k, 3) of x, y and bulge. The bulge belongs to the edge from this point to the next: tangent of a
+quarter of the arc's angle, positive to the left, 0 for a line. Arcs of one circle are divided at the same points in all
+paths, so that neighbours along an arc share their chords.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from jld_core.errors import InputError
 from jld_core.geometry import merge_points
 
 _MOST: Final = 1e7
-"""Pairs of arcs of one circle, past which a drawing is none of a structure."""
+"""Largest number of pairs of arcs of one circle; more indicate a wrong or malicious file."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """A run of lines and arcs. points: (k, 3) x, y, bulge. closed: the last goes on to the first."""
+    """Sequence of lines and arcs.
+
+    points: (k, 3) x, y, bulge. closed: True if the last point is joined to the first. holes: (k, 3) each.
+    """
 
     points: Floats
     closed: bool
@@ -34,7 +37,10 @@ class Path:
 
 @dataclass(frozen=True)
 class Chords:
-    """Paths as straight lines. points: (k, 2) for each path. deviation: farthest that an arc is from its chords."""
+    """Paths as polylines.
+
+    points: (k, 2) of each path. arcs: number of arcs. deviation: largest distance of an arc from its chords.
+    """
 
     points: list[Floats]
     arcs: int
@@ -43,7 +49,7 @@ class Chords:
 
 @dataclass(frozen=True)
 class _Arc:
-    """An arc of a path: centre, radius, first angle and sweep, radians, positive to the left."""
+    """Arc of a path: centre, radius, first angle and sweep, radians, positive to the left."""
 
     path: int
     edge: int
@@ -54,7 +60,10 @@ class _Arc:
 
 
 def arc_points(centre: Sequence[float], radius: float, first: float, sweep: float) -> Floats:
-    """(k, 3) points with bulges along an arc; angles in radians, a whole turn comes back to its beginning."""
+    """Return points (k, 3) with bulges along an arc.
+
+    first, sweep: angles in radians. A full turn ends at its first point.
+    """
     parts = max(1, int(np.ceil(abs(sweep) / np.pi - 1e-12)))
     angles = first + sweep * np.arange(parts + 1) / parts
     points = np.column_stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)])
@@ -63,9 +72,9 @@ def arc_points(centre: Sequence[float], radius: float, first: float, sweep: floa
 
 
 def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
-    """Chords of all paths.
+    """Approximate the arcs of all paths by chords.
 
-    facet: largest distance between an arc and its chord. same: distance within which two circles are one.
+    facet: largest distance between an arc and its chord. same: distance within which two circles are equal.
     """
     arcs = [arc for number, path in enumerate(paths) for arc in _arcs(number, path)]
     if not arcs:
@@ -87,7 +96,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
         along = np.mod(turn * (every - arc.first), 2.0 * np.pi)
         apart = max(same / arc.radius, 1e-9)
         along = np.sort(along[(along > apart) & (along < abs(arc.sweep) - apart)])
-        # a stop wins over a grid angle that nearly falls on it
+        # an end of another arc takes precedence over a regular angle close to it
         kept = along[np.concatenate([[True], np.diff(along) > apart])] if len(along) else along
         angles = arc.first + turn * kept
         inside[arc.path, arc.edge] = arc.centre + arc.radius * np.column_stack([np.cos(angles), np.sin(angles)])
@@ -105,6 +114,7 @@ def flatten(paths: Sequence[Path], facet: float, same: float) -> Chords:
 
 
 def _arcs(number: int, path: Path) -> list[_Arc]:
+    """Return the arcs of a path."""
     found = []
     points = path.points
     for edge in range(len(points) if path.closed else len(points) - 1):
@@ -114,7 +124,7 @@ def _arcs(number: int, path: Path) -> list[_Arc]:
         length = float(np.hypot(*chord))
         if abs(bulge) < 1e-9 or length == 0.0:
             continue
-        # the centre lies on the perpendicular bisector, at (1 − b²)/(4b) of the chord to its left
+        # the centre lies on the perpendicular bisector, to the left of the chord by (1 − b²)/(4b) times its length
         centre = 0.5 * (start + end) + (1.0 - bulge**2) / (4.0 * bulge) * np.array([-chord[1], chord[0]])
         radius = length * (1.0 + bulge**2) / (4.0 * abs(bulge))
         first = float(np.arctan2(*(start - centre)[::-1]))

@@ -1,4 +1,7 @@
-"""COMPAS JSON → solids: assemblies of compas_assembly and compas_cra, models of compas_dem. COMPAS is not needed."""
+"""Reader of COMPAS JSON: compas_assembly, compas_cra and compas_dem.
+
+The first two hold assemblies, the third a model. COMPAS itself is not needed.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +19,19 @@ from jld_core.exchange.options import Notes
 from jld_core.exchange.solids import Part, Solids
 
 FACTS: Final = "jld"
-"""Attribute of an assembly that jld wrote: the keys of the scene that COMPAS has no place for."""
+"""Attribute of an assembly written by jld: scene keys that COMPAS cannot represent."""
 
 _KEYS: Final = ("units", "materials", "loads", "labels", "search", "source", "notes")
+"""Scene keys that are read back."""
+
 _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
+"""Element keys that are read back."""
 
 
 def read_compas(path: File, notes: Notes) -> Solids:
-    """Blocks, supports and interfaces of a COMPAS file.
+    """Read blocks, supports and interfaces of a COMPAS file.
 
-    Raises InputError: no JSON, or nothing in it that is an assembly.
+    Raises InputError where the file is not JSON or holds no assembly.
     """
     try:
         document = json.loads(text_of(path), parse_constant=_refuse)
@@ -57,11 +63,12 @@ def read_compas(path: File, notes: Notes) -> Solids:
 
 
 def _refuse(name: str) -> float:
+    """Raise InputError for NaN and infinities in the JSON text."""
     raise InputError("", f"it holds the number {name}", "finite numbers only")
 
 
 def _data(value: Any) -> dict[str, Any]:
-    """The data of an object, or of the envelope it is sent in."""
+    """Return the data of an object, with or without its COMPAS envelope."""
     inner = value["data"] if isinstance(value, dict) and "dtype" in value else value
     if not isinstance(inner, dict):
         raise InputError("", "it holds no object where COMPAS has one", "an assembly or a block model")
@@ -69,7 +76,10 @@ def _data(value: Any) -> dict[str, Any]:
 
 
 def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Blocks at the nodes of a graph, as compas_assembly and compas_cra have them."""
+    """Return the blocks at the nodes of a graph, and their names by node.
+
+    This is the form of compas_assembly and compas_cra.
+    """
     default = bool((graph.get("default_node_attributes") or {}).get("is_support", False))
     parts, names = [], {}
     nodes = graph["node"].items()
@@ -89,7 +99,7 @@ def _nodes(graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
 
 
 def _elements(elements: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Part], dict[str, str]]:
-    """Elements of a model, as compas_dem has them, and the nodes of its graph that stand for them."""
+    """Return the elements of a model (compas_dem) and their names by node of its graph."""
     node_of = {str(attributes.get("element")): key for key, attributes in graph["node"].items()}
     parts, names = [], {}
     for number, (guid, element) in enumerate(elements.items()):
@@ -103,9 +113,10 @@ def _elements(elements: dict[str, Any], graph: dict[str, Any]) -> tuple[list[Par
 
 
 def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[str, str]]:
+    """Replace all names by node numbers where some names repeat."""
     if len({part.name for part in parts}) == len(parts):
         return parts, names
-    # names that are not one's own are no names
+    # repeated names identify nothing
     numbered = {key: f"b{key}" for key in names}
     return [
         Part(numbered[part.group], part.group, part.vertices, part.faces, part.support, part.keys) for part in parts
@@ -115,6 +126,7 @@ def _unique(parts: list[Part], names: dict[str, str]) -> tuple[list[Part], dict[
 def _part(
     name: str, key: str, mesh: dict[str, Any], support: bool, keys: dict[str, Any], matrix: Floats | None
 ) -> Part:
+    """Return one block of a COMPAS mesh, optionally transformed by a (4, 4) matrix."""
     vertex, face = mesh["vertex"], mesh["face"]
     number = {label: k for k, label in enumerate(vertex)}
     points = np.array([[v[axis] for axis in "xyz"] for v in vertex.values()], dtype=float).reshape(-1, 3)
@@ -128,7 +140,10 @@ def _part(
 
 
 def _contacts(graph: dict[str, Any], names: dict[str, str]) -> Any:
-    """Interfaces along the edges: name, name, corners; those of two corners or none are no plane contacts."""
+    """Yield the interfaces along the edges: name, name, corners (k, 3).
+
+    Interfaces with fewer than three corners are no plane contacts and left out.
+    """
     for u, others in graph.get("edge", {}).items():
         for v, attributes in others.items():
             faces = attributes.get("interfaces") or attributes.get("contacts") or []

@@ -1,4 +1,7 @@
-"""CSV → drawing: one corner a line, corners of one id in order. Columns id, x, y, and if wanted layer and support."""
+"""Reader of CSV polygons: one corner per line, corners of one id in order.
+
+Columns are id, x, y, and optionally layer and support.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,14 @@ from jld_core.exchange.options import Notes
 from jld_core.exchange.paths import Path
 
 _COLUMNS: Final = ("id", "x", "y", "layer", "support")
+"""Allowed columns."""
+
 _TRUE: Final = ("1", "true", "yes")
+"""Texts that mean true in the column support."""
 
 
 def _rows(text: str, mark: str) -> Iterator[list[str]]:
-    """Yield the rows of a text. Raises InputError for a line that is no row, with its number."""
+    """Yield the rows of a text; raise InputError with the line number for an invalid row."""
     reader = csv.reader(io.StringIO(text), delimiter=mark)
     while True:
         try:
@@ -34,9 +40,9 @@ def _rows(text: str, mark: str) -> Iterator[list[str]]:
 
 
 def read_csv(path: File, notes: Notes) -> Drawing:
-    """Polygons of a CSV file, separated by commas, semicolons or tabs.
+    """Read the polygons of a CSV file separated by commas, semicolons or tabs.
 
-    Raises InputError with the number of the line that is wrong.
+    Raises InputError with the number of the wrong line.
     """
     text = text_of(path)
     first = text.splitlines()[0]

@@ -1,4 +1,4 @@
-"""DXF → drawing or solids, by ezdxf: outlines, lines, arcs, hatches, regions, texts, meshes; blocks taken apart."""
+"""Reader of DXF by ezdxf: outlines, lines, arcs, hatches, regions, texts, meshes, blocks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,22 @@ from jld_core.exchange.paths import Path, arc_points
 from jld_core.exchange.solids import Part, Solids
 
 _KEYS: Final = ("name", "units", "materials", "thickness", "loads", "search", "elements")
+"""Scene keys that are read back."""
+
 _DEPTH: Final = 16
+"""Largest depth of nested blocks."""
+
 _UNITS: Final = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
+"""Length units by the code of the header variable $INSUNITS."""
+
 FACTS: Final = "jld"
-"""Custom properties of a drawing that jld wrote, numbered: keys of the scene that a drawing does not show."""
+"""Prefix of numbered custom properties in drawings written by jld: scene keys that a drawing does not show."""
 
 
 def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Solids:
-    """What a DXF file draws in its model space; solids, in metres, where it holds any.
+    """Read the model space of a DXF file; return solids, in metres, where it holds any.
 
-    Raises InputError: no DXF, broken, without ezdxf, or blocks nested past all reason.
+    Raises InputError where the file is not DXF or broken, ezdxf is missing, or blocks are nested too deeply.
     """
     ezdxf = library("ezdxf", path)
     readable(path)
@@ -38,10 +44,11 @@ def read_dxf(path: File, options: ImportOptions, notes: Notes) -> Drawing | Soli
 
 
 def _refuse_bombs(document: Any, space: Any) -> None:
-    """Count what blocks within blocks come to before any of them is taken apart."""
+    """Count the entities of nested blocks before these are expanded, and refuse too many."""
     known: dict[str, int] = {}
 
     def amount(layout: Any, depth: int) -> int:
+        """Return the number of entities of a layout with all blocks expanded."""
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         total = 0
@@ -52,7 +59,7 @@ def _refuse_bombs(document: Any, space: Any) -> None:
             name = entity.dxf.name
             copies = max(1, int(entity.dxf.get("row_count", 1))) * max(1, int(entity.dxf.get("column_count", 1)))
             if name not in known:
-                known[name] = MOST + 1  # until it is counted, so that a block inside itself counts as past all bounds
+                known[name] = MOST + 1  # provisional count, so that a block inside itself exceeds the limit
                 known[name] = amount(document.blocks.get(name), depth + 1) if name in document.blocks else 0
             total += copies * known[name]
             if total > MOST:
@@ -64,7 +71,7 @@ def _refuse_bombs(document: Any, space: Any) -> None:
 
 
 class _Reader:
-    """One pass over a model space."""
+    """State of one pass over a model space."""
 
     def __init__(self, document: Any, options: ImportOptions, notes: Notes) -> None:
         self.document, self.options, self.notes = document, options, notes
@@ -74,6 +81,7 @@ class _Reader:
         self._solids: list[Part] = []
 
     def drawing(self, space: Any, title: str) -> Drawing | Solids:
+        """Read all entities of a model space."""
         code = int(self.document.header.get("$INSUNITS", 0))
         unit = _UNITS.get(code, None if code == 0 else f"$INSUNITS {code}")
         self.metres = METRES.get(self.options.unit or unit or "m", 1.0)
@@ -92,6 +100,7 @@ class _Reader:
         return Drawing(self.paths, self.marks, unit, facts, name)
 
     def _facts(self) -> dict[str, Any]:
+        """Return the scene keys stored in the custom properties."""
         parts = sorted((str(key), str(value)) for key, value in self.document.header.custom_vars)
         text = "".join(value for key, value in parts if key[: len(FACTS)] == FACTS and key[len(FACTS) :].isdigit())
         if not text:
@@ -102,7 +111,10 @@ class _Reader:
         return {key: found[key] for key in _KEYS if key in found}
 
     def _read(self, entity: Any, layer: str | None, depth: int) -> None:
-        """One entity; layer: that of the block it stands in, which layer 0 takes on."""
+        """Read one entity.
+
+        layer: layer of the block reference that contains it, which replaces layer 0.
+        """
         own = str(entity.dxf.get("layer", "0"))
         layer = layer if layer is not None and own == "0" else own
         kind = entity.dxftype()
@@ -114,6 +126,7 @@ class _Reader:
             self.unread[kind] = self.unread.get(kind, 0) + 1
 
     def _insert(self, entity: Any, layer: str, depth: int) -> None:
+        """Read a block reference: a load, or its expanded entities, named by its attributes."""
         if depth > _DEPTH:
             raise InputError("", "its blocks are nested too deeply", f"at most {_DEPTH} levels")
         attributes = [(str(a.dxf.tag).casefold(), str(a.dxf.text)) for a in entity.attribs]
@@ -136,15 +149,16 @@ class _Reader:
             self.paths[fresh[0]] = Path(path.points, path.closed, path.layer, names[0], path.holes)
 
     def _add(self, points: Any, closed: bool, layer: str, holes: tuple[Any, ...] = ()) -> bool:
+        """Add a path; return False where it is neither a line nor an area."""
         points = np.asarray(points, dtype=float).reshape(-1, 3)
         if not np.isfinite(points).all():
             raise InputError(f"layer {layer!r}", "it holds a coordinate that is no number", "finite numbers only")
         if len(points) > 1 and np.hypot(*(points[0] - points[-1])[:2]) <= 1e-9 * float(
             np.ptp(points[:, :2], axis=0).max()
         ):
-            # drawn closed by coming back to its beginning
+            # closed by an end point at the first point
             points, closed = points[:-1], True
-        # two points are an area only with an arc between them
+        # a closed path of two points has an area only with an arc
         if len(points) < 2 or (closed and len(points) < 3 and not points[:, 2].any()):
             return False
         self.paths.append(Path(points, closed, layer, holes=holes))
@@ -153,20 +167,24 @@ class _Reader:
         return True
 
     def _lwpolyline(self, entity: Any, layer: str) -> bool:
+        """Read a polyline with bulges."""
         points = np.array(entity.get_points("xyb"), dtype=float).reshape(-1, 3)
         return self._upright(entity) and self._add(points, bool(entity.closed), layer)
 
     def _polyline(self, entity: Any, layer: str) -> bool:
+        """Read an old-style polyline."""
         if not (entity.is_2d_polyline or entity.is_3d_polyline) or not self._upright(entity):
             return False
         points = [(v.dxf.location.x, v.dxf.location.y, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
         return self._add(points, bool(entity.is_closed), layer)
 
     def _line(self, entity: Any, layer: str) -> bool:
+        """Read a line."""
         start, end = entity.dxf.start, entity.dxf.end
         return self._add([(start.x, start.y, 0.0), (end.x, end.y, 0.0)], False, layer)
 
     def _arc(self, entity: Any, layer: str) -> bool:
+        """Read an arc."""
         first = np.radians(entity.dxf.start_angle)
         sweep = np.mod(np.radians(entity.dxf.end_angle) - first, 2.0 * np.pi) or 2.0 * np.pi
         centre = entity.dxf.center
@@ -175,11 +193,13 @@ class _Reader:
         )
 
     def _circle(self, entity: Any, layer: str) -> bool:
+        """Read a circle."""
         centre = entity.dxf.center
         points = arc_points((centre.x, centre.y), entity.dxf.radius, 0.0, 2.0 * np.pi)[:-1]
         return self._upright(entity) and self._add(points, True, layer)
 
     def _curve(self, entity: Any, layer: str) -> bool:
+        """Read an ellipse or spline as chords."""
         rough = entity.flattening(1e30, segments=8) if entity.dxftype() == "SPLINE" else entity.flattening(1e30)
         size = float(np.ptp(np.array([(p.x, p.y) for p in rough]), axis=0).max())
         facet = FACET * size if self.options.facet is None else self.options.facet / self.metres
@@ -189,22 +209,27 @@ class _Reader:
     _ellipse = _spline = _curve
 
     def _solid(self, entity: Any, layer: str) -> bool:
+        """Read a filled triangle or quadrilateral."""
         return self._add([(p.x, p.y, 0.0) for p in entity.vertices()], True, layer)
 
     _trace = _3dface = _solid
 
     def _hatch(self, entity: Any, layer: str) -> bool:
+        """Read a hatch: its largest boundary with the others as holes."""
         loops = [loop for loop in (self._loop(path) for path in entity.paths) if loop is not None]
         if not loops:
             return False
-        # the largest is the outline, what lies inside it are holes
+        # the largest loop is the outline; loops inside it are holes
         loops.sort(key=lambda loop: -float(np.ptp(loop[:, :2], axis=0).prod()))
         return self._add(loops[0], True, layer, tuple(loops[1:]))
 
     _mpolygon = _hatch
 
     def _region(self, entity: Any, layer: str) -> bool:
-        """Faces with straight edges; others the library does not take out of their batch solver's text."""
+        """Read the faces of a region with straight edges.
+
+        ezdxf does not extract other faces from the ACIS data.
+        """
         found = False
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
@@ -214,6 +239,7 @@ class _Reader:
         return found
 
     def _mesh(self, entity: Any, layer: str) -> bool:
+        """Read a mesh as a solid."""
         vertices = np.array([tuple(vertex) for vertex in entity.vertices], dtype=float).reshape(-1, 3)
         faces = tuple(tuple(int(index) for index in face) for face in entity.faces)
         if not faces or max(map(max, faces)) >= len(vertices):
@@ -222,7 +248,7 @@ class _Reader:
         return True
 
     def _3dsolid(self, entity: Any, layer: str) -> bool:
-        """Solids with plane faces and straight edges."""
+        """Read the ACIS solids with plane faces and straight edges."""
         before = len(self._solids)
         for body in import_module("ezdxf.acis.api").load_dxf(entity):
             for mesh in import_module("ezdxf.acis.api").mesh_from_body(body):
@@ -232,6 +258,7 @@ class _Reader:
         return len(self._solids) > before
 
     def _loop(self, path: Any) -> Any:
+        """Return the points of a hatch boundary with bulges; None for curves other than arcs."""
         if hasattr(path, "vertices"):
             return np.array([(v[0], v[1], v[2] if len(v) > 2 else 0.0) for v in path.vertices], dtype=float)
         pieces: list[Any] = []
@@ -251,11 +278,13 @@ class _Reader:
         return np.concatenate(pieces) if pieces else None
 
     def _point(self, entity: Any, layer: str) -> bool:
+        """Read a point as a mark."""
         at = entity.dxf.location
         self.marks.append(Mark((at.x, at.y), layer))
         return True
 
     def _text(self, entity: Any, layer: str) -> bool:
+        """Read a single-line text as a mark at its alignment point."""
         at = entity.dxf.insert
         if entity.dxf.get("halign", 0) or entity.dxf.get("valign", 0):
             at = entity.dxf.get("align_point", at)
@@ -263,11 +292,12 @@ class _Reader:
         return True
 
     def _mtext(self, entity: Any, layer: str) -> bool:
+        """Read a multi-line text as a mark."""
         at = entity.dxf.insert
         self.marks.append(Mark((at.x, at.y), layer, str(entity.plain_text())))
         return True
 
     def _upright(self, entity: Any) -> bool:
-        """Whether an entity lies in the plane of the drawing, seen from above."""
+        """Return True if an entity lies in the plane of the drawing, seen from above."""
         normal = entity.dxf.get("extrusion", (0.0, 0.0, 1.0))
         return bool(normal[2] > 0.999)

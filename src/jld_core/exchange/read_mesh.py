@@ -1,7 +1,7 @@
-"""OBJ and PLY, by meshio, and STL → solids: one for each group, named solid or closed part.
+"""Reader of OBJ and PLY (by meshio) and STL: one solid per group or closed part.
 
-meshio and not trimesh, by measurement (benchmarks/results/exchange.md): it keeps faces of any number of corners, where
-trimesh cuts them into fans, which is wrong for faces that are not convex.
+meshio is used instead of trimesh because it keeps faces with any number of corners. trimesh splits these into fans,
+which is wrong for faces that are not convex. Measurement: benchmarks/results/exchange.md.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from jld_core.geometry import Faces
 
 
 def read_mesh(path: File, notes: Notes) -> Solids:
-    """Solids of a mesh file.
+    """Read the solids of a mesh file.
 
-    Raises InputError: broken, without meshio, or with counts past all reason.
+    Raises InputError where the file is broken, meshio is missing, or the counts are excessive.
     """
     meshio = library("meshio", path)
     kind = path.suffix.lower().lstrip(".")
     data = readable(path).read_bytes()
     _refuse_counts(kind, data)
     with parsing(kind.upper(), f"a file in {kind.upper()}"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # its overflow where a text is taken for a count
+        warnings.simplefilter("ignore")  # meshio overflows where it takes a text for a count
         points, groups = {"obj": _obj, "ply": _ply, "stl": _stl}[kind](meshio, data)
     if sum(len(faces) for _, faces in groups) > MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")
@@ -44,7 +44,7 @@ def read_mesh(path: File, notes: Notes) -> Solids:
     if not parts:
         raise InputError("", "it holds no faces", "closed surfaces, one for each block")
     said = re.findall(rb"(?m)^comment block \d+ (.*?)\r?$", data) if kind == "ply" else []
-    if len(said) == len(parts):  # names that jld wrote
+    if len(said) == len(parts):  # names written by jld
         words = [word.decode("utf-8", "replace") for word in said]
         parts = [Part(word, word, part.vertices, part.faces) for word, part in zip(words, parts, strict=True)]
     notes.found.append(f"{len(groups)} groups" if len(groups) > 1 else "one group, by closed part")
@@ -52,6 +52,7 @@ def read_mesh(path: File, notes: Notes) -> Solids:
 
 
 def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
+    """Split the faces of one group into solids."""
     if not faces:
         return []
     top = max(max(loop) for loop in faces)
@@ -72,14 +73,15 @@ def _parts(name: str, points: Floats, faces: Faces) -> list[Part]:
 
 
 def _cells(mesh: Any) -> list[tuple[int, ...]]:
-    """Faces of three and more corners, in the order of the file."""
+    """Return the faces with three or more corners, in the order of the file."""
     kept = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad", "polygon")]
     return [tuple(loop) for loops in kept for loop in loops]
 
 
 def _obj(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+    """Return points and groups of an OBJ file."""
     text = _absolute(data.decode("utf-8", "replace"))
-    # objects are groups too, and what stands before the first is one without a name
+    # treat objects as groups, and faces before the first group as a group without a name
     text = "g \n" + re.sub(r"(?m)^o(?=\s)", "g", text)
     mesh = meshio.obj._obj.read_buffer(io.StringIO(text))
     names = [name.strip() for name in re.findall(r"(?m)^[ \t]*g(?=\s)[ \t]*(.*?)[ \t]*\r?$", text)]
@@ -93,7 +95,7 @@ def _obj(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
 
 
 def _absolute(text: str) -> str:
-    """An OBJ text with faces that count corners backwards made to count from the first."""
+    """Replace negative (relative) corner numbers of an OBJ text by absolute ones."""
     if not re.search(r"(?m)^f.*[ \t]-\d", text):
         return text
     lines, seen = [], 0
@@ -107,12 +109,16 @@ def _absolute(text: str) -> str:
 
 
 def _ply(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
+    """Return points and the single group of a PLY file."""
     mesh = meshio.ply._ply.read_buffer(io.BytesIO(data))
     return np.asarray(mesh.points, dtype=float), [("", tuple(_cells(mesh)))]
 
 
 def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
-    """Triangles as they stand; meshio would lose the names, and some files that trimesh writes."""
+    """Return points and named solids of an STL file.
+
+    meshio would lose the names, and cannot read some files written by trimesh.
+    """
     if _is_binary(data):
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         points = np.frombuffer(data, record, offset=84)["corners"].reshape(-1, 3).astype(float)
@@ -132,15 +138,17 @@ def _stl(meshio: Any, data: bytes) -> tuple[Floats, list[tuple[str, Faces]]]:
 
 
 def _triples(begin: int, end: int) -> Faces:
+    """Return triangles of consecutive points."""
     return tuple((k, k + 1, k + 2) for k in range(begin, end, 3))
 
 
 def _is_binary(data: bytes) -> bool:
+    """Return True if the data are a binary STL file, by its size."""
     return len(data) >= 84 and 84 + 50 * int.from_bytes(data[80:84], "little") == len(data)
 
 
 def _refuse_counts(kind: str, data: bytes) -> None:
-    """Compare what a header promises with what is there, before memory is taken for it."""
+    """Compare the counts in a header with the file's size, before memory is allocated."""
     size = len(data)
     if kind == "obj" and max(data.count(b"\nf"), data.count(b"\nv ") // 4) > MOST:
         raise InputError("", "it holds more faces than a structure has", f"at most {MOST}")

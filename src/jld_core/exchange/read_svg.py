@@ -1,4 +1,7 @@
-"""SVG → drawing, by svgelements: paths and shapes as outlines or lines, groups as layers; y turned up."""
+"""Reader of SVG by svgelements: paths and shapes as outlines or lines, groups as layers.
+
+The y axis is reversed so that it points upwards.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,16 @@ from jld_core.exchange.options import FACET, METRES, ImportOptions, Notes, liste
 from jld_core.exchange.paths import Path
 
 _PIXEL: Final = 96.0
+"""Pixels per inch, the CSS reference value."""
+
 _PAGE: Final = r"""\s(viewBox|width|height)\s*=\s*("[^"]*"|'[^']*')"""
+"""Pattern of the attributes of page size and viewBox."""
 
 
 def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
-    """What an SVG file draws, in its user units; a layer is the nearest group with a name.
+    """Read an SVG file in its user units; the nearest named group is the layer.
 
-    Raises InputError: no SVG, broken, or with entities of its own.
+    Raises InputError where the file is not SVG, is broken, or defines entities.
     """
     svg = library("svgelements", path)
     text = text_of(path)
@@ -31,7 +37,7 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
         raise InputError("", "it defines entities, which may unfold to anything", "an SVG without a DTD of its own")
     if text.count("<use") > 1000 or text.count("<") > 2 * MOST:
         raise InputError("", "it holds more shapes than a structure has", f"at most {MOST}")
-    # the page that a drawing is shown on is no part of it: lengths are those it was drawn in
+    # drop the page size and viewBox: lengths are those in which the drawing was made
     text = re.sub(r"<svg\b[^>]*>", lambda tag: re.sub(_PAGE, "", tag[0]), text, count=1)
     with parsing("SVG", "an SVG file"):
         root = svg.SVG.parse(io.StringIO(text), reify=True, ppi=_PIXEL)
@@ -39,11 +45,13 @@ def read_svg(path: File, options: ImportOptions, notes: Notes) -> Drawing:
 
 
 def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Notes) -> Drawing:
+    """Collect the paths and texts of a parsed SVG file."""
     paths: list[Path] = []
     marks: list[Mark] = []
     unread: dict[str, int] = {}
 
     def walk(group: Any, layer: str) -> None:
+        """Collect the items of a group and its subgroups."""
         for item in group:
             own = item.values.get("attributes", {}) if hasattr(item, "values") and isinstance(item.values, dict) else {}
             if isinstance(item, svg.Group):
@@ -74,7 +82,7 @@ def _drawing(svg: Any, root: Any, name: str, options: ImportOptions, notes: Note
 
 
 def _named(attributes: dict[str, Any]) -> str:
-    """Name of a group: its label in a drawing program, else its id."""
+    """Return the name of a group: its label in a drawing program, else its id."""
     for key, value in attributes.items():
         if key.endswith("label") and value:
             return str(value)
@@ -82,7 +90,10 @@ def _named(attributes: dict[str, Any]) -> str:
 
 
 def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
-    """Corners of one run, y up; curves as chords within the facet of their own size."""
+    """Return the corners of one subpath with y upwards, and whether it is closed.
+
+    Curves become chords within the facet tolerance.
+    """
     found: list[tuple[float, float]] = []
     closed = False
     for segment in path:
@@ -106,7 +117,7 @@ def _points(svg: Any, path: Any, options: ImportOptions) -> tuple[Floats, bool]:
 
 
 def _chords(segment: Any, options: ImportOptions) -> list[tuple[float, float]]:
-    """Points inside a curve, doubled until the middle of no chord is further off than the facet."""
+    """Return points inside a curve, doubled until all chords meet the facet tolerance."""
     number = 8
     while number < 4096:
         points = np.array([[p.x, -p.y] for p in (segment.point(k / (2 * number)) for k in range(2 * number + 1))])

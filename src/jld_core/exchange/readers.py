@@ -1,4 +1,4 @@
-"""A file of any known kind → a scene document and a report."""
+"""Import of files by their ending."""
 
 from __future__ import annotations
 
@@ -18,15 +18,28 @@ from jld_core.exchange.read_svg import read_svg
 from jld_core.exchange.solids import Solids, spatial_scene
 
 KINDS: Final = ("dxf", "svg", "csv", "json", "obj", "ply", "stl")
-"""Endings that can be read; json is that of COMPAS."""
+"""File endings that can be read; json is that of COMPAS."""
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> Imported:
     """Read a file of another program, by its ending.
 
-    path: of the file. options: how it is read. Returns a scene document, ready for `parse_scene`, and a report of
-    what was found, snapped, assumed and skipped.
-    Raises InputError: a file that is broken, hostile, of an unknown kind, or holds nothing that could be a scene.
+    Parameters
+    ----------
+    path : str or Path
+        File to read.
+    options : ImportOptions, optional
+        How the file is read.
+
+    Returns
+    -------
+    Imported
+        Scene document for `parse_scene`, and a report of what was found, snapped, assumed and skipped.
+
+    Raises
+    ------
+    InputError
+        The file is broken, excessive, of an unknown kind, or holds no possible scene.
     """
     path, options, notes = Path(path), options or ImportOptions(), Notes()
     ending = path.suffix.lower().lstrip(".")
@@ -41,7 +54,7 @@ def import_file(path: str | Path, options: ImportOptions | None = None) -> Impor
             return spatial_scene(read_mesh(path, notes), options, notes)
         if ending == "dxf":
             found = read_dxf(path, options, notes)
-            if isinstance(found, Solids):  # in metres by now
+            if isinstance(found, Solids):  # already in metres
                 return spatial_scene(found, replace(options, unit=None), notes)
             drawing = found
         elif ending == "svg":

@@ -1,4 +1,4 @@
-"""From meshes to spatial elements: parts, snapped, their triangles merged to plane faces, supports by name."""
+"""Conversion of meshes to spatial elements: snapping, merging of faces, supports by name."""
 
 from __future__ import annotations
 
@@ -41,7 +41,10 @@ from jld_core.linalg import components
 
 @dataclass(frozen=True)
 class Part:
-    """One solid as a file holds it. group: what its support is told by. keys: more keys of its element."""
+    """One solid of a file.
+
+    group: name that decides its role. keys: further keys of its element.
+    """
 
     name: str
     group: str
@@ -53,7 +56,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Solids:
-    """What a file holds. contacts: (name, name, corners) where it gives interfaces. facts: keys of a scene."""
+    """Content of a spatial file.
+
+    contacts: (name, name, corners) where the file gives interfaces. facts: keys of a scene stored in the file.
+    """
 
     parts: list[Part]
     contacts: list[tuple[str, str, Floats]] = field(default_factory=list)
@@ -62,9 +68,9 @@ class Solids:
 
 
 def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Imported:
-    """A spatial scene out of solids.
+    """Convert solids to a spatial scene.
 
-    Raises InputError: no solid, one that is not closed, no support, or past all reason.
+    Raises InputError where there is no solid, an open solid, no support, or more content than a structure has.
     """
     parts = found.parts
     if not parts:
@@ -136,7 +142,7 @@ def spatial_scene(found: Solids, options: ImportOptions, notes: Notes) -> Import
 
 
 def _names(given: Sequence[str]) -> list[str]:
-    """Names that are not empty and used once each."""
+    """Return unique names that are not empty."""
     taken: set[str] = set()
     names = []
     for number, name in enumerate(given):
@@ -151,7 +157,7 @@ def _names(given: Sequence[str]) -> list[str]:
 
 
 def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
-    """Faces less those that snapping has made a line or a point, with corners that fell together taken once."""
+    """Remove faces that snapping collapsed to a line or point, and repeated corners."""
     node = merge_points(vertices, 0.0)
     first = np.unique(node, return_index=True)[1]
     kept = []
@@ -164,7 +170,7 @@ def _without_slivers(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _flat(vertices: Floats, faces: Faces) -> Faces:
-    """Faces with those that are no plane cut into triangles, from the same corners whichever solid they belong to."""
+    """Split faces that are not plane into triangles, equally in all solids with these corners."""
     found: list[tuple[int, ...]] = []
     for loop in faces:
         corners = vertices[list(loop)]
@@ -181,7 +187,10 @@ def _flat(vertices: Floats, faces: Faces) -> Faces:
 
 
 def _apex(corners: Floats) -> int:
-    """The corner a bent face is cut from: an end of the shorter diagonal of four, else the first in space."""
+    """Return the corner from which a bent face is split.
+
+    It is an end of the shorter diagonal of a quadrilateral, else the first corner in lexicographic order.
+    """
     order = np.lexsort(corners.T)
     if len(corners) != 4:
         return int(order[0])
@@ -192,7 +201,10 @@ def _apex(corners: Floats) -> int:
 
 
 def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Floats], list[Faces]]:
-    """Solids with one face for every plane piece of their surface, where that piece has no hole."""
+    """Merge coplanar faces of solids to one face per plane piece.
+
+    Solids with a piece that has holes keep their faces.
+    """
     facets = facets_of(list(vertices), list(faces))
     start = np.searchsorted(facets.element, np.arange(len(vertices) + 1))
     merged_vertices, merged_faces = [], []
@@ -216,7 +228,7 @@ def _merged(vertices: Sequence[Floats], faces: Sequence[Faces]) -> tuple[list[Fl
 def _given(
     contacts: list[tuple[str, str, Floats]], names: dict[str, str], scale: float, size: float
 ) -> list[dict[str, Any]]:
-    """Interfaces as a scene states them, their corners put into the plane that fits them best."""
+    """Return interfaces for a scene, with corners projected onto their best-fit planes."""
     entries = []
     for a, b, corners in contacts:
         points = scale * corners
@@ -228,7 +240,10 @@ def _given(
 
 
 def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> None:
-    """Say which pairs touch in several places: curved contacts as facets, which labels of a pair hold together."""
+    """Note the number of contacts, and pairs that touch along several facets.
+
+    A label given to such a pair holds for all its facets.
+    """
     lower, upper = np.array([v.min(axis=0) for v in vertices]), np.array([v.max(axis=0) for v in vertices])
     pairs = near_pairs(lower, upper, 1e-5 * (upper - lower).max(axis=1))
     contacts = find_spatial_contacts(facets_of(vertices, faces), pairs)
@@ -244,11 +259,11 @@ def _say_contacts(vertices: list[Floats], faces: list[Faces], notes: Notes) -> N
 
 
 def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
-    """Faces of a mesh by solid: (k,) numbers of faces each.
+    """Split the faces of a mesh into solids: face numbers (k,) of each.
 
-    Solids are what is connected by its corners' numbers, where that is closed. In a file without numbers a surface that
-    closes before the file goes on is a solid, so that blocks that touch stay apart; else what touches is connected.
-    Raises InputError where solids that touch cannot be told apart.
+    Faces connected by corner numbers form a solid where it is closed. In a file without corner numbers, a surface that
+    closes before the file continues is a solid, so that touching blocks stay separate. Otherwise faces that touch are
+    connected. Raises InputError where touching solids cannot be separated.
     """
     loose = _connected(faces)
     if all(_closed(faces, part) for part in loose):
@@ -276,11 +291,12 @@ def split(points: Floats, faces: Faces, tolerance: float) -> list[Ints]:
 
 
 def _edges(loop: Sequence[int]) -> list[tuple[int, int]]:
+    """Return the edges of a loop, each with ordered ends."""
     return [(min(a, b), max(a, b)) for a, b in zip(loop, (*loop[1:], loop[0]), strict=True)]
 
 
 def _connected(faces: Faces) -> list[Ints]:
-    """Faces that share corners, by parts in order of their first face."""
+    """Return the connected components of faces by shared corners, in order of first face."""
     start = np.repeat([loop[0] for loop in faces], [len(loop) for loop in faces])
     end = np.array([index for loop in faces for index in loop])
     label = components(int(end.max()) + 1, start, end)
@@ -290,9 +306,10 @@ def _connected(faces: Faces) -> list[Ints]:
 
 
 def _uses(faces: Faces, part: Ints) -> Counter[tuple[int, int]]:
-    """How often each edge of some faces is used."""
+    """Count the uses of each edge of some faces."""
     return Counter(edge for k in part.tolist() for edge in _edges(faces[k]))
 
 
 def _closed(faces: Faces, part: Ints) -> bool:
+    """Return True if every edge of some faces is used twice."""
     return len(part) > 3 and set(_uses(faces, part).values()) == {2}

@@ -1,6 +1,6 @@
-"""Blocks → a command file for 3DEC: convex blocks, joined where they are one, with groups and properties.
+"""Writer of 3DEC command files: convex blocks, joins, groups and properties.
 
-Text only: it is written by the commands of its manual (3DEC 7), and nobody here has run it.
+The commands follow the manual of 3DEC 7; the output has not been run in 3DEC.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from jld_core.geometry import Surface, area_vector, extrude, solids, union_outli
 
 
 def command_text(layout: Layout) -> str:
-    """Commands that make every element a block, join those of one block, and give density and joint properties.
+    """Return 3DEC commands that create every element, join blocks, and set properties.
 
-    Stiffnesses of joints are no part of a scene: they stand at the head, to be set.
-    Raises InputError for an element that is not convex.
+    Properties are densities and joint properties. Joint stiffnesses are not part of a scene; the file's head defines
+    them for the user to edit. Raises InputError for an element that is not convex.
     """
     assembly = layout.assembly
     elements, strengths = assembly.elements, assembly.strengths
@@ -71,6 +71,7 @@ def command_text(layout: Layout) -> str:
 
 
 def _surface(layout: Layout, k: int) -> Surface:
+    """Return the closed surface of an element."""
     elements = layout.assembly.elements
     if layout.assembly.dimension == 2:
         return extrude(union_outlines([elements.shape[k]])[0], layout.thickness)
@@ -79,6 +80,7 @@ def _surface(layout: Layout, k: int) -> Surface:
 
 
 def _convex(surface: Surface) -> bool:
+    """Return True if all points of a surface lie behind each of its faces."""
     points = surface.points
     size = float(np.ptp(points, axis=0).max())
     for loop in surface.faces:
@@ -91,9 +93,11 @@ def _convex(surface: Surface) -> bool:
 
 
 def _usual(values: np.ndarray) -> float:
+    """Return the median of the finite values, or 0."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else 0.0
 
 
 def _word(name: str) -> str:
+    """Return a name without apostrophes."""
     return name.replace("'", "_")

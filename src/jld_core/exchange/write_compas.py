@@ -1,4 +1,4 @@
-"""Blocks → COMPAS JSON, as compas_assembly writes its own: blocks at nodes, interfaces along edges."""
+"""Writer of COMPAS JSON as in compas_assembly: blocks at nodes, interfaces along edges."""
 
 from __future__ import annotations
 
@@ -15,10 +15,14 @@ from jld_core.exchange.write_mesh import solids_of
 from jld_core.geometry import area_vector
 
 _SPACE: Final = uuid.UUID("6f1c2a52-6d0e-5a5e-9a54-6a6c64636f6d")
+"""Namespace of the name-based guids of written objects."""
 
 
 def compas_text(layout: Layout, *, cells: bool) -> str:
-    """An assembly of compas_assembly; what it has no place for stands in its attribute "jld"."""
+    """Return an assembly of compas_assembly as JSON.
+
+    Scene data that it cannot represent are stored in its attribute "jld". cells: write every element, not every block.
+    """
     solids = list(solids_of(layout, cells=cells))
     facts = facts_of(layout, cells=cells, spatial=True)
     keys = _weights(layout, cells)
@@ -82,13 +86,16 @@ def compas_text(layout: Layout, *, cells: bool) -> str:
 
 
 def _envelope(kind: str, data: Any, name: str) -> dict[str, Any]:
-    """An object as COMPAS sends it; the same file for the same layout, so its identity follows from its name."""
+    """Return an object in its COMPAS envelope, with a guid derived from its name.
+
+    The same layout thus always gives the same file.
+    """
     found = {"dtype": kind, "data": data}
     return found if kind.startswith("compas.geometry") else {**found, "guid": str(uuid.uuid5(_SPACE, f"{kind} {name}"))}
 
 
 def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
-    """Interfaces between what the file holds, with their corners in space."""
+    """Return the interfaces between the written solids, with their corners in space."""
     assembly = layout.assembly
     faces = assembly.interfaces
     found = []
@@ -100,14 +107,14 @@ def _faces(layout: Layout, cells: bool) -> list[tuple[str, str, Floats]]:
         if one == two:
             continue
         points = _in_space(layout, polygon)
-        # corners turn about the normal out of the first, as COMPAS reads them
+        # corners run counter-clockwise about the normal out of the first solid, as COMPAS expects
         out = faces.normal[k] if assembly.dimension == 3 else np.array([faces.normal[k, 0], 0.0, faces.normal[k, 1]])
         found.append((one, two, points if area_vector(points) @ out > 0.0 else points[::-1]))
     return found
 
 
 def _in_space(layout: Layout, polygon: Floats) -> Floats:
-    """Corners (k, 3) of an interface; a planar one is as deep as its scene."""
+    """Return the corners (k, 3) of an interface; a planar one extends over the thickness."""
     if layout.assembly.dimension == 3:
         return polygon
     (x0, z0), (x1, z1) = polygon.tolist()
@@ -116,7 +123,10 @@ def _in_space(layout: Layout, polygon: Floats) -> Floats:
 
 
 def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
-    """Weight and centroid of what the file holds, by name: as the scene has them, whatever the geometry says."""
+    """Return weight and centroid of the written solids by name.
+
+    Values are those of the scene, even where the geometry gives others.
+    """
     elements = layout.assembly.elements
     weight = np.linalg.norm(elements.weight, axis=1)
     found: dict[str, dict[str, Any]] = element_keys(layout) if cells and layout.assembly.dimension == 3 else {}
@@ -137,6 +147,7 @@ def _weights(layout: Layout, cells: bool) -> dict[str, dict[str, Any]]:
 
 
 def _frame(points: Floats) -> dict[str, list[float]]:
+    """Return the COMPAS frame of a plane polygon."""
     normal = area_vector(points)
     x = points[1] - points[0]
     x = x / np.linalg.norm(x)

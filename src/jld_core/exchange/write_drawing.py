@@ -1,4 +1,4 @@
-"""Planar blocks → DXF, by ezdxf, and SVG: outlines on layers by shape, joints and cracks on their own."""
+"""Writers of DXF (by ezdxf) and SVG: outlines on layers by shape, and layers for faces."""
 
 from __future__ import annotations
 
@@ -19,15 +19,22 @@ from jld_core.files import printable
 from jld_core.geometry import polygons
 
 _UNITS: Final = {"m": 6, "mm": 4, "cm": 5, "dm": 14, "km": 7, "in": 1, "ft": 2, "yd": 10}
+"""Codes of the header variable $INSUNITS by length unit."""
+
 _COLOURS: Final = (1, 30, 50, 90, 130, 170, 210, 240)
+"""DXF colour numbers of the layers of block shapes, used cyclically."""
+
 _LAYERS: Final = {
     "SUPPORTS": 8, "JOINTS": 7, "CRACKS": 1, "HOLES": 9, "IDS": 5, "BLOCK IDS": 3, "ARROWS": 1, "DIMENSIONS": 8,
 }  # fmt: skip
+"""DXF colour numbers of the other layers."""
+
 _CHUNK: Final = 200
+"""Largest number of characters per custom property."""
 
 
 def write_dxf(layout: Layout, path: Path) -> None:
-    """A DXF file. Planar: outlines and lines; spatial: a mesh for each block, to look at and to cut.
+    """Write a DXF file: planar outlines and lines, or a spatial mesh of each block.
 
     Raises InputError without ezdxf.
     """
@@ -56,15 +63,17 @@ def write_dxf(layout: Layout, path: Path) -> None:
 
 
 def _layer(shape: int, support: bool) -> str:
+    """Return the layer of a block."""
     return "SUPPORTS" if support else f"SHAPE_{shape:02d}"
 
 
 def _draw(layout: Layout, space: Any) -> None:
+    """Draw outlines, faces, names, live loads and dimensions of a planar layout."""
     elements, faces = layout.assembly.elements, layout.assembly.interfaces
     height = 0.15 * float(np.median(np.sqrt(layout.assembly.elements.volume / layout.thickness)))
     for k, block in enumerate(layout.blocks):
         if block.support:
-            # a block glued to a support is drawn in its elements, or what is support would be lost
+            # draw the elements of a block joined to a support, so that supports remain recognisable
             for element in block.elements:
                 layer = "SUPPORTS" if elements.support[element] else _layer(block.shape, False)
                 space.add_lwpolyline(elements.shape[element].tolist(), close=True, dxfattribs={"layer": layer})
@@ -91,7 +100,7 @@ def _draw(layout: Layout, space: Any) -> None:
 
 
 def _inside(outline: Floats) -> tuple[float, float]:
-    """A place well inside an outline: its centroid, or where that is outside, a point that is not."""
+    """Return a point inside an outline: the centroid if it lies inside, else another point."""
     import shapely
 
     shape = shapely.Polygon(outline)
@@ -100,13 +109,13 @@ def _inside(outline: Floats) -> tuple[float, float]:
 
 
 def _text(space: Any, words: str, at: tuple[float, float], height: float, layer: str) -> None:
-    """A text with its middle at a place."""
+    """Add a text centred at a place."""
     look = {"layer": layer, "height": height, "insert": at, "align_point": at, "halign": 4}
     space.add_text(printable(words).replace("\n", " "), dxfattribs=look)
 
 
 def _dimensions(layout: Layout, space: Any, height: float) -> None:
-    """Width and height of the whole."""
+    """Add dimensions of the overall width and height."""
     style = {"dimtxt": height, "dimasz": 0.6 * height, "dimexe": 0.4 * height, "dimexo": 0.4 * height}
     look = {
         "override": {**style, "dimgap": 0.4 * height, "dimlfac": 1, "dimdec": 3},
@@ -121,13 +130,14 @@ def _dimensions(layout: Layout, space: Any, height: float) -> None:
 
 
 def _escaped(text: str) -> str:
+    """Return a text escaped for XML."""
     return escape(printable(text), quote=True)
 
 
 def svg_text(layout: Layout) -> str:
-    """An SVG drawing of a planar layout, in its units, y down as SVG has it; groups are layers.
+    """Return an SVG drawing of a planar layout, in its units, with groups as layers.
 
-    Raises InputError for a spatial layout.
+    The y axis points down, as in SVG. Raises InputError for a spatial layout.
     """
     if layout.assembly.dimension == 3:
         raise InputError("--format svg", "the layout is spatial", "obj, ply, stl, compas, 3dec or vtk")
@@ -138,6 +148,7 @@ def svg_text(layout: Layout) -> str:
     box = (low[0] - margin, -high[1] - margin, high[0] - low[0] + 2 * margin, high[1] - low[1] + 2 * margin)
 
     def ring(points: Floats) -> str:
+        """Return the path data of a closed outline."""
         return "M " + " L ".join(f"{x!r},{-y!r}" for x, y in points.tolist()) + " Z"
 
     groups: dict[str, list[str]] = {}

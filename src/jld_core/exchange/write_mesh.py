@@ -1,4 +1,4 @@
-"""Blocks → OBJ, STL, PLY: one closed solid for each block, numbers in full."""
+"""Writers of OBJ, STL and PLY: one closed solid per block, numbers in full precision."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from jld_core.geometry import Surface, extrude, union_outlines, union_solids
 
 
 def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surface]]:
-    """Name, support and surface of each block, or of each element."""
+    """Yield name, support flag and surface of each block, or of each element for `cells`."""
     if not cells:
         for block, surfaces in zip(layout.blocks, layout.surfaces, strict=True):
             for number, surface in enumerate(surfaces):
@@ -30,13 +30,13 @@ def solids_of(layout: Layout, *, cells: bool) -> Iterator[tuple[str, bool, Surfa
 
 
 def _title(name: str, support: bool) -> str:
-    """A name as one word; supports are told by theirs."""
+    """Return a name as one word; names of supports contain "support"."""
     word = re.sub(r"\s+", "_", name)
     return word if not support or "support" in word.casefold() else f"{word}_support"
 
 
 def obj_text(layout: Layout, *, cells: bool) -> str:
-    """An OBJ file: a group for each solid, faces with as many corners as they have."""
+    """Return an OBJ file with one group per solid and polygonal faces."""
     lines = [f"# {layout.assembly.name}, lengths in {layout.assembly.units[0]}, z up; written by jld"]
     start = 1
     for name, support, surface in solids_of(layout, cells=cells):
@@ -48,7 +48,7 @@ def obj_text(layout: Layout, *, cells: bool) -> str:
 
 
 def stl_text(layout: Layout, *, cells: bool) -> str:
-    """An STL file in words, which hold all digits: a named solid for each."""
+    """Return an ASCII STL file, which keeps all digits, with one named solid per block."""
     lines = []
     for name, support, surface in solids_of(layout, cells=cells):
         title = _title(name, support)
@@ -66,7 +66,7 @@ def stl_text(layout: Layout, *, cells: bool) -> str:
 
 
 def ply_text(layout: Layout, *, cells: bool) -> str:
-    """A PLY file in words: solids one after the other, their names in comments."""
+    """Return an ASCII PLY file with consecutive solids, and their names in comments."""
     points: list[str] = []
     faces: list[str] = []
     names = []

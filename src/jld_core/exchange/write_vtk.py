@@ -1,4 +1,4 @@
-"""A layout and its analysis → VTK for ParaView, by meshio: surfaces of elements and faces between them, with fields."""
+"""Writer of VTK for ParaView (by meshio): surfaces of elements, interfaces, and fields."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from jld_core.views.quantities import face_vectors, utilisation
 
 
 def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
-    """An unstructured grid of polygons.
+    """Write a layout and its analysis as an unstructured grid of polygons.
 
     Cell fields: part (0 surface of an element, 1 interface), element, block, shape, support, label (1 dry, 0 inner, −1
     on surfaces), utilisation, force (vector on b, scene units), normal_force. Point field: mechanism (velocity for live
-    power 1). Fields of an analysis are zero where the layout has none. legacy: the older format, that of files that end
+    power 1). Fields of an analysis are zero where the layout has none. legacy: write the older format of files that end
     in .vtk. Raises InputError without meshio.
     """
     meshio = library("meshio", path)
@@ -35,15 +35,18 @@ def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
     planar = assembly.dimension == 2
 
     def flat(corners: Floats) -> Floats:
+        """Return planar coordinates of corners in a planar scene."""
         return corners[:, [0, 2]] if planar else corners
 
     def velocity(element: int, corners: Floats) -> Floats:
+        """Return the velocities (k, 3) of corners by the mechanism."""
         if result is None or result.mechanism is None:
             return np.zeros((len(corners), 3))
         moved = displacement(assembly, result.mechanism, element, flat(corners))
         return np.column_stack([moved[:, 0], np.zeros(len(moved)), moved[:, 1]]) if planar else moved
 
     def add(corners: Floats, loops: list[tuple[int, ...]], element: int, part: int, face: int | None) -> None:
+        """Add faces of an element or an interface with their fields."""
         start = sum(map(len, points))
         points.append(corners)
         motion.append(velocity(element, corners))
@@ -84,6 +87,7 @@ def write_vtk(layout: Layout, path: Path, *, legacy: bool = False) -> None:
     stops = np.cumsum([0, *(len(block) for _, block in cells)])
 
     def by_block(values: Floats) -> list[Floats]:
+        """Split values by cell type, in the order of the file."""
         return [values[order[a:b]] for a, b in itertools.pairwise(stops)]
 
     fields = {name: by_block(np.array(values)) for name, values in rows.items()}

@@ -1,4 +1,4 @@
-"""A layout → a file of another program."""
+"""Export of a layout to a file of another program."""
 
 from __future__ import annotations
 
@@ -26,21 +26,41 @@ FORMATS: Final = {
     "vtk": ".vtu",
     "svg": ".svg",
 }
-"""What can be written, and how such a file ends."""
+"""Export formats and their file endings."""
 
 _SOLIDS: Final = {"obj": obj_text, "stl": stl_text, "ply": ply_text, "compas": compas_text}
+"""Functions that return the text of blocks or elements as solids."""
+
 _LAYOUTS: Final = {"3dec": command_text, "svg": svg_text}
-"""Texts of blocks or of every element as solids, and of whole layouts."""
+"""Functions that return the text of a whole layout."""
 
 RUN_BY_SPREADSHEETS: Final = ("=", "+", "-", "@", "\t", "\r")
-"""What a text begins with that a spreadsheet takes for a formula."""
+"""First characters by which a spreadsheet takes a text for a formula."""
 
 
 def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) -> Path:
-    """Write a layout for another program, whole or not at all.
+    """Write a layout to a file of another program, completely or not at all.
 
-    kind: one of FORMATS. path: the file. cells: every element as a solid of its own, not every block (obj, stl, ply,
-    compas). Returns the path. Raises InputError: an unknown kind, one that has no such thing, or a missing library.
+    Parameters
+    ----------
+    layout : Layout
+        Layout to write.
+    kind : str
+        One of FORMATS.
+    path : str or Path
+        File to write.
+    cells : bool
+        Write every element as a separate solid, instead of every block (obj, stl, ply, compas).
+
+    Returns
+    -------
+    Path
+        Path of the file.
+
+    Raises
+    ------
+    InputError
+        The format is unknown or does not fit the layout, or a library is missing.
     """
     path = Path(path)
     if kind not in FORMATS:
@@ -59,7 +79,18 @@ def export(layout: Layout, kind: str, path: str | Path, *, cells: bool = False) 
 
 
 def blocks_csv(layout: Layout) -> str:
-    """The text of blocks.csv: one row for each block that holds a free element."""
+    """Return the text of blocks.csv: one row for each block with a free element.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the blocks.
+
+    Returns
+    -------
+    str
+        CSV text with a header.
+    """
     rows = layout.table()
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]) if rows else ["block"], lineterminator="\n")
@@ -69,5 +100,16 @@ def blocks_csv(layout: Layout) -> str:
 
 
 def harmless(value: object) -> object:
-    """A value for a CSV file: a text that a spreadsheet would run, as it begins with = + - @, after an apostrophe."""
+    """Quote a text that a spreadsheet would run as a formula.
+
+    Parameters
+    ----------
+    value : object
+        Value for a CSV file.
+
+    Returns
+    -------
+    object
+        The value; a text that begins with one of `RUN_BY_SPREADSHEETS` is preceded by an apostrophe.
+    """
     return f"'{value}" if isinstance(value, str) and value.startswith(RUN_BY_SPREADSHEETS) else value

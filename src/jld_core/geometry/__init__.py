@@ -1,52 +1,52 @@
-"""Polygons, polyhedra, and where they touch; outlines of blocks, and which are alike.
+"""Geometry of elements: polygons, polyhedra, contact detection, snapping and congruence.
 
-- `Faces`: faces of polyhedra
-- `Facets`: plane facets of all elements, as arrays
-- `Kinds`: outlines numbered by their shape as they come: each is compared with one of every kind so far
-- `Outline`: one block's boundary
-- `Outlines`: outlines of blocks of one assembly
-- `PlanarContact`: a straight contact of two polygons
-- `Region`: a plane area
+- `Faces`: faces of one polyhedron, as loops of vertex indices
+- `Facets`: plane facets of all elements, as a struct of arrays
+- `Kinds`: register that numbers outlines by shape
+- `Outline`: boundary of one block
+- `Outlines`: factory of the outlines of blocks of one assembly
+- `PlanarContact`: straight contact of two polygons
+- `Region`: plane area with holes
 - `Snapped`: paths after snapping
-- `SpatialContact`: a plane contact of two polyhedra
-- `Surface`: a closed surface
-- `across`: axes of a plane
-- `area_of`: what of a plane region has an area
-- `area_vector`: of a plane polygon, along its normal
-- `check_overlaps`: refuse polyhedra that share a volume
-- `check_polygons`: refuse polygons that are not simple or cover one another
-- `extrude`: an area in the plane → a solid
-- `facets_of`: polyhedra → plane facets
-- `find_planar_contacts`: where polygons touch
-- `find_spatial_contacts`: where polyhedra touch
-- `fit_of_line`: misfit of a stated straight contact and an element
-- `fit_of_polygon`: misfit of a stated plane contact and an element
-- `frame`: an orthonormal frame from its first vectors
-- `given_normals`: normals of contacts that are given
-- `judge_fit`: refuse a poor fit of a stated contact, or warn
-- `merge_points`: points within a tolerance, as one
-- `moment_about`: arm × force, in the plane or in space
-- `near_misses`: edges that nearly touch
-- `near_pairs`: boxes that touch or overlap
-- `near_solids`: facets that nearly touch
-- `planar_interfaces`: frames and sizes of straight contacts
-- `reach_of`: distance within which corners of blocks of an assembly are one
-- `rectangle_torsion_length`: c_T of rectangles
-- `refuse_crossing`: refuse stated contacts whose outline crosses itself
+- `SpatialContact`: plane contact of two polyhedra
+- `Surface`: closed surface with plane faces and triangles
+- `across`: return two axes of a plane
+- `area_of`: return the polygons of a plane region
+- `area_vector`: return the area vector of a plane polygon
+- `check_overlaps`: refuse convex polyhedra that share a volume
+- `check_polygons`: refuse polygons that are not simple, have no area or overlap
+- `extrude`: extrude a plane region to a closed surface
+- `facets_of`: compute the plane facets of polyhedra
+- `find_planar_contacts`: find the straight contacts of polygons
+- `find_spatial_contacts`: find the plane contacts of polyhedra
+- `fit_of_line`: measure the misfit of a stated straight contact
+- `fit_of_polygon`: measure the misfit of a stated plane contact
+- `frame`: return an orthonormal frame that starts with given vectors
+- `given_normals`: compute the normals of stated plane contacts
+- `judge_fit`: refuse a poor fit of a stated contact, or return a warning
+- `merge_points`: number points, merging those within a tolerance
+- `moment_about`: compute arm × force in the plane or in space
+- `near_misses`: find edges of polygons that nearly touch
+- `near_pairs`: find pairs of boxes that touch or overlap
+- `near_solids`: find facets of polyhedra that nearly touch
+- `planar_interfaces`: compute frames and sizes of straight contacts
+- `reach_of`: return the distance within which two corners of blocks coincide
+- `rectangle_torsion_length`: compute c_T of rectangles
+- `refuse_crossing`: refuse a stated contact whose outline crosses itself
 - `refuse_repeated`: refuse contacts that are stated twice
-- `region_of`: a polygon of shapely → Region
-- `shape_numbers`: number of the shape of each entry, from 1 by first appearance
+- `region_of`: convert a shapely polygon to a `Region`
+- `shape_numbers`: number outlines by shape, from 1 by first appearance
 - `snap_paths`: close gaps between open and closed paths
 - `snap_polygons`: close gaps and overlaps between polygons
 - `snap_solids`: close gaps between polyhedra
-- `solids`: polyhedra with faces outward, volumes and centroids
-- `spatial_interfaces`: frames and sections of plane contacts
-- `spun`: turn × arm, likewise
-- `straight`: an outline without the corners in straight edges
-- `union_outlines`: what polygons cover together, in parts from left to right
-- `union_solids`: the outer surface of polyhedra that touch along parts of their faces
-- `without_repeats`: outlines without corners given twice
-- `words_of`: a sentence on faces that nearly touch
+- `solids`: orient faces outward and compute volumes and centroids of polyhedra
+- `spatial_interfaces`: compute frames and sections of plane contacts
+- `spun`: compute spin × arm in the plane or in space
+- `straight`: remove the corners of an outline that lie in straight edges
+- `union_outlines`: unite polygons to regions, ordered from left to right
+- `union_solids`: compute the outer surface of touching polyhedra
+- `without_repeats`: remove consecutive repeated corners of outlines
+- `words_of`: describe near misses in one sentence
 """
 
 from __future__ import annotations

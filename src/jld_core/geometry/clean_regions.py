@@ -1,7 +1,7 @@
-"""Parts of a plane region without what is no wider than a tolerance: spikes, slivers, necks, and holes.
+"""Removal of spikes, slivers, necks and holes narrower than a tolerance from regions.
 
-Intersections of polygons with rounded coordinates leave spikes of a width near rounding, by which a hull grows as far
-as they reach. A spike is removed where its tip is a corner of the outline; a neck splits the region in two.
+Intersections of polygons with rounded coordinates leave spikes as narrow as rounding; each extends the convex hull by
+its whole length. A spike is removed where its tip is a corner of the outline; a neck splits the region in two.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
     region : shapely geometry
         Polygons, lines and points; lines and points are dropped.
     reach : float
-        Width up to which spikes and holes are dropped; parts and necks are dropped up to half of it. A length.
+        Width up to which spikes and holes are removed; parts and necks are removed up to half of it. A length.
 
     Returns
     -------
     list of Rings
-        Corners of each part, its shell first and then its holes, in order of place.
+        Corners of each part, first its shell and then its holes, ordered by the mean of the shell's corners.
     """
     found = []
     for part in _polygons(region):
@@ -45,11 +45,15 @@ def clean_parts(region: shapely.Geometry, reach: float) -> list[Rings]:
 
 
 def _polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
+    """Return the polygons of a region."""
     return list(shapely.get_parts(area_of(region)))
 
 
 def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]:
-    """Split a polygon at necks narrower than half the tolerance; nothing is left of one that is narrower throughout."""
+    """Split a polygon at necks narrower than half the tolerance.
+
+    The list is empty where the whole polygon is narrower.
+    """
     wide = _polygons(shapely.buffer(part, -0.25 * reach, join_style="mitre"))
     if len(wide) < 2:
         return [part] if wide else []
@@ -59,10 +63,11 @@ def _without_necks(part: shapely.Polygon, reach: float) -> list[shapely.Polygon]
 
 
 def _ring(ring: shapely.LinearRing) -> Floats:
+    """Return the corners (k, 2) of a closed ring, without the repeated last one."""
     corners: Floats = shapely.get_coordinates(ring)[:-1]
     return corners
 
 
 def _turned(ring: Floats, sense: float) -> Floats:
-    """Turn a ring (k, 2) counter-clockwise (sense 1) or clockwise (sense −1)."""
+    """Orient a ring (k, 2) counter-clockwise (sense 1) or clockwise (sense −1)."""
     return ring if sense * measures.area(ring[None])[0] > 0.0 else ring[::-1].copy()

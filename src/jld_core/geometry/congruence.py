@@ -1,4 +1,4 @@
-"""Which shapes are the same, wherever they stand and, where that is allowed, however they are turned or turned over."""
+"""Congruence of outlines under shifts and, where allowed, rotations and mirrors."""
 
 from __future__ import annotations
 
@@ -14,16 +14,27 @@ from jld_core.geometry.outlines import Outline
 from jld_core.geometry.vectors import frame
 
 _MOMENTS: Final = 20.0
-"""How far squares of lengths of one shape may differ, over reach and radius: 4 where every corner is off by twice the
-reach, and more for higher moments."""
+"""Allowed difference of the moments of congruent shapes, divided by reach times radius.
+
+Corners that are each off by twice the reach give a difference of 4, and higher moments more.
+"""
 
 
 class Kinds:
-    """Outlines numbered by their shape as they come: each is compared with one of every kind so far.
+    """Register that numbers outlines by shape in order of first appearance.
 
-    reach: distance within which corners are one. rotate: turned copies are the same shape. flip: mirrored ones too;
-    without turns only by mirrors along the axes, and by what several of them make together, such as half a turn. Either
-    way the moves that are allowed form a group, so that being of one shape does not depend on the order of outlines.
+    Each new outline is compared with one representative of every known shape of similar size. The allowed moves form a
+    group, so that congruence does not depend on the order of the outlines.
+
+    Parameters
+    ----------
+    reach : float
+        Distance within which corners coincide, scene units.
+    rotate : bool
+        Treat rotated copies as the same shape.
+    flip : bool
+        Treat mirrored copies as the same shape; without `rotate` only mirrors along the axes and their products, such
+        as half a turn.
     """
 
     def __init__(self, reach: float, *, rotate: bool = False, flip: bool = False) -> None:
@@ -32,15 +43,26 @@ class Kinds:
         self._kinds: dict[tuple[int, int, int], list[tuple[int, Floats, Outline]]] = {}
 
     def number(self, outline: Outline) -> int:
-        """Number of its shape, from 0 by first appearance."""
+        """Return the number of an outline's shape, from 0 by first appearance.
+
+        Parameters
+        ----------
+        outline : Outline
+            Outline; it is stored if its shape is new.
+
+        Returns
+        -------
+        int
+            Number of the shape.
+        """
         square = (outline.points**2).sum(axis=1)
-        # of one shape, whose corners are off by twice the reach at the most, no further apart than that
+        # Corners of one shape are off by twice the reach at most, and so are the mean radii compared here.
         size = math.floor(math.sqrt(float(square.mean())) / (2.0 * self.reach))
         name = outline.count, len(outline.points)
         around = [one for k in (-1, 0, 1) for one in self._kinds.get((*name, size + k), ())]
         moments = self._moments(outline.points)
         if around:
-            # of those as large their moments tell nearly all apart
+            # Moments distinguish nearly all shapes of similar size, so that few outlines need the full comparison.
             radius = float(np.sqrt(square.max()))
             differ = abs(np.array([known for _, known, _ in around]) - moments).max(axis=1)
             for k in np.flatnonzero(differ <= _MOMENTS * self.reach * radius).tolist():
@@ -52,7 +74,7 @@ class Kinds:
         return self._count - 1
 
     def _moments(self, points: Floats) -> Floats:
-        """Squares of lengths that a move which is allowed leaves as they are."""
+        """Compute squares of lengths that are invariant under the allowed moves."""
         square = (points**2).sum(axis=1)
         found = [square.mean(), np.sqrt((square**2).mean())]
         if not self.rotate:
@@ -63,13 +85,31 @@ class Kinds:
 
 
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = True, flip: bool = False) -> list[int]:
-    """Number of the shape of each outline, from 1 by first appearance; options as of `Kinds`."""
+    """Number outlines by shape, from 1 by first appearance.
+
+    Parameters
+    ----------
+    outlines : sequence of Outline
+        Outlines to number.
+    reach : float
+        Distance within which corners coincide, scene units.
+    rotate, flip : bool
+        Treat rotated or mirrored copies as the same shape, as in `Kinds`.
+
+    Returns
+    -------
+    list of int
+        Shape number of each outline.
+    """
     kinds = Kinds(reach, rotate=rotate, flip=flip)
     return [kinds.number(outline) + 1 for outline in outlines]
 
 
 def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, flip: bool = False) -> bool:
-    """Whether two outlines are one by a shift, a turn if allowed, and a mirror if allowed."""
+    """Return True if two outlines are congruent under the allowed moves.
+
+    Shifts are always allowed, rotations and mirrors as given.
+    """
     near = abs(one.size - other.size) <= 1e-3 * other.size
     if not near or one.count != other.count or len(one.points) != len(other.points):
         return False
@@ -82,12 +122,12 @@ def alike(one: Outline, other: Outline, reach: float, *, rotate: bool = False, f
 
 
 def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
-    """Whether every corner falls on a corner of the other and every middle on a middle, one to one."""
+    """Return True if corners coincide with corners and middles with middles, one to one."""
     for part in (slice(0, count), slice(count, None)):
         mine, there = points[part], other.points[part]
         if not len(mine):
             continue
-        from scipy.spatial import cKDTree  # slow to import, and seldom needed
+        from scipy.spatial import cKDTree  # local import: slow to import and seldom needed
 
         distance, to = cKDTree(there).query(mine)
         if float(np.max(distance)) > 2.0 * reach or len(np.unique(to)) != len(there):
@@ -96,13 +136,19 @@ def _falls_on(points: Floats, count: int, other: Outline, reach: float) -> bool:
 
 
 def _axis_mirrors(dimension: int) -> list[Floats]:
-    """Every product of mirrors along the axes but the identity: mirrors alone are no group."""
+    """Return all products of mirrors along the axes except the identity.
+
+    Single mirrors alone do not form a group.
+    """
     signs = itertools.product((1.0, -1.0), repeat=dimension)
     return [np.diag(sign) for sign in signs if min(sign) < 0.0]
 
 
 def _turns(one: Outline, other: Outline, reach: float, flip: bool) -> list[Floats]:
-    """Orthogonal matrices that may lay one block onto the other: turns, and with `flip` turned mirrors too."""
+    """Return orthogonal matrices that may map one block onto the other.
+
+    They are rotations and, with `flip`, also rotations combined with a mirror.
+    """
     d = one.points.shape[1]
     corners, images = one.points[: one.count], other.points[: other.count]
     radius, there = np.linalg.norm(corners, axis=1), np.linalg.norm(images, axis=1)

@@ -1,4 +1,4 @@
-"""Facets in the planes of facets: local frames, and regions as shapely has them."""
+"""Local frames of facets, and facets as shapely polygons in the planes of other facets."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ from jld_core.geometry.overlay import area_of
 from jld_core.geometry.polyhedra import Facets
 
 PARALLEL: Final = 1e-9
-"""Sine of the angle, and share of the diagonals, up to which sides count as parallel and a facet as a rectangle."""
+"""Tolerance for parallel sides (sine of the angle) and for rectangles (share of the diagonals)."""
 
 
 @dataclass(frozen=True)
 class FacetFrames:
-    """Per facet: e1 (f, 3) along its longest edge, e2 = n × e1, and whether it is exactly a rectangle."""
+    """Local axes of facets.
+
+    e1: (f, 3) along the longest edge. e2: (f, 3) = n × e1. rectangle: (f,) True for rectangles within `PARALLEL`.
+    """
 
     e1: Floats
     e2: Floats
@@ -28,6 +31,7 @@ class FacetFrames:
 
     @classmethod
     def on(cls, facets: Facets) -> FacetFrames:
+        """Compute the local axes of all facets."""
         e1 = np.empty((len(facets), 3))
         rectangle = np.zeros(len(facets), dtype=bool)
         for chosen, stack in measures.by_corner_count([loops[0] for loops in facets.loops]):
@@ -39,11 +43,15 @@ class FacetFrames:
 
 
 def unit_vectors(vectors: Floats) -> Floats:
+    """Scale vectors (…, d) to unit length."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def longest_edge(polygons: Floats) -> Floats:
-    """Unit direction (n, 3) of the longest edge of each polygon (n, k, 3), the first among equals."""
+    """Return the unit direction (n, 3) of the longest edge of each polygon (n, k, 3).
+
+    Among edges of equal length the first one counts.
+    """
     edge = np.roll(polygons, -1, axis=1) - polygons
     length = np.linalg.norm(edge, axis=2)
     first = np.argmax(length >= (1.0 - 1e-9) * length.max(axis=1)[:, None], axis=1)
@@ -51,7 +59,7 @@ def longest_edge(polygons: Floats) -> Floats:
 
 
 def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: Ints) -> Sequence[shapely.Geometry]:
-    """Facets `which` as shapely polygons in the planes of facets `plane`."""
+    """Return the facets `which` as shapely polygons in the planes of the facets `plane`."""
     shells = [facets.loops[index][0] for index in which]
     count = np.array([len(shell) for shell in shells])
     owner = np.repeat(np.arange(len(which)), count)
@@ -62,12 +70,12 @@ def regions_in_planes(facets: Facets, frames: FacetFrames, which: Ints, plane: I
         rings = [project(loop, facets, frames, np.full(len(loop), at)) for loop in facets.loops[which[position]]]
         regions[position] = shapely.Polygon(rings[0], rings[1:])
     for position in np.flatnonzero(~shapely.is_valid(regions)).tolist():
-        # lines and points that are left over have no area, and intersections do not take them beside polygons
+        # Remaining lines and points have no area, and shapely does not intersect them together with polygons.
         regions[position] = area_of(regions[position])
     return regions  # type: ignore[no-any-return]
 
 
 def project(points: Floats, facets: Facets, frames: FacetFrames, plane: Ints) -> Floats:
-    """Coordinates (k, 2) of points (k, 3) in the frames of facets plane (k,), about their origins."""
+    """Project points (k, 3) to coordinates (k, 2) in the frames of the facets `plane` (k,)."""
     arm = points - facets.origin[plane]
     return np.column_stack([np.einsum("ij,ij->i", arm, frames.e1[plane]), np.einsum("ij,ij->i", arm, frames.e2[plane])])

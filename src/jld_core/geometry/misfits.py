@@ -1,4 +1,4 @@
-"""Geometry that is nearly right, in words: what overlaps, and what nearly touches."""
+"""Overlaps and near misses of elements, and their messages."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from typing import Final
 from jld_core.arrays import Floats
 from jld_core.errors import InputError
 
-_NAMED: Final = 10  # pairs that a complaint names
-_SHOWN: Final = 3  # pairs that a warning names
+_NAMED: Final = 10  # largest number of pairs named in an error message
+_SHOWN: Final = 3  # largest number of pairs named in a warning
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two elements that share an area or a volume: how deep, length, and where, (d,)."""
+    """Two elements that share an area or a volume.
+
+    a, b: names of the elements. depth: of the overlap, length. place: (d,) a point of it.
+    """
 
     a: str
     b: str
@@ -25,9 +28,10 @@ class Overlap:
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Two elements, by index, with faces that nearly touch: how far apart, length, and where, (d,).
+    """Two elements with faces that nearly touch.
 
-    angle: where the faces touch at one end and open towards the other, between them, degrees; else 0.
+    a, b: indices of the elements. gap: largest distance of the faces, length. place: (d,) a point between them.
+    angle: between faces that touch at one end and open towards the other, degrees; else 0.
     """
 
     a: int
@@ -38,7 +42,10 @@ class NearMiss:
 
 
 def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
-    """Raise InputError naming all pairs, up to ten, with depth and place; nothing where there is none."""
+    """Raise InputError if there are overlaps, naming up to ten pairs with depth and place.
+
+    expected: what the message asks for.
+    """
     if not pairs:
         return
     named = [f"by {pair.depth:.3g} at ({_point(pair.place)})" for pair in pairs]
@@ -54,7 +61,22 @@ def refuse_overlaps(pairs: Sequence[Overlap], expected: str) -> None:
 
 
 def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple[str, ...]:
-    """A sentence on faces that nearly touch, with their number and the first places; none where there are none."""
+    """Describe near misses in one sentence, with their number and the first places.
+
+    Parameters
+    ----------
+    misses : sequence of NearMiss
+        Near misses.
+    ids : sequence of str
+        Names of the elements.
+    unit : str
+        Unit of length.
+
+    Returns
+    -------
+    tuple of str
+        One sentence; empty where `misses` is empty.
+    """
     if not misses:
         return ()
     shown = ", ".join(f"{ids[m.a]!r} and {ids[m.b]!r} {_gap(m, unit)}" for m in misses[:_SHOWN])
@@ -69,12 +91,12 @@ def words_of(misses: Sequence[NearMiss], ids: Sequence[str], unit: str) -> tuple
 
 
 def _gap(miss: NearMiss, unit: str) -> str:
-    """Say how wide a gap is and where: between faces side by side, or of a joint that opens from one end."""
+    """Describe width and place of a gap, or of a joint that opens from one end."""
     if miss.angle > 0.0:
         return f"touch at one end and open by {miss.gap:.3g} {unit} ({miss.angle:.2g}°) at ({_point(miss.place)})"
     return f"are {miss.gap:.3g} {unit} apart at ({_point(miss.place)})"
 
 
 def _point(place: Floats) -> str:
-    """Coordinates, with digits enough to tell elements apart far from the origin."""
+    """Format coordinates, with more digits far from the origin."""
     return ", ".join(f"{value:.{5 if abs(value) < 1e4 else 10}g}" for value in place)

@@ -1,4 +1,4 @@
-"""The outline of a block: the boundary of the union of its elements, how slender it is, where it turns inwards."""
+"""Outlines of blocks: boundary of the union of elements, aspect ratio, re-entrant corners."""
 
 from __future__ import annotations
 
@@ -19,32 +19,41 @@ if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
 _REACH: Final = 1e-6
-"""Distance, relative to the structure, within which corners of congruent blocks fall on one another."""
+"""Distance within which corners of congruent blocks coincide, relative to the size of the structure."""
 
 _SNAP: Final = 1e-3
-"""Part of that distance within which corners are one before any shape is known."""
+"""Grid width for uniting the elements of a block, relative to `reach_of(assembly)`."""
 
 _PLACE: Final = 0.37
-"""Where corners are rounded: off the halves, which rounding would throw to either side."""
+"""Offset of the rounding grid, in steps: coordinates on halves of a step would round to either side."""
 
 _FLAT: Final = 1e-5
-"""Share of its hull's area or volume that a block may lack and still count as convex."""
+"""Excess of the hull's volume over the block's volume (relative) up to which a solid block counts as convex."""
 
 
 _Corner = tuple[int, int]
-"""A corner by its place, in steps."""
+"""Corner of a polygon, as integer coordinates in grid steps."""
 
 _Edges = list[tuple[tuple[_Corner, _Corner], tuple[_Corner, _Corner], tuple[float, float]]]
-"""Edges of a polygon: each from where to where, the same the other way, and the point it starts at."""
+"""Edges of a polygon: the edge (start, end), the reversed edge (end, start), and its start point."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """One block's boundary.
+    """Boundary of one block, described by its corners and the middles of its edges or faces.
 
-    points: (k + e, d) corners about its centroid, then middles of edges or faces. count: k. size: area or volume.
-    aspect: longest over shortest side of the smallest box around it. reentrant: corners that turn inwards (planar);
-    spatial: 1 where it is not convex, else 0.
+    Attributes
+    ----------
+    points : (k + e, d) array
+        Corners relative to the centroid, then middles of edges (planar) or faces (spatial), scene units.
+    count : int
+        Number k of corners.
+    size : float
+        Area (planar) or volume (spatial), scene units.
+    aspect : float
+        Longest over shortest side of the smallest box around the block.
+    reentrant : int
+        Planar: number of re-entrant corners. Spatial: 1 where the block is not convex, else 0.
     """
 
     points: Floats
@@ -55,19 +64,49 @@ class Outline:
 
 
 def reach_of(assembly: Assembly) -> float:
-    """Distance within which corners of blocks of an assembly are one."""
+    """Return the distance within which two corners of blocks of an assembly coincide.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with its size and its largest snapping displacement.
+
+    Returns
+    -------
+    float
+        Larger of 1e-6 times the size and four times the displacement, scene units.
+    """
     return max(_REACH * assembly.size, 4.0 * assembly.moved)
 
 
 class Outlines:
-    """Outlines of blocks of one assembly; of planar elements the edges are found once."""
+    """Factory of the outlines of blocks of one assembly.
+
+    Edges of planar elements are computed once and stored.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly whose elements form the blocks.
+    """
 
     def __init__(self, assembly: Assembly) -> None:
         self._elements, self._planar, self._reach = assembly.elements, assembly.dimension == 2, reach_of(assembly)
         self._edges: dict[int, _Edges] = {}
 
     def of(self, members: Ints) -> Outline:
-        """Of the union of some elements."""
+        """Return the outline of the union of some elements.
+
+        Parameters
+        ----------
+        members : (n,) int array
+            Indices of the elements.
+
+        Returns
+        -------
+        Outline
+            Boundary of the block.
+        """
         elements, reach = self._elements, self._reach
         if not self._planar:
             solids = [(elements.shape[e], elements.faces[e]) for e in members]
@@ -80,7 +119,10 @@ class Outlines:
 
 
 def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edges] | None = None) -> Outline:
-    """Of the union of polygons (k, 2). reach: distance within which corners are one. edges: of each, where known."""
+    """Compute the outline of the union of polygons (k, 2).
+
+    reach: distance within which corners coincide. edges: edges of each polygon where already computed.
+    """
     if edges is None:
         edges = [_edges(polygon, _SNAP * reach) for polygon in polygons]
     region = shapely.Polygon(polygons[0]) if len(polygons) == 1 else _whole(edges)
@@ -106,7 +148,10 @@ def flat_outline(polygons: Sequence[Floats], reach: float, edges: Sequence[_Edge
 
 
 def _edges(polygon: Floats, step: float) -> _Edges:
-    """The edges of a polygon (k, 2), run along anticlockwise. step: distance within which corners are one."""
+    """Return the edges of a polygon (k, 2) in counter-clockwise order.
+
+    step: grid width to which corners are rounded.
+    """
     points = [(x, y) for x, y in polygon.tolist()]
     if sum(points[k - 1][0] * y - x * points[k - 1][1] for k, (x, y) in enumerate(points)) < 0.0:
         points.reverse()
@@ -115,16 +160,19 @@ def _edges(polygon: Floats, step: float) -> _Edges:
 
 
 def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
-    """The union of polygons that share whole edges, a tenth of the time of any union; None for others."""
+    """Unite polygons that share whole edges by cancelling these edges; None where this fails.
+
+    It takes a tenth of the time of a general union.
+    """
     edges: dict[tuple[_Corner, _Corner], tuple[float, float]] = {}
     for polygon in polygons:
         for there, back, point in polygon:
-            # an edge that two polygons share is run along both ways
+            # An edge that two polygons share occurs in both directions.
             if edges.pop(back, None) is None:
                 edges[there] = point
     after = {start: (end, point) for (start, end), point in edges.items()}
     if len(after) < len(edges):
-        return None  # boundaries that touch in a corner
+        return None  # the boundaries touch in a corner
     rings = []
     while after:
         at, ring = next(iter(after)), []
@@ -138,16 +186,20 @@ def _whole(polygons: Sequence[_Edges]) -> shapely.Polygon | None:
     if len(outer) != 1:
         return None
     found = shapely.Polygon(outer[0], [ring for ring in rings if ring is not outer[0]])
-    return found if found.is_valid else None  # edges that lie on one another in part
+    return found if found.is_valid else None  # some edges overlap only in part
 
 
 def solid_outline(
     solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], volumes: Floats, centroids: Floats, reach: float
 ) -> Outline:
-    """Of the union of solids, each its corners (k, 3) and faces; volumes: (n,), centroids: (n, 3)."""
+    """Compute the outline of the union of solids.
+
+    solids: corners (k, 3) and faces of each; volumes: (n,); centroids: (n, 3); reach: distance within which corners
+    coincide.
+    """
     corners = np.concatenate([points for points, _ in solids])
     volume = float(volumes.sum())
-    from scipy.spatial import ConvexHull  # here and below: slow to import, and seldom needed
+    from scipy.spatial import ConvexHull  # local imports here and below: slow to import and seldom needed
 
     hull = ConvexHull(corners)
     convex = hull.volume <= (1.0 + _FLAT) * volume
@@ -160,13 +212,16 @@ def solid_outline(
 
 
 def _beside(points: Floats) -> tuple[Floats, Floats]:
-    """Of every corner of a ring (k, 2) the one before and the one after; a fifth of the time of `numpy.roll`."""
+    """Return the previous and the next corner of each corner of a ring (k, 2).
+
+    It takes a fifth of the time of `numpy.roll`.
+    """
     return np.concatenate((points[-1:], points[:-1])), np.concatenate((points[1:], points[:1]))
 
 
 def _straightened(points: Floats, reach: float) -> Floats:
-    """A ring (k, 2) without corners that lie on the line of their neighbours within the reach."""
-    exact = True  # those on it to rounding go together, as on a grid nearly all do
+    """Remove corners of a ring (k, 2) that lie within `reach` of the line of their neighbours."""
+    exact = True  # corners in line up to rounding are removed together first: on a grid these are nearly all
     while len(points) > 3:
         before, after = _beside(points)
         chord = after - before
@@ -181,7 +236,7 @@ def _straightened(points: Floats, reach: float) -> Floats:
             if 3 <= len(points) - int(told.sum()) < len(points):
                 points = points[~told]
                 continue
-        # one at a time where neighbours are idle both, the flattest first
+        # Neighbours may both lie in line: remove one corner at a time, the one with the smallest distance first.
         kept = np.ones(len(points), dtype=bool)
         kept[int(np.argmin(np.where(idle, off, np.inf)))] = False
         points = points[kept]
@@ -189,7 +244,7 @@ def _straightened(points: Floats, reach: float) -> Floats:
 
 
 def _merged(points: Floats, reach: float) -> Floats:
-    """Points without those that repeat one before within the reach."""
+    """Remove the points that lie within `reach` of an earlier point."""
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
@@ -199,7 +254,10 @@ def _merged(points: Floats, reach: float) -> Floats:
 
 
 def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: float) -> list[Floats]:
-    """Outlines of the faces of a union of solids, idle corners left out: what two of them share is inside."""
+    """Compute the outlines of the outer faces of a union of solids.
+
+    Corners in straight edges are left out, and so are the parts of faces that two solids share.
+    """
     planes: list[tuple[Floats, float, list[tuple[float, Floats]]]] = []
     for corners, faces in solids:
         for loop in faces:
@@ -233,7 +291,7 @@ def _skin(solids: Sequence[tuple[Floats, tuple[tuple[int, ...], ...]]], reach: f
 
 
 def _box_aspect(corners: Floats, hull: ConvexHull) -> float:
-    """Longest over shortest side of the smallest box with a side in a face of the hull."""
+    """Compute longest over shortest side of the smallest box with a side in a hull face."""
     best, sides_of = np.inf, np.ones(3)
     for normal in np.unique(np.round(hull.equations[:, :3], 9), axis=0):
         plane = across(normal / np.linalg.norm(normal))

@@ -1,7 +1,7 @@
-"""Plane regions: intersections on a fine grid, and the parts that have an area.
+"""Intersections of plane regions on a fine grid, and extraction of their polygons.
 
-In floating point, GEOS 3.14 may take two polygons that share an edge up to rounding for one inside the other, without
-an exception: the intersection is then the whole of the smaller one. On a grid its nodes are exact and it cannot.
+In floating point, GEOS 3.14 may take two polygons that share an edge up to rounding for one inside the other. It then
+returns the whole smaller polygon without an exception. On a grid its nodes are exact, which excludes this error.
 """
 
 from __future__ import annotations
@@ -15,10 +15,13 @@ import shapely
 from jld_core.arrays import Floats
 
 _GRID: Final = 1e-12
-"""Width of the grid, relative to the smaller region: far below what contacts are asked to be exact to, 1e-9."""
+"""Grid width relative to the smaller region: far below the required accuracy of contacts, 1e-9."""
 
 _MOST: Final = 500.0
-"""Largest coordinate in units of the smaller region, beyond which the grid is widened: doubles hold 1e-12 of it."""
+"""Largest coordinate, in sizes of the smaller region, up to which the grid keeps its width.
+
+Doubles resolve 1e-12 of it; beyond, the grid is widened.
+"""
 
 
 def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Geometry]) -> Any:
@@ -27,7 +30,7 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
     Parameters
     ----------
     first, second : (n,) sequences of shapely geometries
-        Regions in any unit and anywhere; each pair has its own grid, about the middle of what their boxes share.
+        Regions in any unit and at any place; each pair has its own grid, about the middle of the boxes' common part.
 
     Returns
     -------
@@ -46,12 +49,23 @@ def intersections(first: Sequence[shapely.Geometry], second: Sequence[shapely.Ge
 
 
 def area_of(region: shapely.Geometry) -> shapely.MultiPolygon:
-    """Return what of a region has an area, without lines, points, and bridges of outlines to their holes."""
+    """Return the polygons of a region, without lines, points and bridges to holes.
+
+    Parameters
+    ----------
+    region : shapely geometry
+        Region, also an invalid one.
+
+    Returns
+    -------
+    shapely.MultiPolygon
+        Polygons with an area; empty where there are none.
+    """
     parts = shapely.get_parts(shapely.get_parts(region if region.is_valid else shapely.make_valid(region)))
     return shapely.MultiPolygon([part for part in parts if part.geom_type == "Polygon" and part.area > 0.0])
 
 
 def _moved(regions: Any, shift: Floats, factor: Floats) -> Any:
-    """Scale regions (n,) by factors (n,) and then shift them by (n, 2)."""
+    """Scale regions (n,) by factors (n,), then shift them by (n, 2)."""
     owner = np.repeat(np.arange(len(regions)), shapely.get_num_coordinates(regions))
     return shapely.transform(regions, lambda points: points * factor[owner, None] + shift[owner])

@@ -1,7 +1,7 @@
-"""Where elements touch: planar polygons to interfaces with local frames.
+"""Contact detection of planar polygons, and the interfaces with local frames that result.
 
-Contact is a matter of edges, not of areas, so it is decided by the distance and the overlap of edge pairs
-within a tolerance relative to the edges; shapely finds the pairs worth looking at and judges polygons.
+Contact is a property of edges, not of areas: it is decided by distance and overlap of edge pairs, within a tolerance
+relative to the edges. Shapely finds the candidate pairs and checks the polygons.
 """
 
 from __future__ import annotations
@@ -26,7 +26,17 @@ from jld_core.geometry.polyhedra import spread
 
 @dataclass(frozen=True)
 class PlanarContact:
-    """A straight contact: element indices, end points (2, 2), and the unit normal from a to b."""
+    """Straight contact of two polygons.
+
+    Attributes
+    ----------
+    a, b : int
+        Indices of the elements.
+    ends : (2, 2) array
+        End points, scene units.
+    normal : (2,) array
+        Unit normal from a to b.
+    """
 
     a: int
     b: int
@@ -35,7 +45,18 @@ class PlanarContact:
 
 
 def without_repeats(polygons: list[Floats]) -> list[Floats]:
-    """Outlines (k, 2) without corners that repeat the one before, such as the first given again at the end."""
+    """Remove corners of outlines that repeat the previous one.
+
+    Parameters
+    ----------
+    polygons : list of (k, 2) arrays
+        Closed outlines, where the first corner may be repeated at the end.
+
+    Returns
+    -------
+    list of (k, 2) arrays
+        Outlines without repeated corners.
+    """
     kept = list(polygons)
     for chosen, stack in measures.by_corner_count(polygons):
         step = np.linalg.norm(stack - np.roll(stack, 1, axis=1), axis=2)
@@ -46,10 +67,19 @@ def without_repeats(polygons: list[Floats]) -> list[Floats]:
 
 
 def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
-    """Refuse polygons that are not simple, have no area, or cover one another.
+    """Refuse polygons that are not simple, have no area, or overlap.
 
-    ids: (n,) names; polygons: n arrays (k, 2), any unit, either sense of rotation.
-    Raises InputError naming the element or the pair.
+    Parameters
+    ----------
+    ids : list of str
+        Names of the n elements.
+    polygons : list of (k, 2) arrays
+        Corners in any length unit and either sense of rotation.
+
+    Raises
+    ------
+    InputError
+        The message names the element, or the pairs that overlap.
     """
     count = np.array([len(polygon) for polygon in polygons])
     for few in np.flatnonzero(count < 3)[:1].tolist():
@@ -76,14 +106,17 @@ def check_polygons(ids: list[str], polygons: list[Floats]) -> None:
 
 
 def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
-    """Raise InputError naming the pairs that share an area, with depth and place."""
+    """Raise InputError that names the pairs of polygons sharing an area, with depth and place.
+
+    ids: (n,) names. shapes: (n,) shapely polygons. size: (n,) their areas.
+    """
     left, right = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     left, right = left[left < right], right[left < right]
-    # what only touches shares no area: sorting these out first spares the intersections
+    # Pairs that only touch share no area: excluding them here saves intersections.
     apart = shapely.touches(shapes[left], shapes[right])
     left, right = left[~apart], right[~apart]
     most = tolerances.OVERLAP * np.minimum(size[left], size[right])
-    # in floating point, fast, and on a grid what seems to overlap
+    # Test in floating point first, which is fast; confirm apparent overlaps on a grid.
     over = shapely.area(shapely.intersection(shapes[left], shapes[right])) > most
     left, right, most = left[over], right[over], most[over]
     regions = intersections(shapes[left], shapes[right])
@@ -98,12 +131,24 @@ def _refuse_overlaps(ids: list[str], shapes: Any, size: Floats) -> None:
 
 
 def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
-    """All straight contacts between polygons, in order of (a, b) and then along the outline of a.
+    """Find all straight contacts between polygons.
 
-    polygons: n arrays (k, 2), counter-clockwise. Pieces of one contact that join end to end in a line
-    (a corner hanging on the middle of an edge, a vertex without a corner) are one contact; pieces apart
-    from one another or around a corner are several.
-    Source: interface frame of Iannuzzo et al. 2024, normals from element faces.
+    Pieces that join end to end in a line are one contact, for example at a T-joint or at a vertex in a straight edge.
+    Pieces apart from one another or around a corner are separate contacts.
+
+    Parameters
+    ----------
+    polygons : list of (k, 2) arrays
+        Corners of the n elements, counter-clockwise, scene units.
+
+    Returns
+    -------
+    list of PlanarContact
+        Contacts in order of (a, b), then along the outline of a.
+
+    Notes
+    -----
+    Source: interface frame of Iannuzzo et al. 2024, with normals from element faces.
     """
     near = _near(_shapes(polygons), tolerances.CONTACT * _spans(polygons))
     found = []
@@ -114,7 +159,7 @@ def find_planar_contacts(polygons: list[Floats]) -> list[PlanarContact]:
 
 
 def _near(shapes: Any, reach: Floats) -> Ints:
-    """(p, 2) pairs a < b of polygons whose boxes, widened by their reach, meet, sorted."""
+    """Return the sorted pairs (p, 2) with a < b of polygons whose enlarged boxes meet."""
     x0, y0, x1, y1 = shapely.bounds(shapes).T
     boxes = shapely.box(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
     left, right = shapely.STRtree(shapes).query(boxes)
@@ -123,14 +168,14 @@ def _near(shapes: Any, reach: Floats) -> Ints:
 
 
 def _spans(polygons: list[Floats]) -> Floats:
-    """(n,) larger side of the bounding box of each polygon."""
+    """Return the larger side (n,) of the bounding box of each polygon."""
     every = np.concatenate(polygons)
     start = np.cumsum([0, *(len(p) for p in polygons[:-1])])
     return np.asarray((np.maximum.reduceat(every, start) - np.minimum.reduceat(every, start)).max(axis=1))
 
 
 def _shapes(polygons: list[Floats]) -> Any:
-    """(n,) shapely polygons."""
+    """Return the polygons as shapely polygons (n,)."""
     count = np.array([len(polygon) for polygon in polygons])
     owner = np.repeat(np.arange(len(count)), count)
     return shapely.polygons(shapely.linearrings(np.concatenate(polygons), indices=owner))
@@ -138,7 +183,7 @@ def _shapes(polygons: list[Floats]) -> Any:
 
 @dataclass(frozen=True)
 class _FacingEdges:
-    """Pairs of edges of near polygons that face one another, where they do.
+    """Pairs of edges of near polygons that face one another, with the part where they do.
 
     pair: (k,) row of the pair of polygons. ends: (k, 2, 2) of the overlap, on the edge of the first. outward: (k, 2)
     normal of that edge. offset: (k,) signed distance to the other edge, the larger one of both ends. least: (k,) the
@@ -154,7 +199,10 @@ class _FacingEdges:
 
 
 def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEdges:
-    """Edges that run against one another within a share of the shorter one's length, in order of pairs and edges."""
+    """Find edges that face one another within a share of the shorter one's length.
+
+    The order is that of pairs, then of edges.
+    """
     count = np.array([len(polygon) for polygon in polygons])
     first = np.concatenate([[0], np.cumsum(count)])
     start = np.concatenate(polygons)
@@ -164,7 +212,7 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     length = np.hypot(*edge.T)
     unit = edge / length[:, None]
     outward = np.column_stack([unit[:, 1], -unit[:, 0]])
-    # every edge of the first against every edge of the second, pair by pair
+    # Compare every edge of the first polygon with every edge of the second, pair by pair.
     pair, number = spread(np.zeros(len(near), dtype=np.int64), count[near[:, 0]] * count[near[:, 1]])
     of_second = count[near[pair, 1]]
     i, j = first[near[pair, 0]] + number // of_second, first[near[pair, 1]] + number % of_second
@@ -177,8 +225,8 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
     off1 = off0 + np.einsum("ij,ij->i", outward[i], edge[j])
     low = np.maximum(along1, 0.0)
     high = np.minimum(along0, length[i])
-    # the distance between the edges is measured where they face one another, so that an edge that is long
-    # and turned by a hair is judged by the contact and not by its far end
+    # Distances are measured within the overlap: a long edge at a very small angle is thus judged by the contact, not by
+    # its far end.
     slope = (off1 - off0) / np.where(along1 == along0, 1.0, along1 - along0)
     ends_off = np.stack([off0 + slope * (low - along0), off0 + slope * (high - along0)])
     apart = abs(ends_off).max(axis=0)
@@ -191,10 +239,10 @@ def _facing_edges(polygons: list[Floats], near: Ints, share: float) -> _FacingEd
 
 
 def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, list[tuple[Floats, Floats]]]]:
-    """Overlaps of the edges of pairs of polygons: (ends along the first's outline, outward normal of the first).
+    """Yield the edge overlaps of touching polygons, as (ends, outward normal of the first).
 
-    near: (p, 2) indices of polygons. Yields the pairs that touch, ascending, with their overlaps in order of the
-    edges of the first, then of the second.
+    near: (p, 2) indices of polygons. Ends run along the outline of the first polygon. Pairs that touch come in
+    ascending order, with their overlaps in order of the edges of the first polygon, then of the second.
     """
     facing = _facing_edges(polygons, near, tolerances.CONTACT)
     ends = facing.ends + (0.5 * facing.offset[:, None] * facing.outward)[:, None]
@@ -204,11 +252,20 @@ def _touching_pieces(polygons: list[Floats], near: Ints) -> Iterator[tuple[int, 
 
 
 def near_misses(polygons: list[Floats]) -> list[NearMiss]:
-    """Find edges that run against one another, nearly touch, and are no contact.
+    """Find edges that face one another and nearly touch, but form no contact.
 
-    polygons: n arrays (k, 2), counter-clockwise. Edges nearly touch that are apart by less than `tolerances.NEAR` of
-    their length, and those that touch at one end and open by less than `tolerances.WEDGE` of it at the other. What has
-    another element in between is left out.
+    Edges nearly touch that are apart by less than `tolerances.NEAR` of their length. So do edges that touch at one end
+    and open by less than `tolerances.WEDGE` of it at the other. Gaps filled by another element are left out.
+
+    Parameters
+    ----------
+    polygons : list of (k, 2) arrays
+        Corners of the elements, counter-clockwise, scene units.
+
+    Returns
+    -------
+    list of NearMiss
+        Near misses, ordered by (a, b).
     """
     shapes = _shapes(polygons)
     near = _near(shapes, tolerances.WEDGE * _spans(polygons))
@@ -218,7 +275,7 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
     close = (gap > tolerances.CONTACT * length) & (touching | (gap <= tolerances.NEAR * length))
     kept = np.flatnonzero(close)
     middle = facing.ends[kept].mean(axis=1) + 0.5 * facing.offset[kept, None] * facing.outward[kept]
-    # inside of an element there is no gap: a plate lies between, or the two overlap by less than is refused
+    # A middle within an element is no gap: a plate lies between, or both overlap by less than what is refused.
     covered = np.zeros(len(kept), dtype=bool)
     covered[shapely.STRtree(shapes).query(shapely.points(middle), predicate="within")[0]] = True
     kept, middle = kept[~covered], middle[~covered]
@@ -230,14 +287,14 @@ def near_misses(polygons: list[Floats]) -> list[NearMiss]:
 
 
 def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Floats]]:
-    """Join pieces that continue one another in a straight line."""
+    """Join pieces of contact that continue one another in a straight line."""
     if len(pieces) == 1:
         return pieces
     joined: list[tuple[Floats, Floats]] = []
     for ends, normal in pieces:
         for index, (others, other) in enumerate(joined):
             reach = tolerances.CONTACT * max(np.hypot(*(ends[1] - ends[0])), np.hypot(*(others[1] - others[0])))
-            # the sine of the kink: its cosine would let angles pass that are the root of the tolerance
+            # Compare the sine of the kink: its cosine would accept angles up to the square root of the tolerance.
             if normal @ other <= 0.0 or abs(normal[0] * other[1] - normal[1] * other[0]) > tolerances.CONTACT:
                 continue
             if np.hypot(*(others[1] - ends[0])) <= reach:
@@ -255,9 +312,19 @@ def _join_in_line(pieces: list[tuple[Floats, Floats]]) -> list[tuple[Floats, Flo
 
 
 def planar_interfaces(contacts: list[PlanarContact], thickness: float) -> Interfaces:
-    """Local frames of straight contacts: origin at mid-length, e1 = normal turned +90°.
+    """Compute local frames and sizes of straight contacts.
 
-    contacts: m of them; thickness: out-of-plane depth, scene units. Returns Interfaces of dimension 2.
+    Parameters
+    ----------
+    contacts : list of PlanarContact
+        The m contacts.
+    thickness : float
+        Out-of-plane depth, scene units.
+
+    Returns
+    -------
+    Interfaces
+        Interfaces of dimension 2: origin at mid-length, e1 = normal rotated by +90°.
     """
     ends = np.array([c.ends for c in contacts]).reshape(-1, 2, 2)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 2)

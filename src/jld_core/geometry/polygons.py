@@ -1,7 +1,7 @@
-"""Plane sections: what the polygon of an interface is worth, in its own frame (x1 along e1, x2 along e2).
+"""Section properties of plane polygons in the local frame of an interface.
 
-Functions take stacks of polygons with equally many corners, so that a wall of rectangles costs no loop;
-`by_corner_count` makes the stacks. Lengths are in scene units throughout.
+Coordinates are x1 along e1 and x2 along e2, in scene units. Functions take stacks of polygons with equally many
+corners, so that a wall of rectangles needs no Python loop. `by_corner_count` makes the stacks.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from jld_core.arrays import Bools, Floats, Ints
 
 
 def by_corner_count(polygons: Sequence[Floats]) -> Iterator[tuple[Ints, Floats]]:
-    """Stacks of polygons with equally many corners, fewest first.
+    """Yield stacks of polygons with equally many corners, fewest corners first.
 
-    polygons: m arrays (k, d). Yields positions (n,) in the sequence and the stack (n, k, d).
+    polygons: m arrays (k, d). Yields the positions (n,) in the sequence and the stack (n, k, d).
     """
     counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     for count in np.unique(counts):
@@ -26,15 +26,18 @@ def by_corner_count(polygons: Sequence[Floats]) -> Iterator[tuple[Ints, Floats]]
 
 
 def area(polygons: Floats) -> Floats:
-    """Signed areas (n,) of polygons (n, k, 2), positive when counter-clockwise."""
-    # about a corner: far from the origin the plain sum loses digits
+    """Compute the signed areas (n,) of polygons (n, k, 2), positive when counter-clockwise."""
+    # Coordinates relative to a corner: far from the origin, absolute ones lose digits.
     p = polygons - polygons[:, :1]
     q = np.roll(p, -1, axis=1)
     return np.asarray(0.5 * (p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]).sum(axis=1))
 
 
 def centroid(polygons: Floats) -> Floats:
-    """Centroids (n, 2) of simple polygons (n, k, 2) with an area, either sense of rotation."""
+    """Compute the centroids (n, 2) of simple polygons (n, k, 2) with an area.
+
+    Both senses of rotation are allowed.
+    """
     p = polygons - polygons[:, :1]
     q = np.roll(p, -1, axis=1)
     cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
@@ -42,7 +45,10 @@ def centroid(polygons: Floats) -> Floats:
 
 
 def second_moments(polygons: Floats) -> Floats:
-    """Second moments (n, 2, 2) about the centroid, ∫ x xᵀ dA, of counter-clockwise polygons (n, k, 2)."""
+    """Compute the second moments (n, 2, 2) of polygons (n, k, 2) about their centroids.
+
+    The tensor is ∫ x xᵀ dA; polygons are counter-clockwise.
+    """
     p = polygons - centroid(polygons)[:, None]
     q = np.roll(p, -1, axis=1)
     cross = p[..., 0] * q[..., 1] - q[..., 0] * p[..., 1]
@@ -52,9 +58,10 @@ def second_moments(polygons: Floats) -> Floats:
 
 
 def torsion_length(polygons: Floats) -> Floats:
-    """c_T = (1/A) ∫ r dA about the centroid, (n,), of counter-clockwise simple polygons (n, k, 2); exact.
+    """Compute c_T = (1/A) ∫ r dA about the centroid, (n,), of polygons (n, k, 2) exactly.
 
-    The triangle from the centroid to an edge at signed distance d, its ends at s0 and s1 along the edge, has
+    Polygons are simple and counter-clockwise. The triangle from the centroid to an edge at signed distance d, with the
+    ends of the edge at s0 and s1 along it, has
     ∫ r dA = ∫ ρ³/3 dθ = (d/3) ∫ √(s² + d²) ds = (d/6) [s √(s² + d²) + d² asinh(s/d)] from s0 to s1.
     Source: docs/method.md (1.6).
     """
@@ -69,7 +76,7 @@ def torsion_length(polygons: Floats) -> Floats:
 
 
 def _radial(d: Floats, s: Floats) -> Floats:
-    """s √(s² + d²) + d² asinh(s/|d|), which tends to s |s| as the edge passes through the centroid."""
+    """Evaluate s √(s² + d²) + d² asinh(s/|d|), whose limit for d → 0 is s |s|."""
     apart = np.abs(d)
     through = apart <= 1e-150 * np.abs(s)
     ratio = s / np.where(through | (apart == 0.0), 1.0, apart)
@@ -77,16 +84,29 @@ def _radial(d: Floats, s: Floats) -> Floats:
 
 
 def rectangle_torsion_length(l1: Floats, l2: Floats) -> Floats:
-    """c_T (n,) of rectangles l1 × l2 in closed form; the unit square has 0.382598: docs/method.md (1.5)."""
+    """Compute c_T of rectangles in closed form.
+
+    Parameters
+    ----------
+    l1, l2 : (n,) array
+        Side lengths, scene units.
+
+    Returns
+    -------
+    (n,) array
+        c_T, scene units; 0.382598 for the unit square. Source: docs/method.md (1.5).
+    """
     diagonal = np.hypot(l1, l2)
     ends = l1 * l1 / (12.0 * l2) * np.arcsinh(l2 / l1) + l2 * l2 / (12.0 * l1) * np.arcsinh(l1 / l2)
     return np.asarray(diagonal / 6.0 + ends)
 
 
 def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
-    """(n,) True for rectangles among polygons (n, k, d) without corners in line: equal halved diagonals.
+    """Return (n,) True for the rectangles among polygons (n, k, d).
 
-    tolerance: what the diagonals may differ by, relative to their length.
+    Polygons have no corners in straight edges. A rectangle has equal diagonals that halve one another.
+    tolerance: allowed difference of the diagonals' lengths and middles, relative to the length of the first diagonal
+    (twice the distance of the middles is compared).
     """
     if polygons.shape[1] != 4:
         return np.zeros(len(polygons), dtype=bool)
@@ -97,22 +117,23 @@ def is_rectangle(polygons: Floats, tolerance: float) -> Bools:
 
 
 def sizes(polygons: Floats) -> Floats:
-    """Extents (n, 2) of polygons (n, k, 2) along e1 and e2: l1 and l2."""
+    """Return the extents (n, 2) of polygons (n, k, 2) along e1 and e2: l1 and l2."""
     return np.asarray(np.ptp(polygons, axis=1))
 
 
 def corners(polygon: Floats, tolerance: float) -> Floats:
-    """Return a polygon (k, d) without points on the line of their neighbours and without tips of spikes.
+    """Remove the corners of a polygon (k, d) that lie in straight edges or are tips of spikes.
 
-    polygon: simple, without bridges to holes. tolerance: length within which a point lies on the line of its
-    neighbours, and width up to which the way to a point and back is a spike. The order is kept.
+    polygon: simple, without bridges to holes. The order of its corners is kept.
+    tolerance: distance from the line of its neighbours up to which a point is removed, and width up to which the way to
+    a point and back is a spike.
     """
     points = np.asarray(polygon)
     while len(points) > 3:
         before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
         off = np.minimum(_off_segment(points, before, after), _off_segment(after, before, points))
         off = np.minimum(off, _off_segment(before, points, after))
-        # the least first, so that it does not matter where the outline begins
+        # Remove the corner with the smallest distance first, so that the result does not depend on the first corner.
         least = int(np.argmin(off))
         if off[least] > tolerance:
             break
@@ -121,10 +142,10 @@ def corners(polygon: Floats, tolerance: float) -> Floats:
 
 
 def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
-    """Join a shell (k, d) and holes of the other sense to one outline, by bridges run along both ways.
+    """Join a shell (k, d) and holes of the opposite sense to one outline by bridges.
 
-    Integrals over the outline are those of the area without its holes, and so is its hull. Each bridge joins the
-    nearest corners.
+    The outline runs along each bridge both ways. Integrals over the outline are those of the area without its holes,
+    and its convex hull is that of the shell. Each bridge joins the nearest corners.
     """
     outline, left = shell, list(holes)
     while left:
@@ -138,10 +159,10 @@ def keyhole(shell: Floats, holes: Sequence[Floats]) -> Floats:
 
 
 def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[Floats]:
-    """Polygons (k, d) reduced to their true corners; those without idle corners, the common case, pass in
-    stacks.
+    """Remove corners in straight edges and tips of spikes from polygons (k, d).
 
-    tolerance: relative to each polygon's largest extent.
+    Polygons without such corners, the common case, are recognised in stacks and returned unchanged.
+    tolerance: distance from the line of the neighbours, relative to each polygon's largest extent.
     """
     plain = list(polygons)
     for chosen, stack in by_corner_count(polygons):
@@ -151,14 +172,14 @@ def without_idle_corners(polygons: Sequence[Floats], tolerance: float) -> list[F
         length = np.linalg.norm(chord, axis=2)
         along = np.einsum("nkj,nkj->nk", arm, chord) / np.where(length > 0.0, length, 1.0)
         off = np.sqrt(np.maximum(np.einsum("nkj,nkj->nk", arm, arm) - along**2, 0.0))
-        # a first look that lets rounding of the root through to the exact one
+        # A wide first test, so that rounding of the square root does not hide candidates of the exact test.
         for index in chosen[np.any(off <= 2.0 * max(tolerance, 1e-7) * size[:, None], axis=1)].tolist():
             plain[index] = corners(polygons[index], tolerance * float(np.ptp(polygons[index], axis=0).max()))
     return plain
 
 
 def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
-    """Distances (k,) of points (k, d) from the segments between two others."""
+    """Compute the distances (k,) of points (k, d) from the segments between `start` and `end`."""
     chord, arm = end - start, points - start
     length = np.einsum("ij,ij->i", chord, chord)
     share = np.clip(np.einsum("ij,ij->i", arm, chord) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
@@ -166,25 +187,28 @@ def _off_segment(points: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def hull(polygon: Floats) -> Floats:
-    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise, without points on its edges.
+    """Return the convex hull (h, 2) of points (k, 2), counter-clockwise.
 
-    It starts at the point of least x1 (then x2).
+    Points on its edges are left out. The first corner is the one of least x1, then of least x2.
     """
     ring = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(polygon)))[:-1]
-    # points off an edge by less than this are rounding
+    # Distances of points from an edge below this relative limit are rounding.
     found = corners(ring if area(ring[None])[0] > 0.0 else ring[::-1], 1e-12 * float(np.ptp(ring, axis=0).max()))
     return np.roll(found, -int(np.lexsort((found[:, 1], found[:, 0]))[0]), axis=0)
 
 
 def hulls(polygons: Sequence[Floats]) -> list[Floats]:
-    """Convex hulls of counter-clockwise polygons (k, 2); convex ones, the common case, pass in stacks."""
+    """Return the convex hulls of counter-clockwise polygons (k, 2).
+
+    Convex polygons, the common case, are recognised in stacks and returned unchanged.
+    """
     found = list(polygons)
     for chosen, stack in by_corner_count(polygons):
         edge = np.roll(stack, -1, axis=1) - stack
         onward = np.roll(edge, -1, axis=1)
         turn = edge[..., 0] * onward[..., 1] - edge[..., 1] * onward[..., 0]
         size = np.ptp(stack, axis=1).max(axis=1)
-        # left turns all the way also wind twice around a star; once around they sum to one turn
+        # A star polygon also has left turns only; its turning angle exceeds one revolution.
         angle = np.arctan2(turn, np.einsum("nkj,nkj->nk", edge, onward)).sum(axis=1)
         convex = np.all(turn > 1e-12 * size[:, None] ** 2, axis=1) & (angle < 3.0 * np.pi)
         for index in chosen[~convex].tolist():
@@ -193,10 +217,11 @@ def hulls(polygons: Sequence[Floats]) -> list[Floats]:
 
 
 def hull_rows(hull_: Floats) -> Floats:
-    """Rows (h, 3) on (N, M1, M2), all ≥ 0 when the centre of pressure lies within the hull, one per edge.
+    """Compute rows (h, 3) on (N, M1, M2) that keep the resultant in the hull, one per edge.
 
-    hull_: (h, 2) counter-clockwise about the section's centroid. With x1 = −M2/N, x2 = M1/N the condition
-    a·x ≤ d on an edge of unit outward normal a becomes d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
+    All rows are ≥ 0 when the centre of pressure lies within the hull. hull_: (h, 2) counter-clockwise, about the
+    section's centroid. With x1 = −M2/N, x2 = M1/N the condition a·x ≤ d on an edge of unit outward normal a becomes
+    d N − a2 M1 + a1 M2 ≥ 0. Source: docs/method.md (2.3).
     """
     edge = np.roll(hull_, -1, axis=0) - hull_
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
@@ -205,11 +230,11 @@ def hull_rows(hull_: Floats) -> Floats:
 
 
 def kern_rows(hull_: Floats, area_: float, moments: Floats) -> Floats:
-    """Rows (h, 3) on (N, M1, M2): A times the elastic normal stress at each hull corner, compression
-    positive.
+    """Compute rows (h, 3) on (N, M1, M2): area times elastic normal stress at hull corners.
 
-    hull_: (h, 2) about the centroid; moments: (2, 2) full tensor, so that e1, e2 need not be principal.
-    σ(x) A = N + A x·S⁻¹(−M2, M1); the kern form of an inner face asks for rows ≥ −σt A: docs/method.md (2.6).
+    Compression is positive. hull_: (h, 2) about the centroid; moments: (2, 2) full tensor, so that e1, e2 need not be
+    principal axes. σ(x) A = N + A x·S⁻¹(−M2, M1). The kern form of an inner face requires rows ≥ −σt A:
+    docs/method.md (2.6).
     """
     slope = area_ * np.linalg.solve(moments, hull_.T).T
     return np.column_stack([np.ones(len(hull_)), slope[:, 1], -slope[:, 0]])

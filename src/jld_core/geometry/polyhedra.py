@@ -1,8 +1,7 @@
-"""Closed polyhedra: orientation, volume, centroid, and their plane facets.
+"""Closed polyhedra: orientation, volume, centroid and plane facets.
 
-A **face** is a loop of vertices as the scene gives it; a **facet** is a whole plane piece of the surface,
-several faces where a file splits its quadrilaterals. Everything is laid out flat over all elements of a
-scene.
+A **face** is a loop of vertices as the scene gives it. A **facet** is a whole plane piece of the surface: several
+faces where a file splits its quadrilaterals. Arrays run flat over all elements of a scene.
 """
 
 from __future__ import annotations
@@ -21,16 +20,27 @@ from jld_core.geometry.vectors import area_vector
 from jld_core.linalg import components
 
 Faces = tuple[tuple[int, ...], ...]
+"""Faces of one polyhedron: loops of vertex indices."""
 
 
 @dataclass(frozen=True)
 class Facets:
-    """Struct of arrays over f plane facets of all elements, in the order of the elements, lengths in scene
-    units.
+    """Plane facets of all elements as a struct of arrays, in the order of the elements.
 
-    element: (f,) owner. normal: (f, 3) unit, outward. origin: (f, 3) a point of the plane, the mean of the
-    outer corners. size: (f,) largest extent. lower, upper: (f, 3) bounding boxes. loops: per facet its
-    boundary, (k, 3) counter-clockwise about the normal, then the boundaries of its holes, clockwise.
+    Attributes
+    ----------
+    element : (f,) int array
+        Index of the element that owns the facet.
+    normal : (f, 3) array
+        Outward unit normal.
+    origin : (f, 3) array
+        Point of the plane: the mean of the outer corners, scene units.
+    size : (f,) array
+        Largest extent of the bounding box, scene units.
+    lower, upper : (f, 3) array
+        Corners of the bounding box, scene units.
+    loops : tuple of tuples of (k, 3) arrays
+        Per facet its boundary, counter-clockwise about the normal, then the boundaries of its holes, clockwise.
     """
 
     element: Ints
@@ -46,7 +56,10 @@ class Facets:
 
 
 def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """Owners and positions of ragged ranges: owner i has positions start[i] … start[i] + count[i] − 1."""
+    """Return owners and positions of ragged ranges.
+
+    Owner i has the positions start[i] … start[i] + count[i] − 1.
+    """
     owner = np.repeat(np.arange(len(count)), count)
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
     return owner, start[owner] + np.arange(len(owner)) - first[owner]
@@ -54,7 +67,10 @@ def spread(start: Ints, count: Ints) -> tuple[Ints, Ints]:
 
 @dataclass(frozen=True)
 class _Surface:
-    """All faces of all elements, flat: corner c of face `face[c]` is vertex `vertex[c]`, then `after[c]`."""
+    """All faces of all elements in flat arrays.
+
+    Corner c belongs to face `face[c]`; it is vertex `vertex[c]`, followed along the loop by vertex `after[c]`.
+    """
 
     points: Floats
     vertex: Ints
@@ -66,6 +82,7 @@ class _Surface:
 
 
 def _lay_out(vertices: list[Floats], faces: list[Faces]) -> _Surface:
+    """Put the faces of all elements into flat arrays."""
     shift = np.concatenate([[0], np.cumsum([len(v) for v in vertices])])[:-1].astype(np.int64)
     element = np.repeat(np.arange(len(faces)), [len(f) for f in faces])
     count = np.array([len(loop) for loops in faces for loop in loops], dtype=np.int64)
@@ -82,13 +99,36 @@ def _lay_out(vertices: list[Floats], faces: list[Faces]) -> _Surface:
 def solids(
     ids: list[str], vertices: list[Floats], faces: list[Faces]
 ) -> tuple[list[Floats], list[Faces], Floats, Floats]:
-    """Polyhedra with their faces outward, volumes and centroids.
+    """Orient the faces of polyhedra outward and compute volumes and centroids.
 
-    ids: (n,) names; vertices: n arrays (k, 3); faces: loops of vertex indices, in any sense of rotation.
-    Returns vertices, faces, volume (n,), centroid (n, 3). Vertices that coincide are made one where the
-    surface would be open otherwise. Volumes by the divergence theorem on fans of triangles, which need no
-    plane faces.
-    Raises InputError naming the element: surface not closed, or no volume.
+    Parameters
+    ----------
+    ids : list of str
+        Names of the n elements, for error messages.
+    vertices : list of (k, 3) arrays
+        Vertices of each element, scene units.
+    faces : list of Faces
+        Loops of vertex indices of each element, in any sense of rotation.
+
+    Returns
+    -------
+    vertices : list of (k, 3) arrays
+        Vertices of each element.
+    faces : list of Faces
+        Loops with outward orientation. Coinciding vertices are merged only where the surface would be open otherwise.
+    volume : (n,) array
+        Volumes, scene units.
+    centroid : (n, 3) array
+        Centroids, scene units.
+
+    Raises
+    ------
+    InputError
+        The surface of an element is not closed, or encloses no volume.
+
+    Notes
+    -----
+    Volumes follow from the divergence theorem on fans of triangles; faces need not be plane.
     """
     vertices, faces = list(vertices), list(faces)
     surface = _lay_out(vertices, faces)
@@ -108,7 +148,7 @@ def solids(
 
 
 def _closed(surface: _Surface, count: int) -> Bools:
-    """(n,) True where every edge is run through as often one way as the other."""
+    """Return (n,) True for elements whose every edge occurs equally often in both directions."""
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     _, edge = np.unique(low * width + high, return_inverse=True)
@@ -120,11 +160,11 @@ def _closed(surface: _Surface, count: int) -> Bools:
 
 
 def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Weld coinciding vertices and turn faces until neighbours agree.
+    """Merge coinciding vertices and reverse faces until the orientation is consistent.
 
-    Raises InputError where that closes nothing.
+    Raises InputError where the surface remains open.
     """
-    from scipy.spatial import cKDTree  # here and below: slow to import, and for spatial scenes alone
+    from scipy.spatial import cKDTree  # local imports here and below: slow to import, and used by spatial scenes only
 
     tree = cKDTree(vertices)
     near = tree.query_pairs(1e-2 * tolerances.FACE * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
@@ -162,7 +202,10 @@ def _mend(name: str, vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
 
 
 def _divergence(surface: _Surface, vertices: list[Floats]) -> tuple[Floats, Floats]:
-    """Signed volumes (n,) and centroids (n, 3), summed about the first vertex of each element."""
+    """Compute signed volumes (n,) and centroids (n, 3).
+
+    Sums run about the first vertex of each element.
+    """
     base = np.array([v[0] for v in vertices])
     owner = surface.element[surface.face]
     about = base[owner]
@@ -178,13 +221,23 @@ def _divergence(surface: _Surface, vertices: list[Floats]) -> tuple[Floats, Floa
 
 
 def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
-    """Plane facets of outward oriented polyhedra; neighbouring faces of one plane are one facet.
+    """Compute the plane facets of polyhedra, joining neighbouring faces that lie in one plane.
 
-    vertices, faces: as `solids` returns them.
+    Parameters
+    ----------
+    vertices : list of (k, 3) arrays
+        Vertices of each element, scene units.
+    faces : list of Faces
+        Outward loops of each element, as `solids` returns them.
+
+    Returns
+    -------
+    Facets
+        Facets with an area, in the order of the elements.
     """
     surface = _lay_out(vertices, faces)
     corner = surface.points[surface.vertex]
-    # about a corner of the face: far from the origin the plain sum loses digits
+    # Coordinates relative to a corner of the face: far from the origin, absolute ones lose digits.
     arm = corner - corner[surface.start[surface.face]]
     doubled = np.cross(arm, surface.points[surface.after] - corner[surface.start[surface.face]])
     count = len(surface.count)
@@ -192,7 +245,7 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
     np.add.at(vector, surface.face, 0.5 * doubled)
     extent = np.maximum.reduceat(corner, surface.start) - np.minimum.reduceat(corner, surface.start)
     group, alone = _join_coplanar(surface, vector, np.asarray(extent.max(axis=1)))
-    # a face that comes back to a vertex has a hole, joined to its outline by an edge that is run along both ways
+    # A face that repeats a vertex has a hole, joined to its outline by an edge that occurs in both directions.
     alone &= ~_repeats(surface)
     total = np.zeros((int(group.max()) + 1, 3))
     np.add.at(total, group, vector)
@@ -226,7 +279,7 @@ def facets_of(vertices: list[Floats], faces: list[Faces]) -> Facets:
 
 
 def _repeats(surface: _Surface) -> Bools:
-    """(faces,) True where a face comes to a vertex more than once."""
+    """Return (faces,) True for faces that contain a vertex more than once."""
     order = np.lexsort((surface.vertex, surface.face))
     face, vertex = surface.face[order], surface.vertex[order]
     again = np.flatnonzero((face[1:] == face[:-1]) & (vertex[1:] == vertex[:-1]))
@@ -236,7 +289,7 @@ def _repeats(surface: _Surface) -> Bools:
 
 
 def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Ints, Bools]:
-    """Facet of each face, numbered by first face, and True where a face is a facet by itself."""
+    """Return the facet of each face, numbered by first face, and True for single-face facets."""
     width = len(surface.points)
     low, high = np.minimum(surface.vertex, surface.after), np.maximum(surface.vertex, surface.after)
     key = low * width + high
@@ -244,7 +297,7 @@ def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Int
     neighbours = np.flatnonzero(key[order][1:] == key[order][:-1])
     one, two = surface.face[order[neighbours]], surface.face[order[neighbours + 1]]
     norm = np.linalg.norm(vector, axis=1)
-    # the normal of the larger face is the one to be trusted
+    # Test coplanarity with the normal of the larger face: its rounding error is smaller.
     swap = norm[one] < norm[two]
     one, two = np.where(swap, two, one), np.where(swap, one, two)
     straight = np.einsum("ij,ij->i", vector[one], vector[two]) > 0.99 * norm[one] * norm[two]
@@ -266,7 +319,10 @@ def _join_coplanar(surface: _Surface, vector: Floats, size: Floats) -> tuple[Int
 
 
 def _boundary(surface: _Surface, members: Ints, vector: Floats) -> tuple[Floats, ...]:
-    """Boundary loops of joined faces, the outer one first. Edges run through both ways are inside."""
+    """Return the boundary loops of joined faces, the outer one first.
+
+    Edges that occur in both directions are inside and left out.
+    """
     _, position = spread(surface.start[members], surface.count[members])
     edges = list(zip(surface.vertex[position].tolist(), surface.after[position].tolist(), strict=True))
     inside = set(edges)
@@ -288,12 +344,30 @@ def _boundary(surface: _Surface, members: Ints, vector: Floats) -> tuple[Floats,
 
 
 def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs: tuple[Ints, Ints]) -> None:
-    """Refuse convex polyhedra that share a volume; pairs with one that is not convex are not looked at.
+    """Refuse convex polyhedra that share a volume.
 
-    ids: (n,) names; vertices: n arrays (k, 3); facets: of all elements; pairs: elements whose boxes touch,
-    each (p,). A pair is apart where a facet of either has the whole of the other in front of it; the few
-    pairs this leaves are settled by the largest ball that fits into both.
-    Raises InputError naming the pair.
+    Pairs with a polyhedron that is not convex are not checked.
+
+    Parameters
+    ----------
+    ids : list of str
+        Names of the n elements.
+    vertices : list of (k, 3) arrays
+        Vertices of each element, scene units.
+    facets : Facets
+        Facets of all elements.
+    pairs : tuple of two (p,) int arrays
+        Elements whose bounding boxes touch.
+
+    Raises
+    ------
+    InputError
+        Elements overlap; the message names the pairs, depth and place.
+
+    Notes
+    -----
+    Two elements are apart where all of one lies in front of a facet of the other. For the few remaining pairs, a
+    linear program finds the largest ball within both.
     """
     lower = np.array([v.min(axis=0) for v in vertices])
     upper = np.array([v.max(axis=0) for v in vertices])
@@ -311,7 +385,7 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
 
     def heights(facet: Ints, other: Ints) -> tuple[Floats, Floats]:
-        """Least and greatest height over each facet's plane of the vertices of an element."""
+        """Return the least and greatest height of an element's vertices above each facet's plane."""
         owner, corner = spread(first_corner[other], corners[other])
         height = np.einsum("ij,ij->i", points[corner] - facets.origin[facet[owner]], facets.normal[facet[owner]])
         begin = np.concatenate([[0], np.cumsum(corners[other])])[:-1]
@@ -343,7 +417,10 @@ def check_overlaps(ids: list[str], vertices: list[Floats], facets: Facets, pairs
 
 
 def _ball(facets: Facets, planes: Ints) -> tuple[float, Floats]:
-    """Radius of the largest ball behind all planes, negative where there is none, and its centre."""
+    """Return radius and centre of the largest ball behind all planes.
+
+    The radius is negative where no such ball exists.
+    """
     normal, middle = facets.normal[planes], facets.origin[planes].mean(axis=0)
     behind = np.einsum("ij,ij->i", facets.origin[planes] - middle, normal)
     rows = np.column_stack([normal, np.ones(len(planes))])

@@ -1,9 +1,9 @@
-"""Drawings are not exact: corners that nearly meet are made to meet, and gaps and overlaps up to a tolerance vanish.
+"""Snapping: merge corners that nearly meet, and close gaps and overlaps up to a tolerance.
 
-In the plane, corners within the tolerance of one another become one node, and a node within the tolerance of an edge
-comes to lie on it; since the ends of every gap and every overlap between two edges are such nodes, both close. Long
-edges stay straight: it is the node that moves. In space, corners within the tolerance become one, and faces within it
-of one plane come to lie in that plane. Nothing moves that is further away than the tolerance.
+In the plane, corners within the tolerance of one another become one node. A node within the tolerance of an edge moves
+onto it. The ends of every gap and overlap between two edges are such nodes, so that both close. Long edges stay
+straight, because the node moves. In space, corners within the tolerance become one, and faces within the tolerance of
+one plane move into that plane. Geometry further away than the tolerance does not move.
 """
 
 from __future__ import annotations
@@ -20,19 +20,26 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.errors import InputError
 
 _ROUNDS: Final = 4
-"""Rounds of moving nodes onto edges: the ends of an edge may move after a node was put on it."""
+"""Number of rounds that move nodes onto edges: ends of an edge may move after a node was put on it."""
 
 _STRAIGHT: Final = 1e-9
-"""Kink, relative to the edge, below which a node put into an edge is left out again."""
+"""Kink, relative to the edge, below which a node inserted into an edge is removed again."""
 
 
 @dataclass(frozen=True)
 class Snapped:
-    """Paths after snapping, in the order they came.
+    """Paths after snapping, in the given order.
 
-    paths: (k, 2) corners each; empty where nothing was left. largest: farthest that any corner moved, length.
-    moved: corners that moved. collapsed: indices of paths that are no longer an area (closed, fewer than three corners)
-    or a line (open, fewer than two).
+    Attributes
+    ----------
+    paths : list of (k, 2) arrays
+        Corners of each path; empty where the path vanished.
+    largest : float
+        Largest displacement of a corner, length.
+    moved : int
+        Number of corners that moved.
+    collapsed : tuple of int
+        Indices of closed paths with fewer than three corners and of open paths with fewer than two.
     """
 
     paths: list[Floats]
@@ -44,9 +51,24 @@ class Snapped:
 def snap_polygons(outlines: Sequence[Floats], tolerance: float, *, keep_nodes: bool = False) -> Snapped:
     """Close gaps and overlaps between polygons up to a tolerance.
 
-    outlines: closed (k, 2) polygons, the first corner not repeated. tolerance: length. keep_nodes: keep corners of
-    neighbours as corners in straight edges, so that the polygons share whole edges (a coverage).
-    Raises InputError for a tolerance that is no length.
+    Parameters
+    ----------
+    outlines : sequence of (k, 2) arrays
+        Closed polygons, without repetition of the first corner.
+    tolerance : float
+        Length, at least 0.
+    keep_nodes : bool
+        Keep corners of neighbours as corners in straight edges, so that polygons share whole edges (a coverage).
+
+    Returns
+    -------
+    Snapped
+        Polygons after snapping.
+
+    Raises
+    ------
+    InputError
+        The tolerance is negative or not finite.
     """
     return snap_paths(outlines, [True] * len(outlines), tolerance, keep_nodes=keep_nodes)
 
@@ -54,7 +76,29 @@ def snap_polygons(outlines: Sequence[Floats], tolerance: float, *, keep_nodes: b
 def snap_paths(
     paths: Sequence[Floats], closed: Sequence[bool], tolerance: float, *, keep_nodes: bool = False
 ) -> Snapped:
-    """The same for closed and open paths together; arguments and errors as for `snap_polygons`."""
+    """Close gaps and overlaps between open and closed paths up to a tolerance.
+
+    Parameters
+    ----------
+    paths : sequence of (k, 2) arrays
+        Corners of each path; closed paths without repetition of the first corner.
+    closed : sequence of bool
+        True for each closed path.
+    tolerance : float
+        Length, at least 0.
+    keep_nodes : bool
+        Keep corners of neighbours as corners in straight edges, so that paths share whole edges.
+
+    Returns
+    -------
+    Snapped
+        Paths after snapping.
+
+    Raises
+    ------
+    InputError
+        The tolerance is negative or not finite.
+    """
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
     if not len(paths):
@@ -78,9 +122,22 @@ def snap_paths(
 
 
 def merge_points(points: Floats, tolerance: float) -> Ints:
-    """(n,) node of each point (n, d): numbered by first appearance, a point joins the first node within the tolerance.
+    """Number points, where a point joins the first node within the tolerance.
 
-    Nodes are more than the tolerance apart, and none is further than that from its points: there are no chains.
+    Nodes are more than the tolerance apart, and no point is further than the tolerance from its node: chains of
+    points do not merge.
+
+    Parameters
+    ----------
+    points : (n, d) array
+        Coordinates.
+    tolerance : float
+        Length; 0 merges equal points only.
+
+    Returns
+    -------
+    (n,) int array
+        Node of each point, numbered by first appearance.
     """
     width = max(tolerance, 1e-300)
     unique, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
@@ -89,7 +146,7 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
         rank = np.empty(len(first), dtype=np.int64)
         rank[np.argsort(first, kind="stable")] = np.arange(len(first))
         return rank[inverse]
-    # a node to a box of the tolerance at the most where boxes are cut by its diagonal: looked up, never searched
+    # Boxes are as wide as the tolerance, so that all candidates lie in neighbouring boxes: no search is needed.
     boxes: dict[tuple[int, ...], list[int]] = {}
     nodes: list[Floats] = []
     node = np.empty(len(unique), dtype=np.int64)
@@ -110,7 +167,7 @@ def merge_points(points: Floats, tolerance: float) -> Ints:
 
 
 def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
-    """(e, 2) different edges of all rings, the smaller node first, sorted."""
+    """Return the distinct edges (e, 2) of all rings, smaller node first, sorted."""
     found = [
         (min(i, j), max(i, j))
         for ring, shut in zip(rings, closed, strict=True)
@@ -121,7 +178,10 @@ def _edges(rings: Sequence[Sequence[int]], closed: Sequence[bool]) -> Ints:
 
 
 def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Floats, Floats]:
-    """Nodes near the inside of edges they are no end of: node, edge, distance, foot as a share of the edge."""
+    """Find nodes near the interior of edges they do not belong to.
+
+    Returns node, edge, distance, and the foot point as a share of the edge's length.
+    """
     if not len(edges):
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0), np.zeros(0)
@@ -133,7 +193,7 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
     off = np.linalg.norm(place[node] - start - share[:, None] * along, axis=1)
     inside = (share > 0.0) & (share < 1.0) & (edges[edge, 0] != node) & (edges[edge, 1] != node)
     if tolerance > 0.0:
-        # what is no further than that from an end has met it already
+        # a node this close to an end of the edge has already merged with that end
         for end in (0, 1):
             inside &= np.linalg.norm(place[node] - place[edges[edge, end]], axis=1) > tolerance
     order = np.lexsort((edge[inside], off[inside], node[inside]))
@@ -143,9 +203,10 @@ def _hits(place: Floats, edges: Ints, tolerance: float) -> tuple[Ints, Ints, Flo
 def _onto_edges(
     place: Floats, rings: list[list[int]], node_of: Ints, closed: Sequence[bool], tolerance: float
 ) -> tuple[Floats, list[list[int]], Ints]:
-    """Nodes near an edge put onto it, each onto the nearest one, until nothing moves any more.
+    """Move nodes onto the nearest edge within the tolerance, repeatedly.
 
-    Where joints cross, corners that are apart along both are further apart than the tolerance: on an edge they meet.
+    The repetition ends when nothing moves, or after `_ROUNDS` rounds. Where joints cross, corners may be further apart
+    than the tolerance, along both joints; they meet on an edge.
     """
     place, size = place.copy(), float(np.ptp(place, axis=0).max())
     for _ in range(_ROUNDS if tolerance > 0.0 else 0):
@@ -169,20 +230,24 @@ def _onto_edges(
 
 
 def _without_swaps(place: Floats, node: Ints, ends: Ints, tolerance: float) -> Bools:
-    """(k,) which nodes to move: of two near one another that would go past each other, the second alone.
+    """Return (k,) True for nodes to move: of two near nodes that would swap, only one moves.
 
-    ends: (k, 2) of the edge that each goes onto.
+    ends: (k, 2) nodes of the edge that each node moves onto.
     """
     goal = dict(zip(node.tolist(), ends.tolist(), strict=True))
 
     def passes(n: int, m: int) -> bool:
+        """Return True if nodes n and m are close and m moves onto an edge that ends at n."""
         return n < m and n in goal.get(m, ()) and bool(np.linalg.norm(place[n] - place[m]) <= 2.0 * tolerance)
 
     return np.array([not any(passes(n, m) for m in goal[n]) for n in node.tolist()], dtype=bool)
 
 
 def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) -> Ints:
-    """(n,) node that each becomes: what came within the tolerance of one of another ring is one with it."""
+    """Return the node (n,) that each node becomes after moves onto edges.
+
+    A node merges with a node of another ring that is within the tolerance.
+    """
     into = np.arange(len(place))
     owners: dict[int, set[int]] = {}
     for number, ring in enumerate(rings):
@@ -202,7 +267,10 @@ def _meeting(place: Floats, rings: Sequence[Sequence[int]], tolerance: float) ->
 def _with_hanging(
     place: Floats, rings: Sequence[Sequence[int]], closed: Sequence[bool], tolerance: float
 ) -> tuple[list[list[int]], list[list[bool]]]:
-    """Rings with the nodes that lie on their edges as corners, and for every corner whether it is the ring's own."""
+    """Insert nodes that lie on the edges of rings as corners.
+
+    Returns the rings and, for every corner, True where it is an original corner of the ring.
+    """
     edges = _edges(rings, closed)
     size = float(np.ptp(place, axis=0).max()) if len(place) else 0.0
     node, edge, _, share = _hits(place, edges, max(tolerance, 1e-12 * size))
@@ -221,7 +289,7 @@ def _with_hanging(
             if position < last:
                 j = ring[(position + 1) % len(ring)]
                 on = sorted(between.get((min(i, j), max(i, j)), ()), reverse=i > j)
-                # a corner of the ring itself would make it touch itself
+                # a second visit to a corner of the same ring would make the ring touch itself
                 extra = [n for _, n in on if n not in present]
                 corners += extra
                 mask += [False] * len(extra)
@@ -231,7 +299,7 @@ def _with_hanging(
 
 
 def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed: bool) -> list[int]:
-    """A ring less the nodes put into it that leave it as straight as it was."""
+    """Remove inserted nodes of a ring that cause no kink."""
     if not any(not mine for mine in own):
         return ring
     points, mine = place[ring], np.array(own)
@@ -250,7 +318,18 @@ def _without_straight(place: Floats, ring: list[int], own: list[bool], *, closed
 
 
 def straight(outline: Floats) -> Floats:
-    """A closed outline (k, 2) without the corners that lie in straight edges."""
+    """Remove the corners of a closed outline that lie in straight edges.
+
+    Parameters
+    ----------
+    outline : (k, 2) array
+        Corners in order.
+
+    Returns
+    -------
+    (n, 2) array
+        Remaining corners; the whole outline where fewer than three would remain.
+    """
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
     onward = np.einsum("ij,ij->i", before, after) > 0.0
@@ -259,7 +338,7 @@ def straight(outline: Floats) -> Floats:
 
 
 def without_spikes(ring: Sequence[int], *, closed: bool) -> list[int]:
-    """A ring of nodes without repeats and without runs there and back again."""
+    """Remove repeated nodes of a ring, and runs there and back again."""
     kept: list[int] = []
     for node in ring:
         if kept and kept[-1] == node:

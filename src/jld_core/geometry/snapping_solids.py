@@ -1,4 +1,4 @@
-"""The spatial half of snapping: corners that nearly meet become one, faces near one plane come to lie in it."""
+"""Snapping of polyhedra: merge corners that nearly meet, move faces into common planes."""
 
 from __future__ import annotations
 
@@ -17,20 +17,23 @@ from jld_core.geometry.spatial_contacts import near_pairs
 from jld_core.geometry.vectors import area_vector
 
 _FLAT: Final = 0.995
-"""Cosine between normals below which two faces are no one plane, however small they are."""
+"""Cosine between normals below which two faces are not merged into one plane, whatever their size."""
 
 _RANK: Final = 0.05
-"""Singular value, of unit normals that meet in a corner, below which they do not fix it across that direction."""
+"""Relative singular value of the unit normals at a corner below which a direction stays free."""
 
 _FAR: Final = 4.0
-"""Tolerances beyond which a corner is left where it is: its planes meet too flatly to say where it belongs."""
+"""Largest displacement of a corner, in tolerances.
+
+Beyond, the corner stays in place: its planes meet at too flat an angle to define their intersection.
+"""
 
 
 @dataclass(frozen=True)
 class SnappedSolids:
-    """Solids after snapping, in the order they came; faces keep their numbering.
+    """Solids after snapping, in the given order; faces keep their numbering.
 
-    vertices: (k, 3) each. largest: farthest that any vertex moved, length. moved: vertices that moved.
+    vertices: (k, 3) of each solid. largest: largest displacement of a vertex, length. moved: number of moved vertices.
     """
 
     vertices: list[Floats]
@@ -39,10 +42,26 @@ class SnappedSolids:
 
 
 def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: float) -> SnappedSolids:
-    """Close gaps between polyhedra, and straighten their faces, up to a tolerance.
+    """Close gaps between polyhedra and make their faces plane, up to a tolerance.
 
-    vertices: (k, 3) of each solid. faces: loops of vertex indices of each. tolerance: length.
-    Raises InputError for a tolerance that is no length.
+    Parameters
+    ----------
+    vertices : sequence of (k, 3) arrays
+        Vertices of each solid.
+    faces : sequence of Faces
+        Loops of vertex indices of each solid.
+    tolerance : float
+        Length, at least 0.
+
+    Returns
+    -------
+    SnappedSolids
+        Vertices after snapping, largest displacement and number of moved vertices.
+
+    Raises
+    ------
+    InputError
+        The tolerance is negative or not finite.
     """
     if not (tolerance >= 0.0 and np.isfinite(tolerance)):
         raise InputError("tolerance", f"{tolerance:g} is no length", "a length of at least 0")
@@ -67,7 +86,10 @@ def snap_solids(vertices: Sequence[Floats], faces: Sequence[Faces], tolerance: f
 
 
 def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> tuple[Ints, Floats, Floats]:
-    """Plane of every face, and the planes' normals (p, 3) and points (p, 3): those of the largest face in each."""
+    """Return the plane of every face, and the planes' normals (p, 3) and points (p, 3).
+
+    Normal and point are those of the largest face in each plane.
+    """
     vector = np.zeros((len(loops), 3))
     middle = np.zeros((len(loops), 3))
     lower, upper = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
@@ -82,7 +104,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
     swap = area[one] < area[two]
     one, two = np.where(swap, two, one), np.where(swap, one, two)
     cosine = np.einsum("ij,ij->i", normal[one], normal[two])
-    # between solids faces look at each other or go on, within one they go on
+    # Faces of two solids are opposite or continue one another; faces of one solid continue one another.
     facing = np.where(solid[one] == solid[two], cosine, np.abs(cosine))
     kept = (facing > _FLAT) & (area[two] > 0.0) & (own[one] <= tolerance)
     one, two = one[kept], two[kept]
@@ -103,7 +125,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
     for seed in order.tolist():
         if group[seed] >= 0:
             continue
-        # grown from the largest face over its neighbours, always judged against that face: there are no chains
+        # Groups grow from the largest face, and every candidate is compared with that face: chains do not drift.
         group[seed] = len(origins)
         pending = [seed]
         while pending:
@@ -112,7 +134,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
                     group[other] = len(origins)
                     pending.append(other)
         origins.append(seed)
-    # what is no plane by far puts nothing anywhere
+    # faces that are themselves not plane within the tolerance move no corner
     group[own > tolerance] = -1
     return group, normal[origins], middle[origins]
 
@@ -120,7 +142,7 @@ def _planes(place: Floats, loops: list[Ints], solid: Ints, tolerance: float) -> 
 def _onto_planes(
     place: Floats, loops: list[Ints], group: Ints, normal: Floats, origin: Floats, tolerance: float
 ) -> Floats:
-    """Every node moved by least onto the planes of the faces that meet in it."""
+    """Move every node by the least distance onto the planes of the faces that meet in it."""
     count = np.array([len(loop) for loop in loops])
     node = np.concatenate(loops)
     pairs = np.unique(np.column_stack([node, np.repeat(group, count)]), axis=0)

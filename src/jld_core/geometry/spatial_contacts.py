@@ -1,7 +1,7 @@
-"""Where polyhedra touch: pairs of opposite coplanar facets to interfaces with local frames.
+"""Contact detection of polyhedra: overlaps of opposite, coplanar facets.
 
-Candidates are found with bounding boxes over whole arrays; rectangles with parallel sides are cut by
-comparing numbers, everything else by shapely in the plane of contact.
+Array operations on bounding boxes find the candidates. Rectangles with parallel sides are intersected by interval
+comparison, all other facets by shapely in the plane of contact.
 """
 
 from __future__ import annotations
@@ -19,16 +19,25 @@ from jld_core.geometry.misfits import NearMiss
 from jld_core.geometry.overlay import intersections
 from jld_core.geometry.polyhedra import Facets, spread
 
-# Facets further from opposite than this (cosine) cannot lie on one another within the tolerance of contact.
+# Cosine between two facet normals above which the facets cannot be in contact within the tolerance.
 _OPPOSITE = -0.999
-_AT_ONCE = 20_000  # pairs of elements: cubes make some 25 pairs of facets of each, a quarter of a kilobyte each
+_AT_ONCE = 20_000  # pairs of elements per batch: cubes have about 25 pairs of facets each, 0.25 kB per pair
 
 
 @dataclass(frozen=True)
 class SpatialContact:
-    """A plane contact: element indices, corners (k, 3) in order, the unit normal from a to b, and its holes.
+    """Plane contact of two polyhedra.
 
-    holes: corners (k, 3) of each hole, of the other sense of rotation than the outline.
+    Attributes
+    ----------
+    a, b : int
+        Indices of the elements.
+    polygon : (k, 3) array
+        Corners in order, scene units.
+    normal : (3,) array
+        Unit normal from a to b.
+    holes : tuple of (k, 3) arrays
+        Corners of each hole, in the opposite sense of rotation.
     """
 
     a: int
@@ -39,16 +48,26 @@ class SpatialContact:
 
 
 def near_pairs(lower: Floats, upper: Floats, reach: Floats) -> tuple[Ints, Ints]:
-    """Pairs a < b of boxes that touch or overlap, sorted.
+    """Find the pairs of boxes that touch or overlap.
 
-    lower, upper: (n, 3) corners; reach: (n,) by how much each box is widened.
+    Parameters
+    ----------
+    lower, upper : (n, 3) array
+        Corners of the boxes.
+    reach : (n,) array
+        Distance by which each box is enlarged on every side.
+
+    Returns
+    -------
+    left, right : (p,) int array
+        Pairs with left < right, sorted.
     """
     low, high = lower - reach[:, None], upper + reach[:, None]
-    # boxes crowd together most along the axis that is dropped, so drop the one with the fewest layers
+    # The search tree is planar: drop the axis with the fewest layers, along which fewest boxes lie above one another.
     layers = np.ptp(np.concatenate([low, high]), axis=0) / np.maximum((high - low).mean(axis=0), 1e-300)
     x, y = sorted(np.argsort(layers, kind="stable")[1:])
     z = 3 - x - y
-    # sheets across that axis are laid side by side: a box then meets what is near it along that axis too
+    # Slices across the dropped axis are laid out side by side: boxes then meet only those near them along that axis.
     bottom, span = low[:, z].min(), np.ptp(np.concatenate([low[:, z], high[:, z]]))
     step = max(2.0 * float((high - low)[:, z].mean()), float(span) / len(low)) or 1.0
     first = np.floor((low[:, z] - bottom) / step).astype(np.int64)
@@ -72,11 +91,25 @@ def near_pairs(lower: Floats, upper: Floats, reach: Floats) -> tuple[Ints, Ints]
 
 
 def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[SpatialContact]:
-    """All plane contacts between polyhedra, in order of (a, b), then of the facets of a and of b.
+    """Find all plane contacts between polyhedra.
 
-    facets: of all elements, in their order; pairs: elements a < b worth looking at, sorted, each (p,).
-    A contact in several parts is several interfaces; one with a hole is one interface.
-    Source: docs/method.md (1.1), normals from element faces.
+    A contact in several parts gives several contacts; a contact with a hole gives one.
+
+    Parameters
+    ----------
+    facets : Facets
+        Facets of all elements, in the order of the elements.
+    pairs : tuple of two (p,) int arrays
+        Candidate pairs of elements a < b, sorted.
+
+    Returns
+    -------
+    list of SpatialContact
+        Contacts in order of (a, b), then of the facets of a and of b.
+
+    Notes
+    -----
+    Source: docs/method.md (1.1), with normals from element faces.
     """
     one, two = _opposite_facets(facets, *pairs)
     if not len(one):
@@ -99,11 +132,22 @@ def find_spatial_contacts(facets: Facets, pairs: tuple[Ints, Ints]) -> list[Spat
 
 
 def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
-    """Find facets that face one another, overlap in projection, nearly touch, and are no contact.
+    """Find facets that face one another, overlap in projection and nearly touch.
 
-    facets: of all elements. pairs: elements a < b worth looking at, sorted, each (p,). Facets nearly touch that are
-    apart by less than `tolerances.NEAR` of the smaller one, and those that touch at one end and open by less than
-    `tolerances.WEDGE` of it at the other.
+    Contacts are left out. Facets nearly touch that are apart by less than `tolerances.NEAR` of the smaller one's size.
+    So do facets that touch at one end and open by less than `tolerances.WEDGE` of it at the other.
+
+    Parameters
+    ----------
+    facets : Facets
+        Facets of all elements.
+    pairs : tuple of two (p,) int arrays
+        Candidate pairs of elements a < b, sorted.
+
+    Returns
+    -------
+    list of NearMiss
+        Near misses, ordered by (a, b).
     """
     one, two = _opposite_facets(facets, *pairs, tolerances.WEDGE)
     size = np.minimum(facets.size[one], facets.size[two])
@@ -123,7 +167,10 @@ def near_solids(facets: Facets, pairs: tuple[Ints, Ints]) -> list[NearMiss]:
 def _near_miss(
     facets: Facets, frames: FacetFrames, one: int, two: int, shared: shapely.Geometry, size: float
 ) -> NearMiss | None:
-    """Return the gap between two facets over a region in the frame of the first; None where it is wide, or contact."""
+    """Return the gap between two facets over a region; None for a contact or a wide gap.
+
+    shared: the region, in the frame of the first facet. size: of the smaller facet.
+    """
     axes, normal, slope = np.array([frames.e1[one], frames.e2[one]]), facets.normal[one], facets.normal[two]
     flat = np.concatenate([shapely.get_coordinates(shapely.point_on_surface(shared)), shapely.get_coordinates(shared)])
     points = facets.origin[one] + flat @ axes
@@ -139,7 +186,10 @@ def _near_miss(
 
 
 def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances.FACE) -> tuple[Ints, Ints]:
-    """Pairs of facets of the element pairs that face one another in about one plane."""
+    """Return pairs of facets of the element pairs that face one another in nearly one plane.
+
+    share: distance in units of the facet size by which bounding boxes are enlarged.
+    """
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
     reach = share * facets.size
@@ -147,11 +197,13 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
     box_low, box_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
 
     def within(element: Ints, other: Ints) -> tuple[Ints, Ints]:
+        """Return pair positions and facets of elements that meet the box of the other element."""
         owner, facet = spread(start[element], count[element])
         inside = np.all((low[facet] <= box_high[other[owner]]) & (high[facet] >= box_low[other[owner]]), axis=1)
         return owner[inside], facet[inside]
 
     def facing(a: Ints, b: Ints) -> Ints:
+        """Return the opposite facets of a batch of element pairs."""
         owner_a, facet_a = within(a, b)
         owner_b, facet_b = within(b, a)
         first = np.searchsorted(owner_b, np.arange(len(a)))
@@ -164,8 +216,7 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
         one, two = one[boxes], two[boxes]
         apart = facets.origin[two] - facets.origin[one]
         off = np.abs(np.einsum("ij,ij->i", apart, facets.normal[one]))
-        # as far from one another as the misalignment let through above allows; the gap itself is judged where
-        # they overlap
+        # A wide limit that covers the misalignment accepted above; the gap itself is checked where the facets overlap.
         level = off <= 0.05 * (np.linalg.norm(apart, axis=1) + np.minimum(facets.size[one], facets.size[two]))
         return np.stack([one[level], two[level]])
 
@@ -177,7 +228,10 @@ def _opposite_facets(facets: Facets, a: Ints, b: Ints, share: float = tolerances
 def _cut_rectangles(
     facets: Facets, frames: FacetFrames, one: Ints, two: Ints
 ) -> tuple[Bools, list[tuple[int, SpatialContact]]]:
-    """Overlaps of rectangles: mask of the pairs with parallel sides, settled ones, and their contacts."""
+    """Intersect rectangles with parallel sides.
+
+    Returns the mask of pairs with parallel sides, which need no other treatment, and their contacts with positions.
+    """
     first = np.array([facets.loops[index][0] for index in one])
     second = np.array([facets.loops[index][0] for index in two])
     origin, e1, e2, normal = facets.origin[one], frames.e1[one], frames.e2[one], facets.normal[one]
@@ -186,6 +240,7 @@ def _cut_rectangles(
     aligned = (skew <= PARALLEL) & (np.einsum("ij,ij->i", normal, facets.normal[two]) < PARALLEL - 1.0)
 
     def extent(stack: Floats, axis: Floats) -> tuple[Floats, Floats]:
+        """Return the least and greatest coordinate of corners along an axis."""
         along = np.einsum("nkj,nj->nk", stack - origin[:, None], axis)
         return along.min(axis=1), along.max(axis=1)
 
@@ -212,7 +267,7 @@ def _cut_rectangles(
 
 
 def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> list[tuple[int, SpatialContact]]:
-    """Overlaps of any facets, by shapely in the plane of the first."""
+    """Intersect arbitrary facets with shapely in the plane of the first one."""
     if not len(one):
         return []
     first, second = regions_in_planes(facets, frames, one, one), regions_in_planes(facets, frames, two, one)
@@ -226,7 +281,7 @@ def _cut_polygons(facets: Facets, frames: FacetFrames, one: Ints, two: Ints) -> 
         axes = np.array([frames.e1[a], frames.e2[a]])
         for shell, holes in clean_parts(shared[position], reach):
             points = origin + shell @ axes
-            # the distance to the other facet's plane is taken where they overlap
+            # the distance to the other facet's plane is measured where both overlap
             gap = (facets.origin[b] - points) @ slope
             if np.max(np.abs(gap)) > reach:
                 continue

@@ -1,4 +1,4 @@
-"""Plane contacts to interfaces: local frames and sections."""
+"""Interfaces of plane contacts: local frames and section properties."""
 
 from __future__ import annotations
 
@@ -12,11 +12,24 @@ from jld_core.geometry.spatial_contacts import SpatialContact
 
 
 def spatial_interfaces(contacts: list[SpatialContact]) -> Interfaces:
-    """Local frames and sections: origin at the centroid, e1 along the longest edge, e2 = n × e1.
+    """Compute local frames and sections of plane contacts.
 
-    contacts: m of them. Returns Interfaces of dimension 3; sizes of rectangles are the means of opposite
-    sides, of other polygons extents along e1 and e2. Sections are those of the area
-    without its holes. Source: docs/method.md (1.2), (2.2).
+    The origin lies at the centroid; e1 runs along the longest edge, e2 = n × e1.
+
+    Parameters
+    ----------
+    contacts : list of SpatialContact
+        The m contacts.
+
+    Returns
+    -------
+    Interfaces
+        Interfaces of dimension 3. Sizes of rectangles are means of opposite sides; those of other polygons are extents
+        along e1 and e2. Sections are those of the area without its holes.
+
+    Notes
+    -----
+    Source: docs/method.md (1.2), (2.2).
     """
     count = len(contacts)
     normal = np.array([c.normal for c in contacts]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Contacts that a scene states: their normals, and whether the elements have faces there."""
+"""Normals of contacts that a scene states."""
 
 from __future__ import annotations
 
@@ -16,12 +16,30 @@ from jld_core.geometry.polyhedra import Facets, spread
 
 
 def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callable[[int], str]) -> Floats:
-    """Unit normals (m, 3) of stated contacts, out of the element a of each.
+    """Compute the unit normals of stated contacts, out of element a of each.
 
-    polygons: m arrays (k, 3), k ≥ 3, corners in order; a: (m,) elements; where: the key of contact i, for
-    complaints. The stated polygon decides the direction, the face of a it lies on only on which side the
-    other element lies.
-    Raises InputError: no area, or corners that do not lie in a plane.
+    The stated polygon gives the direction. The face of a that it lies on only gives the sign.
+
+    Parameters
+    ----------
+    polygons : list of (k, 3) arrays
+        Corners of the m contacts in order, k ≥ 3.
+    a : (m,) int array
+        Index of the first element of each contact.
+    facets : Facets
+        Facets of all elements.
+    where : callable
+        Maps the index of a contact to its key in the scene, for error messages.
+
+    Returns
+    -------
+    (m, 3) array
+        Unit normals.
+
+    Raises
+    ------
+    InputError
+        A contact has no area, or its corners do not lie in a plane.
     """
     normal, place, size = np.empty((len(a), 3)), np.empty((len(a), 3)), np.empty(len(a))
     for chosen, stack in measures.by_corner_count(polygons):
@@ -40,14 +58,14 @@ def given_normals(polygons: list[Floats], a: Ints, facets: Facets, where: Callab
 
 
 def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets) -> Floats:
-    """+1 where a normal points out of element a at the face a place lies on, −1 where it points in."""
+    """Return +1 where a normal points out of element a at the nearest face, else −1."""
     count = np.bincount(facets.element)
     start = np.concatenate([[0], np.cumsum(count)])[:-1]
     owner, facet = spread(start[a], count[a])
     cosine = np.einsum("ij,ij->i", normal[owner], facets.normal[facet])
     off = np.abs(np.einsum("ij,ij->i", place[owner] - facets.origin[facet], facets.normal[facet]))
     outside = np.maximum(facets.lower[facet] - place[owner], place[owner] - facets.upper[facet]).max(axis=1)
-    # in one plane a body may face both ways, so a face counts as far away as the place lies outside of it
+    # A body may have faces of both directions in one plane: count the distance of the place from a face's box too.
     far = np.where(np.abs(cosine) < 0.9, np.inf, off + np.maximum(outside, 0.0))
     best = np.minimum.reduceat(far, np.concatenate([[0], np.cumsum(count[a])])[:-1])
     close = far <= (best + tolerances.FACE * size)[owner]
@@ -57,7 +75,7 @@ def _sides(normal: Floats, place: Floats, size: Floats, a: Ints, facets: Facets)
     side = np.where(plus >= minus, 1.0, -1.0)
     frames = FacetFrames.on(facets) if np.any((plus > 0.0) == (minus > 0.0)) else None
     for index in np.flatnonzero((plus > 0.0) == (minus > 0.0)).tolist():
-        # boxes did not settle it: measure to the faces themselves, all of them if none is parallel
+        # Boxes are ambiguous here: measure distances to the faces themselves, of any direction if none is parallel.
         rows = np.flatnonzero(owner == index)
         assert frames is not None
         distance = []

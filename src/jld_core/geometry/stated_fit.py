@@ -1,4 +1,4 @@
-"""How well a contact that a scene states fits the faces of its two elements, in the plane and in space."""
+"""Misfit between contacts that a scene states and the faces of their elements."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from jld_core.geometry.polygons import area
 from jld_core.geometry.vectors import across
 
 _ALONG: Final = 0.95
-"""Cosine of the angle between two normals from which a face counts as one that a stated contact can lie on (18°)."""
+"""Cosine of the angle between two normals from which a stated contact can lie on a face (18°)."""
 
 _OFF: Final = 0.1
-"""Distance from a stated contact, relative to its size, up to which a face counts as the one that it lies on."""
+"""Distance, relative to the contact's size, up to which a stated contact can lie on a face."""
 
 
 @dataclass(frozen=True)
 class Fit:
     """Misfit of a stated contact and one of its elements, lengths in scene units.
 
-    size: largest extent of the contact. beyond: how far it reaches beyond the faces of the element. depth: how far it
-    lies inside of the element. gap: how far it lies in front of the element.
+    size: largest extent of the contact. beyond: distance or length by which it exceeds the faces of the element. depth:
+    how far it lies inside the element. gap: how far it lies in front of the element.
     """
 
     size: float
@@ -39,7 +39,7 @@ class Fit:
 
 
 def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
-    """Compare a stated straight contact with the edges of an element.
+    """Measure the misfit of a stated straight contact and the edges of an element.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def fit_of_line(ends: Floats, outward: Floats, outline: Floats) -> Fit:
 
 
 def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Floats, ...]], normals: Floats) -> Fit:
-    """Compare a stated plane contact with the facets of an element.
+    """Measure the misfit of a stated plane contact and the facets of an element.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
     outward : (3,) array
         Unit normal of the contact, out of the element.
     loops : sequence of tuples of (c, 3) arrays
-        Boundary of each facet of the element and of its holes.
+        Boundaries of each facet of the element and of its holes.
     normals : (f, 3) array
         Outward unit normals of the facets.
 
@@ -119,11 +119,31 @@ def fit_of_polygon(polygon: Floats, outward: Floats, loops: Sequence[tuple[Float
 
 
 def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: str) -> str:
-    """Return a warning about a stated contact that fits an element poorly; "" where it fits.
+    """Return a warning about a stated contact that fits an element poorly, or "".
 
-    where: key of the contact. name: id of the element. tolerance: the scene's own, a length. unit: of length.
-    Raises InputError: it reaches beyond the faces of the element or lies inside it by more than `tolerances.NEAR` of
-    its size and more than the tolerance.
+    Parameters
+    ----------
+    where : str
+        Key of the contact in the scene.
+    name : str
+        Id of the element.
+    fit : Fit
+        Misfit of contact and element.
+    tolerance : float or None
+        Tolerance given by the scene, a length.
+    unit : str
+        Unit of length.
+
+    Returns
+    -------
+    str
+        Warning; empty where the contact fits.
+
+    Raises
+    ------
+    InputError
+        The contact exceeds the faces of the element, or lies inside it, by more than the larger of `tolerances.NEAR`
+        times its size and the tolerance.
     """
     allowed = max(tolerances.FACE * fit.size, tolerance or 0.0)
     whole = fit.beyond >= fit.size
@@ -144,7 +164,19 @@ def judge_fit(where: str, name: str, fit: Fit, tolerance: float | None, unit: st
 def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
     """Raise InputError for a stated plane contact whose outline crosses itself.
 
-    where: key of the contact. polygon: (k, 3) corners in order. normal: (3,) of its plane, unit.
+    Parameters
+    ----------
+    where : str
+        Key of the contact in the scene.
+    polygon : (k, 3) array
+        Corners in order.
+    normal : (3,) array
+        Unit normal of its plane.
+
+    Raises
+    ------
+    InputError
+        The outline crosses itself.
     """
     flat = (polygon - polygon[0]) @ across(normal).T
     signed = abs(float(area(flat[None])[0]))
@@ -154,9 +186,19 @@ def refuse_crossing(where: str, polygon: Floats, normal: Floats) -> None:
 
 
 def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) -> None:
-    """Raise InputError for stated contacts of one pair of elements that cover one another.
+    """Raise InputError for stated contacts of one pair of elements that overlap.
 
-    pairs: (a, b) of each contact. places: its ends (2, 2), or its corners (k, 3).
+    Parameters
+    ----------
+    pairs : sequence of (int, int)
+        Elements (a, b) of each contact.
+    places : sequence of arrays
+        Ends (2, 2) or corners (k, 3) of each contact.
+
+    Raises
+    ------
+    InputError
+        Two contacts of the same pair share more than an end or an edge.
     """
     known: dict[tuple[int, int], list[int]] = {}
     for second, (a, b) in enumerate(pairs):
@@ -169,7 +211,7 @@ def refuse_repeated(pairs: Sequence[tuple[int, int]], places: Sequence[Floats]) 
 
 
 def _cover(one: Floats, other: Floats) -> bool:
-    """Whether two stated contacts share more than an end or an edge."""
+    """Return True if two stated contacts share more than an end or an edge."""
     size = min(float(np.linalg.norm(np.ptp(points, axis=0))) for points in (one, other))
     reach = tolerances.FACE * size
     if one.shape[1] == 2:

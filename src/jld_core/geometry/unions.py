@@ -1,4 +1,4 @@
-"""Cells that are one block, as one outline or one closed surface."""
+"""Union of the cells of one block, as one outline or one closed surface."""
 
 from __future__ import annotations
 
@@ -21,18 +21,30 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 _NEAR: Final = 1e-6
-"""Distance, relative to a planar block, within which its corners are one: above what contacts may gape."""
+"""Distance within which corners of a planar block coincide, relative to the block's size.
+
+It exceeds the gap that contacts may have.
+"""
 
 _NEAR_SOLID: Final = 2.0 * tolerances.FACE
-"""The same for a spatial block."""
+"""Distance within which corners of a spatial block coincide, relative to the block's size."""
 
 
 _HAIR: Final = 1e-7
+"""Relative shrinkage of holes before triangulation, so that they do not touch the shell."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A plane area. shell: (k, 2) counter-clockwise. holes: (k, 2) each, clockwise."""
+    """Plane area with holes.
+
+    Attributes
+    ----------
+    shell : (k, 2) array
+        Outer boundary, counter-clockwise, scene units.
+    holes : tuple of (k, 2) arrays
+        Boundaries of holes, clockwise.
+    """
 
     shell: Floats
     holes: tuple[Floats, ...] = ()
@@ -40,7 +52,17 @@ class Region:
 
 @dataclass(frozen=True)
 class Surface:
-    """A closed surface. points: (k, 3). faces: plane loops of indices, outward. triangles: (t, 3) of the same."""
+    """Closed surface of plane faces, with a triangulation.
+
+    Attributes
+    ----------
+    points : (k, 3) array
+        Vertices, scene units.
+    faces : Faces
+        Plane loops of vertex indices, outward.
+    triangles : tuple of t index triples
+        Triangles of the same surface, outward.
+    """
 
     points: Floats
     faces: Faces
@@ -48,7 +70,18 @@ class Surface:
 
 
 def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
-    """What polygons cover together, in parts from left to right; (k, 2) corners each."""
+    """Unite polygons to regions, ordered from left to right.
+
+    Parameters
+    ----------
+    outlines : sequence of (k, 2) arrays
+        Corners of the polygons, scene units.
+
+    Returns
+    -------
+    list of Region
+        Connected parts of the union, ordered by their bounding boxes.
+    """
     size = float(np.ptp(np.concatenate(list(outlines)), axis=0).max())
     snapped = snap_polygons(outlines, _NEAR * size, keep_nodes=True)
     whole = shapely.union_all([shapely.Polygon(ring) for ring in snapped.paths])
@@ -58,7 +91,18 @@ def union_outlines(outlines: Sequence[Floats]) -> list[Region]:
 
 
 def region_of(part: shapely.Polygon) -> Region:
-    """A polygon of shapely, without corners in straight edges."""
+    """Convert a shapely polygon to a `Region` without corners in straight edges.
+
+    Parameters
+    ----------
+    part : shapely.Polygon
+        Polygon, in any orientation.
+
+    Returns
+    -------
+    Region
+        Shell counter-clockwise, holes clockwise.
+    """
     part = shapely.Polygon(part.exterior, part.interiors)
     shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
     shell = shell if part.exterior.is_ccw else shell[::-1]
@@ -67,13 +111,26 @@ def region_of(part: shapely.Polygon) -> Region:
 
 
 def extrude(region: Region, depth: float) -> Surface:
-    """A region of the x–z plane, from y = 0 to y = depth."""
+    """Extrude a region of the x–z plane from y = 0 to y = depth.
+
+    Parameters
+    ----------
+    region : Region
+        Cross-section; its second coordinate becomes z.
+    depth : float
+        Length along y, scene units.
+
+    Returns
+    -------
+    Surface
+        Closed surface with outward faces.
+    """
     rings = (region.shell, *region.holes)
     flat = np.concatenate(rings)
     count = len(flat)
     cap = _triangles(flat, _numbered(rings))
     points = np.concatenate([np.column_stack([flat[:, 0], np.full(count, y), flat[:, 1]]) for y in (0.0, depth)])
-    # seen from −y, x to the right and z up: counter-clockwise rings face outward there, and sides run back from them
+    # Seen from −y with x to the right and z up, counter-clockwise rings face outward; sides run from there along +y.
     front = [tuple(t) for t in cap]
     back = [(a + count, c + count, b + count) for a, b, c in cap]
     sides: list[tuple[int, ...]] = []
@@ -92,16 +149,26 @@ def extrude(region: Region, depth: float) -> Surface:
 
 
 def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
-    """The outer surface of polyhedra that touch along parts of their faces; it is closed edge by edge.
+    """Compute the outer surface of polyhedra that touch along parts of their faces.
 
-    vertices: (k, 3) of each. faces: outward loops of each, as `solids` returns them.
+    Parameters
+    ----------
+    vertices : sequence of (k, 3) arrays
+        Vertices of each polyhedron, scene units.
+    faces : sequence of Faces
+        Outward loops of each polyhedron, as `solids` returns them.
+
+    Returns
+    -------
+    Surface
+        Surface that is closed edge by edge.
     """
     every = np.concatenate(list(vertices))
     size = float(np.ptp(every, axis=0).max())
     corners = every[np.unique(_weld(every, _NEAR_SOLID * size), return_index=True)[1]]
     facets = facets_of(list(vertices), list(faces))
     pieces = [piece for plane in _planes(facets, _NEAR_SOLID * size) for piece in _outside(facets, plane, size)]
-    from scipy.spatial import cKDTree  # here and below: slow to import, and seldom needed
+    from scipy.spatial import cKDTree  # local imports here and below: slow to import and seldom needed
 
     tree = cKDTree(corners)
     rings: list[list[Floats]] = []
@@ -136,7 +203,7 @@ def union_solids(vertices: Sequence[Floats], faces: Sequence[Faces]) -> Surface:
 
 
 def _planes(facets: Facets, reach: float) -> list[list[int]]:
-    """Facets by the plane they lie in, whichever way they look."""
+    """Group facets by the plane they lie in, regardless of the sense of their normals."""
     groups: list[list[int]] = []
     first = np.zeros(len(facets), dtype=np.int64)
     for k in range(len(facets)):
@@ -152,7 +219,10 @@ def _planes(facets: Facets, reach: float) -> list[list[int]]:
 
 
 def _weld(points: Floats, reach: float) -> Ints:
-    """(n,) node of each point, numbered by first appearance; points within reach of one another are one."""
+    """Return the node (n,) of each point; points within `reach` of one another share a node.
+
+    Nodes are numbered by first appearance; chains of near points become one node.
+    """
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
@@ -164,13 +234,14 @@ def _weld(points: Floats, reach: float) -> Ints:
 
 
 def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats, list[Floats]]]:
-    """What of one plane is surface: normals outward, and loops in space, the outer one first."""
+    """Return the outer surface in one plane: outward normals and loops, the outer one first."""
     normal = facets.normal[plane[0]]
     if len(plane) == 1:
         return [(normal, list(facets.loops[plane[0]]))]
     frame, origin = -across(normal), facets.origin[plane[0]]
 
     def region(facet: int) -> shapely.Geometry:
+        """Return a facet as shapely polygons in the plane."""
         loops = [(loop - origin) @ frame.T for loop in facets.loops[facet]]
         return area_of(shapely.Polygon(loops[0], loops[1:]))
 
@@ -190,7 +261,7 @@ def _outside(facets: Facets, plane: list[int], size: float) -> list[tuple[Floats
 
 
 def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) -> list[int]:
-    """A loop with the corners of its neighbours that lie on its edges."""
+    """Insert the points that lie on the edges of a loop as corners."""
     full: list[int] = []
     for a, b in zip(loop, [*loop[1:], loop[0]], strict=True):
         if a == b:
@@ -209,17 +280,21 @@ def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) ->
 
 
 def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
+    """Number the corners of several rings consecutively."""
     stops = np.cumsum([0, *(len(ring) for ring in rings)])
     return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]
 
 
 def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int, int, int]]:
-    """Counter-clockwise triangles between the corners of a shell and its holes, and no others; points: (k, 2)."""
+    """Triangulate a shell and its holes counter-clockwise without additional points.
+
+    points: (k, 2) coordinates that the loops refer to.
+    """
     rings = [points[list(loop)] for loop in loops]
     if len(loops) == 1 and _fans(rings[0]):
         (loop,) = loops
         return [(loop[0], loop[k], loop[k + 1]) for k in range(1, len(loop) - 1)]
-    # a hole may touch the shell in a corner, which triangulation does not take: drawn in by a hair it does not
+    # A hole may touch the shell in a corner, which the triangulation refuses: shrink holes slightly.
     rings[1:] = [ring + _HAIR * (ring.mean(axis=0) - ring) for ring in rings[1:]]
     number = {
         tuple(p): k for loop, ring in zip(loops, rings, strict=True) for k, p in zip(loop, ring.tolist(), strict=True)
@@ -236,7 +311,7 @@ def _triangles(points: Floats, loops: Sequence[Sequence[int]]) -> list[tuple[int
 
 
 def _fans(ring: Floats) -> bool:
-    """Whether a counter-clockwise outline has a corner at every point and bends to the left at each."""
+    """Return True if a counter-clockwise outline is strictly convex at every corner."""
     after = np.roll(ring, -1, axis=0) - ring
     before = np.roll(after, 1, axis=0)
     bend = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]

@@ -1,4 +1,7 @@
-"""Moments, spins and areas as vectors: the same words in the plane, where those about an axis have one component."""
+"""Cross products and areas as vectors, in the plane and in space.
+
+In the plane, moments and spins have one component, about the out-of-plane axis.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +11,76 @@ from jld_core.arrays import Floats
 
 
 def moment_about(arm: Floats, force: Floats) -> Floats:
-    """arm × force: (…, 2) → (…, 1) about the out-of-plane axis, (…, 3) → (…, 3)."""
+    """Compute the moments arm × force.
+
+    Parameters
+    ----------
+    arm : (…, d) array
+        Lever arms, d = 2 or 3, scene units.
+    force : (…, d) array
+        Forces.
+
+    Returns
+    -------
+    (…, 1) or (…, 3) array
+        Moments: about the out-of-plane axis for d = 2, vectors for d = 3.
+    """
     if arm.shape[-1] == 2:
         return (arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0])[..., None]
     return np.cross(arm, force)
 
 
 def spun(turn: Floats, arm: Floats) -> Floats:
-    """turn × arm, the velocity at an arm (…, d) by a spin (…, 1) in the plane or (…, 3)."""
+    """Compute spin × arm, the velocity of a point of a rotating body.
+
+    Parameters
+    ----------
+    turn : (…, 1) or (…, 3) array
+        Spins, in the plane or in space.
+    arm : (…, d) array
+        Position relative to the centre of rotation, d = 2 or 3.
+
+    Returns
+    -------
+    (…, d) array
+        Velocities.
+    """
     if arm.shape[-1] == 2:
         return np.stack([-turn[..., 0] * arm[..., 1], turn[..., 0] * arm[..., 0]], axis=-1)
     return np.cross(turn, arm)
 
 
 def area_vector(corners: Floats) -> Floats:
-    """(3,) area of a plane polygon (k, 3) along its normal, about which the corners turn counter-clockwise."""
-    # about a corner: far from the origin the plain sum loses digits
+    """Return the area vector of a plane polygon.
+
+    Parameters
+    ----------
+    corners : (k, 3) array
+        Corners in order, scene units.
+
+    Returns
+    -------
+    (3,) array
+        Vector of length area, along the normal about which the corners run counter-clockwise.
+    """
+    # Coordinates relative to a corner: far from the origin, absolute ones lose digits.
     arm = corners - corners[0]
     return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0))
 
 
 def across(normal: Floats) -> Floats:
-    """(2, 3) axes of a plane, right-handed with its unit normal (3,)."""
+    """Return two axes of a plane that form a right-handed frame with its normal.
+
+    Parameters
+    ----------
+    normal : (3,) array
+        Unit normal of the plane.
+
+    Returns
+    -------
+    (2, 3) array
+        Unit axes e1, e2 with e1 × e2 = normal.
+    """
     other = np.eye(3)[int(np.argmin(abs(normal)))]
     one = np.cross(normal, other)
     one = one / np.linalg.norm(one)
@@ -37,7 +88,18 @@ def across(normal: Floats) -> Floats:
 
 
 def frame(vectors: Floats) -> Floats:
-    """(d, d) rows of a right-handed orthonormal frame that starts with d − 1 given vectors."""
+    """Return a right-handed orthonormal frame that starts with d − 1 given vectors.
+
+    Parameters
+    ----------
+    vectors : (d − 1, d) array
+        Independent vectors; Gram–Schmidt makes the second orthogonal to the first.
+
+    Returns
+    -------
+    (d, d) array
+        Axes, as rows.
+    """
     first = vectors[0] / np.linalg.norm(vectors[0])
     if len(first) == 2:
         return np.array([first, [-first[1], first[0]]])

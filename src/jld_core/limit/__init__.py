@@ -1,57 +1,57 @@
-"""A raw answer → a proof: bounds, repairs, status, result.
+"""Limit analysis of labelled assemblies: proven bounds on λ, results and relaxations.
 
-- `FLOOR_SECONDS`: processor time for the bound below every λ without dilation
-- `FALLBACKS`: what `LimitAnalysis.prove` tries by default, from the top down
-- `AnyBlockRelaxation`: the relaxation by blocks, under one load or several
-- `AnyRelaxation`: what refutes partial labellings, under one load or several
-- `Asked`: what `BlockRelaxation.choose` is asked: blocks allowed, λ to reach, λ that is not exceeded
-- `Batch`: the batch solver for one limit analysis
-- `BatchAnswers`: what is settled of k labellings
-- `BlockRelaxation`: bounds on λ over all choices of blocks
-- `CaseBlockRelaxation`: the same of the choice of blocks
-- `CaseRelaxation`: bounds on the governing factor where faces are undecided
-- `Choice`: what that relaxation says of some blocks
-- `ProofAttempt`: one labelling on its way up
-- `Condense`: when blocks are taken as rigid: auto, on or off
-- `Contacts`: how dry faces touch: convex or concave
-- `DualBound`: why no labelling that agrees on some faces reaches a λ
-- `MinimizedConflict`: what became of a labelling, or of a neighbour of it, that was shrunk
-- `Friction`: associative or zero-dilation
-- `Governing`: what is known of the governing factor
-- `Known`: what is known of one load case
-- `LimitAnalysis`: one assembly, to be solved under many labellings
+- `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
+- `FALLBACKS`: solution methods that `LimitAnalysis.prove` tries by default, in order
+- `AnyBlockRelaxation`: block relaxation of one load or of several load cases
+- `AnyRelaxation`: relaxation of partial labellings under one load or several load cases
+- `Asked`: arguments of `BlockRelaxation.choose`: allowed blocks, threshold and upper bound on λ
+- `Batch`: batch solver of one limit analysis
+- `BatchAnswers`: bounds and statuses that the batch solver settled for k labellings
+- `BlockRelaxation`: upper bounds on λ over all choices of blocks that cover an assembly
+- `CaseBlockRelaxation`: block relaxation under several load cases
+- `CaseRelaxation`: upper bounds on the governing factor of partial labellings under several load cases
+- `Choice`: result of the block relaxation for one set of allowed blocks
+- `ProofAttempt`: mutable state while fallbacks are tried for one labelling
+- `Condense`: when blocks are modelled as rigid: auto, on or off
+- `Contacts`: contact model of dry faces: convex or concave
+- `DualBound`: mechanism that refutes a λ for every labelling with the same decided faces
+- `MinimizedConflict`: result of minimising the conflict of a labelling or of one of its neighbours
+- `Friction`: friction model: associative or zero-dilation
+- `Governing`: status and bounds of the governing factor
+- `Known`: status and bounds of one load case
+- `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
-- `Motion`: velocities with their jumps, margin and bound
-- `Movement`: what a face does in a mechanism
-- `Movements`: how far faces move in the mechanisms of many labellings
-- `Proof`: what has been proven of one labelling, and by what
-- `Prover`: raw points and multipliers → checked bounds
-- `Relaxation`: bounds on λ where some faces are undecided
-- `Repair`: auxiliary programs that make an answer admissible
-- `Fallback`: one way to a proof
-- `Settled`: what a settlement leaves
-- `SolveOptions`: what is modelled, as on the command line
-- `State`: forces and λ with their slack and error
-- `Status`: collapse, locked, unstable or uncertified
-- `Thrust`: one end of the range
-- `apart`: whether two brackets of one λ have nothing in common
-- `applies_to`: whether there is a relaxation by blocks
-- `block_relaxation_of`: the relaxation by blocks of a structure under its load or all of its cases
-- `crossed`: whether two bounds contradict each other
-- `displacement`: velocities of points that move with an element
-- `element_velocities`: scaled velocities → scene units
-- `exceeds`: whether a layout carries more than a bound on all layouts
-- `face_jumps`: velocities → jumps of the faces
-- `face_motions`: what each face does in a mechanism
-- `governing`: the governing factor of a labelling from what is known of its load cases
-- `governing_result`: results of load cases → the result of the structure
-- `load_scale`: λ below which differences are no matter
-- `number`: a JSON number, or null
-- `reactions`: (k, q) what interfaces put on some elements (k,), supports too, about their centroids
-- `relative_width`: width of a bracket, relative
-- `relaxation_of`: the relaxation of a structure under its load or all of its cases
-- `result_of`: a proof → a result in scene units
-- `settle`: the range of thrust that a settlement leaves, and the mechanisms at its ends; associative, convex contact
+- `Motion`: velocities with their jumps, margin and upper bound on λ
+- `Movement`: kind of movement of a face in a mechanism
+- `Movements`: computes how far each face moves in the mechanisms of many labellings
+- `Proof`: bounds, status and solve log of one labelling
+- `Prover`: turns raw solver points and multipliers into checked bounds
+- `Relaxation`: upper bounds on λ of partial labellings, where some faces are undecided
+- `Repair`: auxiliary programs that make a solver's answer admissible
+- `Fallback`: one named solution method with the condition under which it is tried
+- `Settled`: range of thrust after a support movement
+- `SolveOptions`: model and solver options, as on the command line
+- `State`: forces and λ with their slack and equilibrium error
+- `Status`: outcome of a limit analysis: collapse, locked, unstable, uncertified or failed
+- `Thrust`: least or greatest thrust after a support movement
+- `apart`: return whether two brackets of one λ are disjoint
+- `applies_to`: return whether a block relaxation of an assembly exists
+- `block_relaxation_of`: create the block relaxation of a structure, for its load or all its load cases
+- `crossed`: return whether a lower and an upper bound contradict each other
+- `displacement`: compute velocities of points that move with an element
+- `element_velocities`: convert scaled velocities to scene units
+- `exceeds`: return whether a proven lower bound contradicts an upper bound
+- `face_jumps`: compute the velocity jumps of all faces in a mechanism
+- `face_motions`: classify the movement of each face in a mechanism
+- `governing`: compute the governing factor of a labelling from its load cases
+- `governing_result`: combine the results of load cases into the result of the structure
+- `load_scale`: compute the λ below which differences are negligible
+- `number`: convert a float to a JSON number or null
+- `reactions`: compute the resultants (k, q) of the interface forces on k elements, supports included
+- `relative_width`: compute the relative width of a bracket
+- `relaxation_of`: create the relaxation of a structure, for its load or all its load cases
+- `result_of`: convert a proof to a result in scene units
+- `settle`: compute the range of thrust after a support movement, and the mechanisms at its ends
 """
 
 from __future__ import annotations

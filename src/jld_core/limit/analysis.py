@@ -29,13 +29,30 @@ from jld_core.threads import one_thread
 
 
 class LimitAnalysis:
-    """Limit analysis of one assembly under any of its labellings: convex contact, associative friction.
+    """Limit analysis of one assembly under any labelling, with associative friction.
 
-    assembly: the structure. solver, gap, inner_bending: see `SolveOptions`. margin: see `Template.program`. reference:
-    (m,) labelling that solvers are set up on. template: where it exists already. single: one labelling is all that
-    will be asked, so the batch solver is made for it alone where that is the quicker way. Structure, scaling and
-    projectors
-    are built once; the answer for a labelling does not depend on what was solved before it.
+    Contacts are convex. Structure, scaling and projectors are built once. The result for a labelling does not depend on
+    earlier solves.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure to analyse.
+    solver : str or Solver
+        Solver of the first attempt, see `SolveOptions`.
+    gap : float
+        Relative width of the bracket above which a result is uncertified.
+    inner_bending : {"paper", "kern"}
+        Bending of inner faces, see `SolveOptions`.
+    margin : float or None
+        Slack kept in every yield row while solving, scaled, see `Template.program`. Default: that of the template.
+    reference : (m,) bool array or None
+        Labelling, True = dry, on which solvers are set up. Default: all faces dry.
+    template : Template or None
+        Template of the assembly, if it exists already.
+    single : bool
+        State that only one labelling will be analysed. The batch solver is then made for it alone, where that is
+        faster.
     """
 
     def __init__(
@@ -68,7 +85,11 @@ class LimitAnalysis:
 
     @cached_property
     def batch(self) -> BatchSolver | None:
-        """The batch solver for labellings of this analysis, where there is one that knows its rows."""
+        """Return the batch solver for labellings of this analysis.
+
+        None with a named solver, without the compiled library, or where the batch solver does not support the yield
+        rows.
+        """
         if self.options.solver != "auto" or chosen() is None or not fits(self.template):
             return None
         plain = self.repair.expansion() if self.single else None
@@ -79,17 +100,45 @@ class LimitAnalysis:
 
     @property
     def quick(self) -> bool:
-        """Is a batch solver made and asked sooner than a solver answers one labelling?"""
+        """Return True if the batch solver is faster for one labelling than one solver call.
+
+        The time includes creating the batch solver.
+        """
         return self.assembly.dimension == 3 and ALONE[0] <= len(self.assembly.interfaces) <= ALONE[1]
 
     def under(self, template: Template, reference: Bits) -> LimitAnalysis:
-        """An analysis of the same assembly by another template of it; reference: (m,) labelling it is set up on."""
+        """Create an analysis of the same assembly with another template.
+
+        Parameters
+        ----------
+        template : Template
+            Template of the same assembly.
+        reference : (m,) bool array
+            Labelling, True = dry, on which solvers are set up.
+
+        Returns
+        -------
+        LimitAnalysis
+            Analysis with the same gap and default solver options.
+        """
         return LimitAnalysis(self.assembly, template=template, gap=self.gap, reference=reference)
 
     def prove(self, labels: Bits, ladder: tuple[Fallback, ...] = FALLBACKS, *, stands: bool = False) -> Proof:
-        """Proof of one labelling, by as many rungs as it takes.
+        """Prove bounds on λ for one labelling, with fallbacks only where they are needed.
 
-        labels: (m,) True dry. stands: also decide whether it stands at λ = 0.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+        ladder : tuple of Fallback
+            Solution methods, in the order in which they are tried.
+        stands : bool
+            Also decide whether λ = 0 is admissible.
+
+        Returns
+        -------
+        Proof
+            Bounds and status, scaled.
         """
         start = time.perf_counter()
         proof = ProofAttempt(self, labels).up(ladder)
@@ -100,7 +149,18 @@ class LimitAnalysis:
         return proof
 
     def judge(self, proof: Proof) -> Status:
-        """The status that a proof amounts to."""
+        """Return the status that a proof supports.
+
+        Parameters
+        ----------
+        proof : Proof
+            Bounds of one labelling.
+
+        Returns
+        -------
+        Status
+            Unstable, locked, collapse or uncertified.
+        """
         falls = proof.motion is not None and proof.motion.bound < -proof.motion.noise and not proof.crossed
         if proof.collapse_below_zero is not None or falls:
             return Status.UNSTABLE
@@ -111,16 +171,38 @@ class LimitAnalysis:
         return Status.UNCERTIFIED
 
     def unloaded(self, labels: Bits) -> State | None:
-        """Without dead load no force at all is a state, at λ = 0: exact where rounding leaves nothing else."""
+        """Return the exact state without forces at λ = 0, or None if there is dead load.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State or None
+            State with error zero.
+        """
         if self.template.dead.any():
             return None
         nothing = np.zeros(self.template.scaling.face.shape)
         return State(nothing, 0.0, float(self.template.yield_set.slack(nothing, labels).min()), 0.0)
 
     def stands(self, labels: Bits, known: State | None = None) -> bool | None:
-        """Is λ = 0 admissible? None where neither a state nor a motion settles it.
+        """Decide whether λ = 0 is admissible.
 
-        labels: (m,) True dry. known: a state of it; λ = 0 lies between it and one that bears the opposite load.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+        known : State or None
+            State of this labelling. λ = 0 lies between a state with λ ≥ 0 and a state that carries the reversed live
+            load.
+
+        Returns
+        -------
+        bool or None
+            True without dead load; None if neither a state nor a motion decides it.
         """
         if not self.template.dead.any():
             return True
@@ -134,10 +216,24 @@ class LimitAnalysis:
 
     @one_thread()
     def solve(self, labels: Bits | None = None, *, stands: bool = True) -> LimitAnalysisResult:
-        """Limit analysis of one labelling, in full.
+        """Run the full limit analysis of one labelling.
 
-        labels: (m,) True dry; default the assembly's own. stands: also decide whether it stands at λ = 0.
-        Raises InputError where a material that the labelling needs is missing.
+        Parameters
+        ----------
+        labels : (m,) bool array or None
+            Labels, True = dry. Default: those of the assembly.
+        stands : bool
+            Also decide whether λ = 0 is admissible.
+
+        Returns
+        -------
+        LimitAnalysisResult
+            λ, bracket, status, forces and mechanism in scene units.
+
+        Raises
+        ------
+        InputError
+            If a material that the labelling needs is missing.
         """
         start = time.perf_counter()
         labels = self.assembly.labels if labels is None else np.asarray(labels, dtype=bool)

@@ -1,4 +1,4 @@
-"""Programs that repairs of a proof are made with, stated from a template's own (`Repair`)."""
+"""Auxiliary programs for repairs, derived from the program of a template."""
 
 from __future__ import annotations
 
@@ -13,25 +13,33 @@ from jld_core.program import ConicProgram, Structure, beginnings, pack
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, auxiliary, is_large
 
 LARGEST: Final = 1e3
-"""Largest force, scaled, of a self-stress that gives a row slack 1. One that needs more, as friction a rounding below
-45° does, counts as none."""
+"""Largest force, scaled, of a self-stress that gives a row slack 1.
+
+A self-stress that needs more counts as none, for example that of friction a rounding error below 45°.
+"""
 
 
 _SIDES: Final = 16
-"""Sides of the polygons inscribed in friction's circles: corners on both axes and between them."""
+"""Number of sides of the polygons inscribed in friction circles, with corners on both axes and between them."""
 
 _SIMPLEX: Final = 6000
-"""Columns up to which a dual simplex is asked."""
+"""Number of columns up to which a dual simplex is used."""
 
 
 def tips_of(structure: Structure) -> Ints:
-    """Rows that carry a slack: every linear yield row (the first linear row bounds λ), then the head of each cone."""
+    """Return the rows that have a slack: all linear yield rows, then the head of each cone.
+
+    The first linear row, which bounds λ, has none.
+    """
     linear = np.arange(structure.equalities + 1, structure.equalities + structure.linear)
     return np.concatenate([linear, structure.heads]).astype(np.int64)
 
 
 def with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
-    """The program that maximises the least slack t ≤ 1 of all yield rows, over λ too unless it is fixed at 0."""
+    """Return the program that maximises the least slack t ≤ 1 of all yield rows.
+
+    λ is a variable, unless `load_fixed` removes its column and so keeps λ = 0.
+    """
     s = program.structure
     matrix = program.matrix.tocsr()
     column = np.zeros(s.shape[0])
@@ -48,9 +56,10 @@ def with_slack(program: ConicProgram, load_fixed: bool = False) -> ConicProgram:
 
 
 def of_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
-    """The program whose other columns are zero: inequalities and cones that ask nothing of those kept are left out.
+    """Return the program restricted to some columns, without the rows that are then empty.
 
-    kept: (columns,). The first inequality, which bounds λ, stays.
+    kept: (columns,) bool, True for each column that stays; the others are zero. Cones stay or go as a whole. The first
+    inequality, which bounds λ, stays.
     """
     s = program.structure
     matrix = program.matrix.tocsr()[:, np.flatnonzero(kept)]
@@ -67,11 +76,26 @@ def of_columns(program: ConicProgram, kept: Bools) -> ConicProgram:
 
 
 def most_slack(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.0) -> tuple[RawSolution, Floats]:
-    """Find a point with as many yield rows slack as can be, and that slack in [0, cap] per row.
+    """Find a point with as many slack yield rows as possible.
 
-    program: supplies the rows; columns: how many of its columns count (all but the last leaves out λ).
-    rhs: (rows,) right-hand side, zero below equilibrium for recession cones. cap: in a cone any slack can be
-    scaled up to 1; elsewhere it must be so small that rows need not compete for slack.
+    Parameters
+    ----------
+    program : ConicProgram
+        Supplies the rows.
+    rhs : (rows,) float array
+        Right-hand side; zero below the equilibrium rows for recession cones.
+    columns : int
+        Number of leading columns that count; all but the last excludes λ.
+    cap : float
+        Largest slack counted per row. In a cone any slack can be scaled up to 1. Otherwise it must be so small that
+        rows do not compete for slack.
+
+    Returns
+    -------
+    raw : RawSolution
+        Solution of the auxiliary program.
+    slack : float array
+        Slack of each row of `tips_of`, in [0, cap].
     """
     raw = auxiliary(_with_slacks(program, rhs, columns, cap))
     return raw, raw.point[columns:]
@@ -79,10 +103,16 @@ def most_slack(program: ConicProgram, rhs: Floats, columns: int, cap: float = 1.
 
 @dataclass(frozen=True)
 class LargestSupport:
-    """A point of the recession cones of a program that leaves as many rows slack as can be.
+    """Point of the recession cones of a program with as many slack rows as possible.
 
-    point: (columns,). slack: (tips,) of each linear row and cone, 1 where there can be some, else 0, but for the
-    solver's residual. values: (rows,) −M y, which show on which ray of a cone the point is.
+    Attributes
+    ----------
+    point : (columns,) float array
+        The point.
+    slack : (tips,) float array
+        Slack of each linear row and cone: 1 where slack is possible, else 0, up to the solver's residual.
+    values : (rows,) float array
+        Values −M y, which give the position of the point in each cone.
     """
 
     point: Floats
@@ -90,7 +120,10 @@ class LargestSupport:
     values: Floats
 
     def ray(self, start: int, size: int, least: float = 0.5) -> Floats | None:
-        """Direction (size − 1,) of the point in the cone whose rows begin at `start`; None where its head is least."""
+        """Return the tail direction (size − 1,) of the point in the cone with first row `start`.
+
+        None where the head of the cone is at most `least`, or where the tail is shorter than half of the head.
+        """
         vector = self.values[start : start + size]
         length = float(np.linalg.norm(vector[1:]))
         return vector[1:] / length if vector[0] > least and length > 0.5 * vector[0] else None
@@ -99,30 +132,33 @@ class LargestSupport:
 def largest_support(
     program: ConicProgram, columns: int, target: Floats | None = None, largest: float = LARGEST
 ) -> LargestSupport:
-    """Find a point of the recession cones with as many rows slack, then heads of cones above zero, as can be.
+    """Find a point of the recession cones with as many slack rows as possible.
+
+    Second, the number of cones with a positive head is maximised.
 
     Parameters
     ----------
     program : ConicProgram
         Supplies the rows.
     columns : int
-        How many of its columns count.
-    target : (equalities,) array, optional
-        Right-hand side of the equations; default zero, a self-stress.
+        Number of leading columns that count.
+    target : (equalities,) float array, optional
+        Right-hand side of the equations; default zero, for a self-stress.
     largest : float
         Bound on every column of the point, infinite for none.
 
     Returns
     -------
     LargestSupport
-        The point, to the solver's residual.
+        The point, exact to the solver's residual.
     """
     s = program.structure
     rhs = np.zeros(s.shape[0])
     if target is not None:
         rhs[: s.equalities] = target
     stated = _with_slacks(program, rhs, columns, 1.0, largest, heads=True)
-    # where the cones have no point inside, full accuracy is out of reach, and half the digits tell 0 from 1 as well
+    # Where the cones have no interior point, full accuracy is out of reach. Half the digits suffice to separate 0 from
+    # 1.
     raw = auxiliary(stated) if is_large(s) else ClarabelSolver(1e-7, iterative_refinement_enable=True).solve(stated)
     point = np.where(np.isfinite(raw.point), raw.point, 0.0)
     tips = len(tips_of(s))
@@ -131,13 +167,25 @@ def largest_support(
 
 
 def polygonal_support(program: ConicProgram, columns: int, target: Floats | None = None) -> LargestSupport | None:
-    """Find a point of largest support in polygons inscribed in the cones, by simplex: exact to rounding.
+    """Find a point of largest support in polygons inscribed in the cones, by simplex.
 
-    The corners of a polygon lie on its cone, along the axes of the face's frame first of all. A self-stress at
-    friction's boundary along an axis, which an interior point knows to half its digits, is a vertex here.
-    Cones of three rows only.
+    The point is exact to rounding. The corners of a polygon lie on its cone, among them those on the axes of the face's
+    frame. A self-stress on the friction boundary along an axis is a vertex here, while an interior-point method finds
+    only half its digits. The method needs cones of three rows.
 
-    program, columns, target: as of `largest_support`. None where there is none, or a cone has other rows.
+    Parameters
+    ----------
+    program : ConicProgram
+        Supplies the rows.
+    columns : int
+        Number of leading columns that count.
+    target : (equalities,) float array, optional
+        Right-hand side of the equations; default zero, for a self-stress.
+
+    Returns
+    -------
+    LargestSupport or None
+        The point; None if there is none, if a cone has another size, or if the program is too large.
     """
     s = program.structure
     if set(s.cones) - {3} or s.shape[1] > _SIMPLEX:
@@ -164,11 +212,29 @@ def polygonal_support(program: ConicProgram, columns: int, target: Floats | None
 
 
 def on_faces(program: ConicProgram, found: LargestSupport, target: Floats, snap: float, least: float = 0.5) -> Floats:
-    """Project a point of largest support on the faces of the cones it lies on, where it is but for the residual.
+    """Project a point of largest support onto the faces of the cones on which it lies.
 
-    Rows without slack become equations, cones at whose tip it is too; in a cone on whose boundary it is, it is taken
-    along its ray. snap: components of a ray's direction below it are zero. least: slack, and head of a cone, up to
-    which there is none; half of what a self-stress can be scaled to, little where the target is not zero.
+    The projection removes the solver's residual. Rows without slack become equations, and so do all rows of a cone at
+    whose tip the point lies. In a cone on whose boundary the point lies, its tail is restricted to its direction.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        Supplies the rows.
+    found : LargestSupport
+        Point to project.
+    target : (equalities,) float array
+        Right-hand side of the equations.
+    snap : float
+        Components of a direction below this value are set to zero.
+    least : float
+        Slack, and head of a cone, up to which it counts as zero. Default: half of the slack to which a self-stress can
+        be scaled. Use a small value where the target is not zero.
+
+    Returns
+    -------
+    (columns,) float array
+        The projected point.
     """
     s, columns = program.structure, len(found.point)
     matrix = program.matrix.tocsr()[:, :columns]
@@ -191,7 +257,7 @@ def on_faces(program: ConicProgram, found: LargestSupport, target: Floats, snap:
 
 
 def snapped(way: Floats, snap: float) -> Floats:
-    """A unit vector whose components below `snap` are zero."""
+    """Set components of a unit vector below `snap` to zero and normalise it again."""
     fine = np.where(abs(way) < snap, 0.0, way)
     return np.asarray(fine / np.linalg.norm(fine))
 
@@ -199,7 +265,10 @@ def snapped(way: Floats, snap: float) -> Floats:
 def _with_slacks(
     program: ConicProgram, rhs: Floats, columns: int, cap: float, largest: float = np.inf, *, heads: bool = False
 ) -> ConicProgram:
-    """The program that maximises the sum of slacks in [0, cap], and of the heads of cones up to 1 where those count."""
+    """Return the program that maximises the sum of slacks in [0, cap].
+
+    With `heads`, heads of cones up to 1 count as well.
+    """
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
     tips = tips_of(s)
@@ -222,19 +291,19 @@ def _with_slacks(
 
 
 def motion_inside(program: ConicProgram, columns: int) -> Floats | None:
-    """Find velocities whose jumps are −Gᵀz with z inside of the dual cones by 1 at least; None if there are none.
+    """Find velocities with jumps −Gᵀz, where z lies at least 1 inside the dual cones.
 
     Parameters
     ----------
     program : ConicProgram
-        Rows E, then the row of λ, which is left out, then G.
+        Rows E, then the row of λ, which is omitted, then G.
     columns : int
-        Those that are balanced, all but that of λ by default.
+        Number of leading columns that are balanced.
 
     Returns
     -------
-    (equalities,) array or None
-        Velocities u with Eᵀu + Gᵀz = 0.
+    (equalities,) float array or None
+        Velocities u with Eᵀu + Gᵀz = 0; None if there are none.
     """
     s = program.structure
     matrix = program.matrix.tocsr()[:, :columns]
@@ -262,11 +331,28 @@ def least_multipliers(
     cones: tuple[int, ...],
     structure: Structure,
 ) -> Floats:
-    """Velocities and multipliers (u, z) of least floor·z with Eᵀu + Gᵀz = 0 and z − floor in the cones.
+    """Compute velocities and multipliers (u, z) of least floor·z.
 
-    equations, yields: E and G, `linear` half-lines before the cones. structure: of the program they are from. NaN
-    where there is none. Large ones are solved from the dual side, min floor·G y, E y = 0, G y + s = floor: a
-    program in forces, whose columns fall apart into faces.
+    They satisfy Eᵀu + Gᵀz = 0, with z − floor in the cones. Large programs are solved as their dual, min floor·G y, E y
+    = 0, G y + s = floor. It is a program in forces, whose columns separate by face.
+
+    Parameters
+    ----------
+    equations, yields : sparse array
+        Matrices E and G; the rows of G are linear, then those of the cones.
+    floor : (rows of G,) float array
+        Lower bound of the multipliers in the sense of the cones.
+    linear : int
+        Number of linear rows of G.
+    cones : tuple of int
+        Sizes of the cones.
+    structure : Structure
+        Structure of the program that the rows come from.
+
+    Returns
+    -------
+    float array
+        u and z, concatenated; NaN if the dual program is unbounded.
     """
     equalities, columns = equations.shape
     if is_large(structure):

@@ -1,4 +1,7 @@
-"""Many labellings of one assembly at once, where the batch solver can: what it leaves open is for `LimitAnalysis`."""
+"""Batch solver for many labellings of one assembly.
+
+`LimitAnalysis` proves the labellings that it leaves open.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,18 @@ from jld_core.limit.status import Status
 
 @dataclass(frozen=True)
 class BatchAnswers:
-    """What is settled of k labellings: settled, falls, locked (k,), and bounds (k,) on scaled λ.
+    """Bounds and statuses that the batch solver settled for k labellings.
 
-    Bounds are NaN where a labelling falls, and the upper one where it is locked.
+    Attributes
+    ----------
+    settled : (k,) bool array
+        True where `status` is conclusive.
+    falls : (k,) bool array
+        True where no λ ≥ 0 is admissible (unstable).
+    locked : (k,) bool array
+        True where λ is unbounded.
+    low, high : (k,) float array
+        Bounds on λ, scaled. Both are NaN where a labelling is unstable; the upper bound is NaN where it is locked.
     """
 
     settled: Bools
@@ -27,7 +39,18 @@ class BatchAnswers:
     high: Floats
 
     def status(self, position: int) -> Status | None:
-        """Of one labelling; None where it is left open."""
+        """Return the status of one labelling.
+
+        Parameters
+        ----------
+        position : int
+            Index of the labelling, from 0 to k − 1.
+
+        Returns
+        -------
+        Status or None
+            Status; None where the batch solver left it open.
+        """
         if not self.settled[position]:
             return None
         if self.falls[position]:
@@ -36,9 +59,22 @@ class BatchAnswers:
 
 
 class Batch:
-    """The batch solver for one limit analysis, for any number of threads at once. lanes: the batch solver itself. load:
-    λ in scene
-    units for each scaled one."""
+    """Batch solver of one limit analysis, safe for concurrent use by several threads.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Supplies the tolerances and the scaling.
+    batch : BatchSolver
+        The compiled batch solver.
+
+    Attributes
+    ----------
+    load : float
+        λ in scene units per scaled λ.
+    batch : BatchSolver
+        The compiled batch solver.
+    """
 
     def __init__(self, analysis: LimitAnalysis, batch: BatchSolver) -> None:
         self._gap, self._floor = analysis.gap, analysis.floor
@@ -47,27 +83,53 @@ class Batch:
 
     @classmethod
     def of(cls, analysis: LimitAnalysis) -> Batch | None:
-        """For analyses whose rows have the batch solver's shape, where there is a batch solver; else None."""
+        """Create the batch solver of an analysis.
+
+        Parameters
+        ----------
+        analysis : LimitAnalysis
+            Analysis of the assembly.
+
+        Returns
+        -------
+        Batch or None
+            Batch solver; None where the analysis has none, see `LimitAnalysis.batch`.
+        """
         return None if analysis.batch is None else cls(analysis, analysis.batch)
 
     @property
     def worthwhile(self) -> bool:
-        """Does the batch solver settle most labellings here?"""
+        """Return True if the batch solver settled at least 80 % of its trial labellings."""
         return self.batch.settles >= 0.8
 
     def prove(self, labellings: Bits) -> BatchAnswers:
-        """Bounds of labellings (k, m), True dry; what stands as settled is what `LimitAnalysis.judge` would settle."""
+        """Compute bounds for many labellings.
+
+        A labelling counts as settled only where `LimitAnalysis.judge` would reach the same status.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        BatchAnswers
+            Scaled bounds and statuses.
+        """
         found = self.batch.solve(labellings)
         low, high = found.low, found.high
         falls, locked = found.verdict == FALLS, found.verdict == LOCKED
         size = np.maximum(abs(low), abs(high))
         with np.errstate(invalid="ignore"):
-            # beside λ itself, or beside the weight of the whole around zero: what is neither a vertex has to tell
+            # Require a width relative to λ itself. A bracket that contains zero is compared with the load scale
+            # instead.
             around = (low <= 0.0) & (high >= 0.0)
             narrow = high - low <= self._gap * np.where(around, np.maximum(size, self._floor), size)
             sound = np.isfinite(low) & np.isfinite(high) & ~np.asarray(crossed(low, high))
         settled = falls | (narrow & sound & ~locked)
-        # an upper bound below zero by more than rounding is a fall; one within it is for others to tell
+        # An upper bound below zero by more than rounding proves instability. One below zero by less than that is left
+        # open.
         edge = ~falls & (high < 0.0)
         settled = (settled & ~edge) | locked
         low, high = np.minimum(low, high), np.maximum(low, high)

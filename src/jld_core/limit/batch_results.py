@@ -1,4 +1,4 @@
-"""What the batch solver says of one labelling, measured as everything else is before it counts."""
+"""Checked use of the batch solver's answer for a single labelling."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from jld_core.limit.bounds import Motion, Prover
 from jld_core.limit.proof import Proof
 
 ALONE: Final = (48, 400)
-"""Spatial faces between which the batch solver is quicker for one labelling too, its making included. Source:
-benchmarks/results/lanes_single.md."""
+"""Least and largest number of faces of a spatial assembly for which the batch solver is faster for one labelling.
+
+Its setup is included. Source: benchmarks/results/lanes_single.md.
+"""
 
 
 def offer(
     found: BatchResults, labels: Bits, proof: Proof, prover: Prover, opening: Callable[[], Motion | None]
 ) -> None:
-    """Offer a proof the state, and the motion or the ray, of a labelling (m,) that the batch solver settled alone.
+    """Offer a proof what the batch solver found for one labelling (m,).
 
-    opening: a motion that opens all faces, asked for where a margin lacks.
+    The offer consists of the state, and of the motion or the ray.
+    opening: returns a motion that opens all faces; called only where a margin is negative.
     """
     if found.verdict[0] not in (PROVEN, LOCKED) or found.forces is None:
         return

@@ -1,5 +1,7 @@
-"""The relaxation by blocks of planar wedges in the batch solver: mechanisms for many choices of allowed blocks at
-once."""
+"""Block relaxation of planar wedges in the batch solver.
+
+It solves the programs of many sets of allowed blocks at once.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,21 @@ from jld_core.mechanics import CoulombWedge
 
 @dataclass(frozen=True)
 class Multipliers:
-    """What a solver says of one choice. velocity: (k, q) of parts. wall: (f, q) of shared faces. price, portion: (n,)
-    of elements. share: (p,) x of every block. solved: whether a bound can be
-    expected of it, as good as it gets; else it may be that it is below the threshold."""
+    """Primal and dual values that a solver returned for one set of allowed blocks.
+
+    Attributes
+    ----------
+    velocity : (k, q) float array
+        Velocities of the parts.
+    wall : (f, q) float array
+        Velocities of the shared faces.
+    price, portion : (n,) float array
+        Dual numbers v and σ of the elements.
+    share : (p,) float array
+        x of every block.
+    solved : bool
+        True if the values are final; if False, a further solve may give a better bound.
+    """
 
     velocity: Floats
     wall: Floats
@@ -32,7 +46,19 @@ class Multipliers:
 
 
 class BatchBlockProgram:
-    """The program of all possible blocks in the batch solver, for any number of threads at once."""
+    """Program of all possible blocks in the batch solver.
+
+    It is safe for concurrent use by several threads.
+
+    Parameters
+    ----------
+    parts : BlockParts
+        Parts, sides and joints of the possible blocks.
+    blocks : sequence of BlockColumns
+        Columns of each block.
+    places : (f + n, d) float array
+        Positions of the shared faces, then of the elements.
+    """
 
     def __init__(self, parts: BlockParts, blocks: Sequence[BlockColumns], places: Floats) -> None:
         self._elements = Q * (parts.shared + np.arange(parts.elements))
@@ -46,7 +72,11 @@ class BatchBlockProgram:
     def of(
         cls, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, centroids: Floats
     ) -> BatchBlockProgram | None:
-        """centroids: (n, d) of the elements. None where there is no batch solver, or the program has another shape."""
+        """Create the program; None where the batch solver does not support it.
+
+        Without the compiled library there is no batch solver.
+        centroids: (n, d) of the free elements.
+        """
         if chosen() is None:
             return None
         blocks = columns_of(parts, dry, inner)
@@ -61,8 +91,23 @@ class BatchBlockProgram:
     def solve(
         self, allowed: Bools, thresholds: Floats, most: Floats, pool: ThreadPoolExecutor | None = None
     ) -> list[Multipliers]:
-        """Of choices (k, p) of allowed blocks. thresholds, most: (k,) scaled λ, see `WholeProgram.of`. pool: one more
-        thread, which takes half of what is more than a register has lanes: fewer would take it as long as all."""
+        """Solve the programs of k sets of allowed blocks.
+
+        Parameters
+        ----------
+        allowed : (k, p) bool array
+            Blocks that may be chosen.
+        thresholds, most : (k,) float array
+            Scaled λ to reach, and scaled λ that is not exceeded, see `WholeProgram.of`.
+        pool : ThreadPoolExecutor or None
+            Supplies one more thread, which takes half of the full registers. A single register is not split, because a
+            partly filled register takes as long as a full one.
+
+        Returns
+        -------
+        list of Multipliers
+            Values for each set.
+        """
         width = self._batch.width
         registers = -(-len(allowed) // width)
         here = width * (registers if pool is None else -(-registers // 2))
@@ -76,6 +121,7 @@ class BatchBlockProgram:
         return [self._multipliers(answers, k) for answers in found for k in range(len(answers.state))]
 
     def _multipliers(self, answers: BlockAnswers, k: int) -> Multipliers:
+        """Return the values of the set with index k."""
         shared = answers.shared[k]
         return Multipliers(
             velocity=-answers.own[k][self._balance],
@@ -88,7 +134,10 @@ class BatchBlockProgram:
 
 
 def _balance(parts: BlockParts, blocks: Sequence[BlockColumns]) -> Ints:
-    """(k, q) own rows, of all blocks, in which parts are in equilibrium: the first ones of their block."""
+    """Return the equilibrium rows (k, q) of the parts among the own rows of all blocks.
+
+    They are the first rows of each block.
+    """
     begin = np.concatenate([[0], np.cumsum([one.own for one in blocks])])
     first = np.searchsorted(parts.part_block, parts.part_block)
     place = begin[parts.part_block] + Q * (np.arange(len(first)) - first)

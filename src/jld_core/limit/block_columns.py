@@ -1,8 +1,9 @@
-"""The program of the relaxation by blocks as columns of single blocks, in standard form, for the batch solver.
+"""Columns of the block relaxation per block, in standard form, for the batch solver.
 
-What `BlockProgram` states with rows that bound a variable by a block's share is stated here by columns: the load factor
-of a block is between two bounds as its share is the sum of two parts, one at each; shear between ±τA x as x is the sum
-of two parts, one with each sign, and so on. Multipliers of the rows that both have are the same.
+`BlockProgram` has rows that bound a variable by a block's share x; here columns express the same bounds. The load
+factor of a block lies between two bounds because its share is the sum of two parts, one at each bound. Shear lies
+between ±τA x because x is the sum of two parts, one with each sign, and so on. The multipliers of the rows that both
+forms have are equal.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from jld_core.limit.block_parts import BlockParts, Q
 from jld_core.mechanics import CoulombWedge
 
 Column = tuple[list[int], list[float]]
+"""Rows and values of the entries of one column."""
 
 
 def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> list[BlockColumns] | None:
-    """Columns of every block; None where shear of a joint has no strength without compression.
+    """Create the columns of every block.
 
-    Shared rows: three for each face that is shared, then three for each element: the cover, the share of λ, nothing.
+    None where a joint has no shear strength without compression. Shared rows: three for each shared face, then three
+    for each element: cover, share of λ, unused.
     """
     if np.any(inner.cohesion[parts.joint_face] < inner.friction[parts.joint_face] * inner.tension[parts.joint_face]):
         return None
@@ -32,7 +35,10 @@ def columns_of(parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> lis
 
 
 class _Block:
-    """One block: its parts (k,), sides (s,) and joints (j,), by their places in `BlockParts`."""
+    """Builder of the columns of one block.
+
+    Parts (k,), sides (s,) and joints (j,) are indices in `BlockParts`.
+    """
 
     def __init__(
         self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge, own: Ints, sides: Ints, joints: Ints
@@ -52,7 +58,7 @@ class _Block:
         self._columns: list[Column] = []
 
     def columns(self) -> BlockColumns:
-        """Its columns: of each side, of each joint."""
+        """Create the columns of the block: those of each side, then those of each joint."""
         parts = self._parts
         for side in self._sides.tolist():
             self._add_side(side)
@@ -72,7 +78,7 @@ class _Block:
         return BlockColumns(self._rows, np.array(list(self._shared), dtype=np.int64), columns, of_x, of_load)
 
     def _add_side(self, side: int) -> None:
-        """Rays of a dry face, over their size, and corners of its cohesion."""
+        """Add the columns of a dry side: normalised rays, and both corners of its cohesion."""
         face = int(self._parts.side_face[side])
         mu = float(self._dry.friction[face])
         size = max(1.0, mu)
@@ -83,7 +89,7 @@ class _Block:
                 self._push(side, np.array([0.0, sign * self._dry.cohesion[face], 0.0]), self._stuck[side])
 
     def _push(self, side: int, force: Floats, row: int | None = None) -> None:
-        """A column of a force at a side, which counts 1 in a row besides."""
+        """Add the column of a force at a side, with an entry 1 in one more row if given."""
         parts = self._parts
         at = self._place[int(parts.side_part[side])]
         found = [(at + k, value) for k, value in enumerate((parts.arm[side] @ force).tolist())]
@@ -94,7 +100,10 @@ class _Block:
         self._keep(found, row)
 
     def _add_joint(self, joint: int, of_x: Floats) -> None:
-        """Rays of N' = N + σtA x, corners of V where N' is zero, and what that adds to the column of x."""
+        """Add the columns of a joint.
+
+        They are rays of N' = N + σtA x, and both corners of V at N' = 0. The term σtA is added to the column of x.
+        """
         inner, face = self._inner, int(self._parts.joint_face[joint])
         lean, mu = 1.0 / inner.bending, float(inner.friction[face])
         strength = float(inner.cohesion[face] - mu * inner.tension[face])
@@ -107,7 +116,7 @@ class _Block:
             of_x[row] += value
 
     def _bending(self, joint: int, force: Floats) -> list[tuple[int, float]]:
-        """What a force at a joint does to both parts."""
+        """Return the entries of a force at a joint in the equilibrium of both parts."""
         parts = self._parts
         ends = ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b))
         found: dict[int, float] = {}
@@ -118,6 +127,7 @@ class _Block:
         return list(found.items())
 
     def _keep(self, found: list[tuple[int, float]], row: int | None = None) -> None:
+        """Store a column without its zero entries, with an entry 1 in one more row if given."""
         found = sorted([*found, *([] if row is None else [(row, 1.0)])])
         found = [(at, value) for at, value in found if value != 0.0]
         self._columns.append(([at for at, _ in found], [value for _, value in found]))

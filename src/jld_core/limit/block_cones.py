@@ -1,8 +1,7 @@
-"""The conic program of the relaxation by blocks, of faces of any yield set: those of spatial scenes, and planar ones
-that crush.
+"""Conic program of the block relaxation for any yield set.
 
-Each block carries a copy of the rows of every face it touches, in x times the set: s = x h − G F. Rows and columns are
-those of `RowPattern`, once for each side and joint.
+It serves spatial faces, and planar faces that crush. Each block has a copy of the rows of every face it touches, in x
+times the set: s = x h − G F. Rows and columns are those of `RowPattern`, once for each side and joint.
 """
 
 from __future__ import annotations
@@ -19,7 +18,11 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class _Copies:
-    """Copies of faces under one label. face, block: (k,). column: (k, q) of the resultants. active: (k, q)."""
+    """Copies of faces under one label for single blocks.
+
+    face, block: (k,) face and block of each copy. column: (k, q) columns of its resultants. active: (k, q) whether a
+    resultant is used.
+    """
 
     face: Ints
     block: Ints
@@ -28,11 +31,24 @@ class _Copies:
 
 
 class ConeProgram(WholeProgram):
-    """min −λ under the conditions of docs/method.md (6.5), (6.6), where faces are no wedges.
+    """Program min −λ of the block relaxation for any yield set.
 
-    Columns: x of each block, resultants and extra variables of each side, of each joint, λ of each block times x, λ.
-    Rows: every element is covered once, the shares of λ agree, the forces on shared faces agree, each part is in
-    equilibrium, linear rows, cones. shape, x, cover, share, agree, balance: as of `BlockProgram`.
+    Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; resultants and extra variables of each side,
+    then of each joint; λ of each block times x; λ. Rows: cover of every element, equal shares of λ, equal forces on
+    shared faces, equilibrium of each part, linear rows, cones. Attributes `shape`, `x`, `cover`, `share`, `agree`,
+    `balance`: as in `BlockProgram`.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+    parts : BlockParts
+        Parts, sides and joints of the possible blocks.
+
+    Raises
+    ------
+    TypeError
+        If cones have different sizes.
     """
 
     def __init__(self, template: Template, parts: BlockParts) -> None:
@@ -95,21 +111,24 @@ class ConeProgram(WholeProgram):
         self._cone = sizes.pop() if sizes else 1
 
     def _copies(self, columns: Places, face: Ints, block: Ints, active: Bools) -> _Copies:
-        """Columns of copies of faces (k,) for blocks (k,): resultants, and the extra variables of those faces."""
+        """Create the columns of copies of faces (k,) for blocks (k,).
+
+        They are the resultants, and the extra variables of those faces.
+        """
         q = self._template.assembly.freedoms
         number = np.array([len(one) for one in self._own_columns], dtype=np.int64)[face]
         given = columns.of(np.repeat(block, number))
         begin = given[0] + np.cumsum(number) - number if len(given) else np.zeros(len(face), dtype=np.int64)
-        # the resultants stand first among the columns of a face
+        # The resultants come first among the columns of a face.
         return _Copies(face, block, begin[:, None] + np.arange(q), active[face])
 
     def _sets(self, rows: Places, copies: _Copies, *, dry: bool, linear: bool) -> None:
-        """Rows x h − G F of copies: the linear ones, or the cones."""
+        """Add the rows x h − G F of copies: either the linear rows or the cones."""
         pattern = self._template.yield_set.pattern
         count = len(self._template.assembly.interfaces)
         values, rhs = (pattern.dry, pattern.h_dry) if dry else (pattern.inner, pattern.h_inner)
         wanted = (np.arange(len(rhs)) < pattern.linear) == linear
-        if linear:  # rows that this label does not use
+        if linear:  # Leave out rows that this label does not use.
             wanted &= np.bincount(pattern.row, weights=abs(values), minlength=len(rhs)) > 0.0
         own_rows = _lists(pattern.row_face[wanted], np.flatnonzero(wanted), count)
         place_row = np.zeros(len(rhs), dtype=np.int64)
@@ -136,7 +155,10 @@ class ConeProgram(WholeProgram):
 
 
 def _lists(face: Ints, value: Ints, count: int, freedoms: int = 0) -> list[Ints]:
-    """For each of so many faces the values (k,) that belong to it, each once, ascending, its resultants among them."""
+    """Return for each of `count` faces its distinct values (k,) in ascending order.
+
+    With `freedoms` > 0 the indices of the face's resultants are included.
+    """
     face = np.concatenate([face, np.repeat(np.arange(count), freedoms)])
     value = np.concatenate([value, np.arange(count * freedoms)])
     pairs = np.unique(np.column_stack([face, value]), axis=0)

@@ -1,4 +1,4 @@
-"""What a proof by blocks asks of faces under one label, for many jumps at faces named, of any yield set."""
+"""Margins and dissipation of jumps at selected faces under one label."""
 
 from __future__ import annotations
 
@@ -14,21 +14,27 @@ from jld_core.program import Template
 
 
 class BlockFaces(Protocol):
-    """Faces under one label. Jumps are scaled."""
+    """Interface to the margins and dissipation of faces under one label, for scaled jumps."""
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """(k,) least slack of the conditions for D of jumps (k, q) at faces (k,) to be finite."""
+        """Return the least slack (k,) of the conditions for finite dissipation.
+
+        jumps: (k, q). faces: (k,) index of the face of each jump.
+        """
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """(k,) D of jumps (k, q) whose margin is not negative."""
+        """Return the dissipation (k,) of jumps (k, q) with non-negative margin, at faces (k,)."""
 
     def strength(self, faces: Ints) -> Floats:
-        """(k,) what D grows by at the most, beside the size of a jump."""
+        """Return the largest growth (k,) of the dissipation of faces (k,) per unit of jump size."""
 
 
 @dataclass(frozen=True)
 class FacesOfSets:
-    """Faces of any yield set. sets: of m faces. dry: under which label. strengths: (m,) see `BlockFaces.strength`."""
+    """Faces of any yield set under one label.
+
+    sets: yield sets of m faces. dry: True for the dry label. strengths: (m,) see `BlockFaces.strength`.
+    """
 
     sets: YieldSet
     dry: bool
@@ -36,7 +42,7 @@ class FacesOfSets:
 
     @classmethod
     def of(cls, template: Template, *, dry: bool) -> FacesOfSets:
-        """The faces of a template."""
+        """Create the faces of a template under one label."""
         assembly, scaling = template.assembly, template.scaling
         known = assembly.strengths
         per_area = (known.cohesion, known.crush_dry) if dry else (known.tension, known.shear, known.crush_inner)
@@ -44,16 +50,22 @@ class FacesOfSets:
         return cls(template.yield_set, dry, np.asarray(size * assembly.interfaces.area / scaling.force))
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the margins, see `BlockFaces.margin`."""
         return self._each(self.sets.margin, jumps, faces)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
+        """Return the dissipation, see `BlockFaces.dissipation`."""
         return self._each(self.sets.dissipation, jumps, faces)
 
     def strength(self, faces: Ints) -> Floats:
+        """Return the strengths, see `BlockFaces.strength`."""
         return np.asarray(self.strengths[faces])
 
     def _each(self, measure: Callable[[Floats, Bits], Floats], jumps: Floats, faces: Ints) -> Floats:
-        """Measures of jumps (k, q), as many at a time as there are faces: a yield set speaks of all of them at once."""
+        """Evaluate a measure of jumps (k, q) at faces (k,).
+
+        A yield set evaluates all faces at once, so every pass holds at most one jump per face.
+        """
         found = np.empty(len(faces))
         count = len(self.strengths)
         labels = np.full(count, self.dry)

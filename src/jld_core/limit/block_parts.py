@@ -1,4 +1,4 @@
-"""The possible blocks of an assembly, taken apart: what moves, and where its faces open or rub."""
+"""Parts, sides and joints of the possible blocks of an assembly."""
 
 from __future__ import annotations
 
@@ -14,20 +14,39 @@ from jld_core.limit.bounds import Motion
 from jld_core.program import Template
 
 Q: Final = 3
-"""Equations of an element, and resultants of a face, of planar assemblies; in space twice as many."""
+"""Number of equations per element, and of resultants per face, in planar assemblies; spatial ones have 6."""
 
 
 @dataclass(frozen=True)
 class BlockParts:
-    """Struct of arrays over k parts (an element of a block), s sides (a part and a face around its block) and j joints
-    (a face inside a block), of p blocks over n free elements and f faces between two of them; scaled as in `Template`.
-    q: equations of an element, 3, in space 6.
+    """Struct of arrays over the parts, sides and joints of p possible blocks.
 
-    part_block, part_element: (k,) block, and place among the free elements. side_part, side_face, side_block: (s,).
-    side_shared: (s,) number of the side's face among those between free elements, −1 where a support lies behind.
-    sign: (s,) 1 where the part is element a of its face, −1 where it is b. arm: (s, q, q) what the face's resultants do
-    to the part. joint_block, joint_face: (j,). joint_a, joint_b: (j,) parts on either side, arm_a, arm_b: (j, q, q).
-    dead, live: (k, q) loads on parts.
+    All values are scaled as in `Template`. A part is an element of a block. A side is a part and a face around its
+    block. A joint is a face inside a block. Counts: k parts, s sides, j joints, n free elements, f faces between two
+    free elements; q = 3, in space 6.
+
+    Attributes
+    ----------
+    blocks, elements, shared : int
+        Counts p, n and f.
+    part_block, part_element : (k,) int array
+        Block of each part, and index of its element among the free elements.
+    side_part, side_face, side_block : (s,) int array
+        Part, face and block of each side.
+    side_shared : (s,) int array
+        Index of the side's face among the f shared faces; −1 where the other side is a support.
+    sign : (s,) float array
+        1 where the part is element a of its face, −1 where it is element b.
+    arm : (s, q, q) float array
+        Matrix from the resultants of the face to the equilibrium of the part.
+    joint_block, joint_face : (j,) int array
+        Block and face of each joint.
+    joint_a, joint_b : (j,) int array
+        Parts on either side of each joint.
+    arm_a, arm_b : (j, q, q) float array
+        Matrices from the resultants of the joint to the equilibrium of both parts.
+    dead, live : (k, q) float array
+        Loads on the parts.
     """
 
     blocks: int
@@ -51,19 +70,25 @@ class BlockParts:
     live: Floats
 
     def jumps(self, velocity: Floats, wall: Floats) -> tuple[Floats, Floats]:
-        """Half jumps (s, q) at the sides and jumps (j, q) at the joints, of parts (k, q) and shared faces (f, q)."""
-        still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # number −1: supports do not move
+        """Compute half jumps (s, q) at the sides and jumps (j, q) at the joints.
+
+        velocity: (k, q) of the parts. wall: (f, q) of the shared faces.
+        """
+        still = np.vstack([wall, np.zeros((1, wall.shape[1]))])  # Index −1 stands for supports, which do not move.
         half = self.own(velocity) + self.sign[:, None] * still[self.side_shared]
         inner = np.einsum("kij,ki->kj", self.arm_a, velocity[self.joint_a])
         inner += np.einsum("kij,ki->kj", self.arm_b, velocity[self.joint_b])
         return half, inner
 
     def own(self, velocity: Floats) -> Floats:
-        """(s, q) what a part's velocity adds to the jumps at its sides."""
+        """Compute the contribution (s, q) of the parts' velocities to the jumps at their sides."""
         return np.asarray(np.einsum("kij,ki->kj", self.arm, velocity[self.side_part]))
 
     def halved(self, motion: Motion) -> tuple[Floats, Floats]:
-        """A motion as velocities of parts (k, q) and of shared faces (f, q), each halfway between its two sides."""
+        """Convert a motion to velocities of parts (k, q) and of shared faces (f, q).
+
+        Each face moves halfway between its two sides.
+        """
         q = self.dead.shape[1]
         velocity = motion.velocity.reshape(-1, q)[self.part_element]
         wall, known = np.zeros((self.shared, q)), self.side_shared >= 0
@@ -72,13 +97,23 @@ class BlockParts:
         return velocity, wall
 
     def speed(self, velocity: Floats) -> Floats:
-        """(j,) size of what makes up the jumps at the joints, before terms cancel."""
+        """Return the size (j,) of the terms of the jumps at the joints, before they cancel."""
         size = np.einsum("kij,ki->k", abs(self.arm_a), abs(velocity[self.joint_a]))
         return np.asarray(size + np.einsum("kij,ki->k", abs(self.arm_b), abs(velocity[self.joint_b])))
 
 
 def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Sequence[Sequence[int]]) -> BlockParts:
-    """The parts of blocks. members: elements of each. inside: faces inside each."""
+    """Create the parts, sides and joints of possible blocks.
+
+    Parameters
+    ----------
+    template : Template
+        Supplies the assembly, the equilibrium matrix and the loads.
+    members : sequence of sequences of int
+        Elements of each block.
+    inside : sequence of sequences of int
+        Faces inside each block.
+    """
     assembly = template.assembly
     q = assembly.freedoms
     free, faces = assembly.elements.free, assembly.interfaces
@@ -129,7 +164,10 @@ def block_parts(template: Template, members: Sequence[Sequence[int]], inside: Se
 
 
 def _arms(matrix: sp.csr_array, element: Ints, face: Ints, q: int) -> Floats:
-    """A_eq (k, q, q) of elements (k,), by place among the free ones, and faces (k,)."""
+    """Return the matrix blocks (k, q, q) of A_eq for elements (k,) and faces (k,).
+
+    Elements are indices among the free elements.
+    """
     if not len(element):
         return np.zeros((0, q, q))
     rows = (q * element[:, None] + np.arange(q))[:, :, None]

@@ -1,4 +1,4 @@
-"""The linear program of the relaxation by blocks, over all possible blocks, and its part over those allowed."""
+"""Linear program of the block relaxation, and its restriction to allowed blocks."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from jld_core.mechanics import CoulombWedge
 from jld_core.program import ConicProgram, pack
 
 LEAST: Final = 0.5
-"""Share of the threshold that the λ of every block must reach: nearer to one the relaxation is tighter, but then it
-has often no point at all, and proofs of that are worse than those of a low λ."""
+"""Share of the threshold that the λ of every block must reach.
+
+Values nearer to 1 make the relaxation tighter. The program is then often infeasible, and an infeasibility proof gives a
+worse bound than a low λ.
+"""
 
 
 class WholeProgram:
-    """Rows and columns of all possible blocks, of which `of` takes those of the allowed ones.
+    """Program of all possible blocks, from which `of` selects that of the allowed blocks.
 
-    Rows: equations up to `_equalities`, linear ones up to `_linear`, then cones of `_cone` each. `_most`, `_least`:
-    entries that hold the bounds on the λ of each block.
+    Rows are equations up to `_equalities`, linear inequalities up to `_linear`, then cones of `_cone` rows each.
+    `_most` and `_least` are the entries with the bounds on the λ of each block.
     """
 
     shape: tuple[int, int]
@@ -36,21 +39,34 @@ class WholeProgram:
     _cone: int
 
     def of(self, allowed: Bools, threshold: float, most: float) -> tuple[ConicProgram, Ints, Ints]:
-        """The program of the allowed blocks (p,) alone, and which rows and columns of the whole it has.
+        """Create the program of the allowed blocks.
 
-        threshold, most: scaled λ; every block's own is sought between a share `LEAST` of the one and the other.
+        Parameters
+        ----------
+        allowed : (p,) bool array
+            Blocks that may be chosen.
+        threshold, most : float
+            Scaled λ. The λ of each block is bounded by the share `LEAST` of `threshold` from below and by `most` from
+            above.
+
+        Returns
+        -------
+        program : ConicProgram
+            The program.
+        rows, columns : int array
+            Indices of its rows and columns in the program of all blocks.
         """
         row, column, value = self._table
         value = value.copy()
         value[self._most] = -most
         value[self._least] = LEAST * threshold
-        keep = np.append(allowed, True)  # place −1: rows and columns of no block
+        keep = np.append(allowed, True)  # Index −1, for rows and columns of no block, is always kept.
         rows, columns = keep[self._row_block], keep[self._column_block]
         here = rows[row] & columns[column]
-        # a face that only blocks around it are left of has nothing to agree on
+        # Drop the rows of faces with no remaining forces.
         used = np.zeros(self.shape[0], dtype=bool)
         used[row[here]] = True
-        used[self._linear :] = True  # a cone is kept whole
+        used[self._linear :] = True  # Keep each cone as a whole.
         rows &= used | (self._rhs != 0.0)
         new_row, new_column = np.cumsum(rows) - 1, np.cumsum(columns) - 1
         shape = int(rows.sum()), int(columns.sum())
@@ -64,13 +80,33 @@ class WholeProgram:
 
 
 class BlockProgram(WholeProgram):
-    """min −λ under the conditions of docs/method.md (6.5), (6.6).
+    """Program min −λ of the block relaxation for wedge-shaped sets.
 
-    Columns: x of each block, rays of the dry set of each side, what else its cohesion carries, (two rays, V) of the
-    inner set of each joint, λ of each block times x, λ. Rows: every element is covered once, the shares of λ agree,
-    the forces on shared faces agree, each part is in equilibrium, shear, the range of each block's λ.
-    shape: of the whole. x: (p,) columns. cover, share: (n,) rows. agree: (f, 3), balance: (k, 3) rows. stuck: sides
-    with cohesion.
+    Its dual is docs/method.md (6.5), (6.6). Columns: x of each block; rays of the dry set of each side; (two rays, V)
+    of the inner set of each joint; forces by cohesion of each side; λ of each block times x; λ. Rows: cover of every
+    element, equal shares of λ, equal forces on shared faces, equilibrium of each part, shear, bounds on each block's λ.
+
+    Parameters
+    ----------
+    parts : BlockParts
+        Parts, sides and joints of the possible blocks.
+    dry, inner : CoulombWedge
+        Yield sets of all faces under either label.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Numbers of rows and columns of the program of all blocks.
+    x : (p,) int array
+        Columns of x.
+    cover, share : (n,) int array
+        Rows of the cover and of the shares of λ, per element.
+    agree : (f, 3) int array
+        Rows of the equal forces on shared faces.
+    balance : (k, 3) int array
+        Equilibrium rows of the parts.
+    stuck : int array
+        Indices of the sides with cohesion.
     """
 
     def __init__(self, parts: BlockParts, dry: CoulombWedge, inner: CoulombWedge) -> None:
@@ -120,7 +156,10 @@ class BlockProgram(WholeProgram):
         self._row_block, self._column_block = rows.owner, columns.owner
 
     def _sides(self, dry: CoulombWedge, rays: Ints, sticks: Ints) -> None:
-        """Forces on the sides: rays (1, ±μ, ±1) of dry faces, over their size; cohesion besides, |V₀| ≤ c x."""
+        """Add the forces on the sides.
+
+        They are normalised rays (1, ±μ, ±1) of dry faces, and shear by cohesion, |V₀| ≤ c x.
+        """
         parts, stuck, add = self._parts, self.stuck, self._entries.add_vectors
         mu = dry.friction[parts.side_face]
         size = np.maximum(1.0, mu)
@@ -136,7 +175,7 @@ class BlockProgram(WholeProgram):
         add(self.agree[parts.side_shared[stuck][known]], sticks[known], across[known])
 
     def _joints(self, inner: CoulombWedge, bends: Ints) -> None:
-        """Forces at the joints: N = N' − σtA x with N' = r + r', m = (r − r') / bending."""
+        """Add forces at the joints: N = N' − σtA x with N' = r + r', m = (r − r') / bending."""
         parts, add, lean = self._parts, self._entries.add_vectors, 1.0 / inner.bending
         for part, arm in ((parts.joint_a, parts.arm_a), (parts.joint_b, parts.arm_b)):
             for turn, vector in enumerate((np.array([1.0, 0.0, lean]), np.array([1.0, 0.0, -lean]), np.eye(Q)[1])):
@@ -144,7 +183,10 @@ class BlockProgram(WholeProgram):
             add(self.balance[part], parts.joint_block, -inner.tension[parts.joint_face][:, None] * arm[:, :, 0])
 
     def _shear(self, inner: CoulombWedge, bends: Ints, shear: Ints) -> None:
-        """|V| ≤ τA x + μN: with N' − σtA x for N what is left of τA."""
+        """Add the rows |V| ≤ τA x + μN of the joints.
+
+        With N' − σtA x in the place of N, the constant is the strength τA − μ σtA.
+        """
         parts, add = self._parts, self._entries.add
         mu = inner.friction[parts.joint_face]
         strength = inner.cohesion[parts.joint_face] - mu * inner.tension[parts.joint_face]
@@ -159,7 +201,7 @@ class BlockProgram(WholeProgram):
 
 
 class Places:
-    """Rows or columns of a table, given out in their order, each with the block it belongs to (−1: none)."""
+    """Consecutive rows or columns of a table, each with the block it belongs to (−1: none)."""
 
     def __init__(self) -> None:
         self.owner: Ints = np.empty(0, dtype=np.int64)
@@ -168,35 +210,35 @@ class Places:
         return len(self.owner)
 
     def of(self, blocks: Ints) -> Ints:
-        """The next ones, one for each of these blocks (c,)."""
+        """Append one row or column for each of the blocks (c,) and return their indices (c,)."""
         first = len(self)
         self.owner = np.concatenate([self.owner, blocks])
         return np.arange(first, len(self))
 
     def of_none(self, count: int) -> Ints:
-        """The next ones, of no block."""
+        """Append rows or columns that belong to no block and return their indices."""
         return self.of(np.full(count, -1))
 
 
 class Entries:
-    """Places and values of a sparse table, gathered in groups."""
+    """Rows, columns and values of a sparse matrix, collected in groups."""
 
     def __init__(self) -> None:
         self._parts: list[tuple[Ints, Ints, Floats]] = []
         self._length = 0
 
     def add(self, row: Ints, column: Ints, value: Floats | float) -> slice:
-        """Entries one by one; where they are among all of them."""
+        """Append entries and return the slice that they occupy among all entries."""
         begin = self._length
         self._parts.append((row, column, np.broadcast_to(np.asarray(value, dtype=float), row.shape)))
         self._length += len(row)
         return slice(begin, self._length)
 
     def add_vectors(self, rows: Ints, column: Ints, value: Floats) -> None:
-        """Columns (k,) with q values (k, q) in q rows (k, q)."""
+        """Append q values (k, q) in the rows (k, q) of each column (k,)."""
         self.add(rows.ravel(), np.repeat(column, rows.shape[1]), value.ravel())
 
     def finished(self) -> tuple[Ints, Ints, Floats]:
-        """Rows, columns and values of all of them."""
+        """Return rows, columns and values of all entries."""
         rows, columns, values = zip(*self._parts, strict=True)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

@@ -1,20 +1,21 @@
-"""Blocks that are not decided: what bounds λ over all ways to choose blocks that cover an assembly.
+"""Upper bounds on λ over all choices of blocks that cover an assembly.
 
-Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one.
-The **relaxation by blocks** gives every block forces of its own: on the faces around it in x_p times the dry set, on
-those inside in x_p times the inner one, as rays where faces are wedges (`BlockProgram`), else in the rows and cones of
-the yield sets (`ConeProgram`), in equilibrium under x_p times its weight and its share of
-λ; the forces on a face agree on both sides, and the shares agree on all elements (docs/method.md (6.5), (6.6)). It is
-much tighter than face by face (`relaxation`) where blocks are of a few elements, as it knows that a block is one body.
+Where the possible blocks p can be listed, a segmentation is a choice x_p ∈ {0, 1} with every element in exactly one
+block. The **block relaxation** gives every block forces of its own, in equilibrium under x_p times its weight and its
+share of λ. On the faces around the block they lie in x_p times the dry set, on the faces inside it in x_p times the
+inner set. Sets of wedge shape are represented by rays (`BlockProgram`), other sets by the rows and cones of the yield
+sets (`ConeProgram`). Forces on a face agree on both sides, and the shares of λ agree on all elements (docs/method.md
+(6.5), (6.6)). For blocks of few elements this bound is much tighter than the face-by-face `Relaxation`, because each
+block is one body.
 
-Its dual is a mechanism for every block: velocities u of each element of each block, and a velocity w of each face,
-that the blocks on either side open against. For a load factor θ a block then has an **excess**
+The dual is a mechanism for every block: velocities u of each element of each block, and a velocity w of each face,
+relative to which the blocks on either side open. For a load factor θ a block has an **excess**
 
     e_p = θ b_λ·u_p + b·u_p − Σ_{inside} D_inner(J) − Σ_{around} D_dry(half jump),
 
-and a segmentation whose blocks have Σ e_p > 0 does not reach θ. Numbers v on elements bound Σ e_p from below for all
-choices at once: Σ e_p ≥ Σ v + Σ_p min(0, e_p − Σ_{e ∈ p} v_e). All of it is computed here from whatever the solver
-returned, with no trust in its status.
+and a segmentation whose blocks have Σ e_p > 0 does not reach θ. Numbers v on the elements bound Σ e_p from below for
+all choices at once: Σ e_p ≥ Σ v + Σ_p min(0, e_p − Σ_{e ∈ p} v_e). All bounds are computed here from the values that
+the solver returned, whatever its status.
 """
 
 from __future__ import annotations
@@ -40,28 +41,39 @@ from jld_core.mechanics import CoulombWedge
 from jld_core.solvers import ClarabelSolver, Solver
 
 _RESIDUAL: Final = 1e-7
-"""Asked of the solver: bounds are computed from its answer, so that it need not be exact."""
+"""Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
 _FINE: Final = 1e-10
-"""Asked where the answer is nearer to the threshold than `_NEAR`."""
+"""Residual requested for a second solve, where the bound is closer to the threshold than `_NEAR`."""
 
 _NEAR: Final = 1e-4
+"""Distance of a bound above the threshold, relative to max(1, |threshold|), up to which a second solve is made."""
 
 _STEPS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-"""How far above the solver's λ, relative, a bound is tried."""
+"""Relative distances above the solver's λ at which a bound is tried, in order."""
 
 
 Asked = tuple[Bools, float, float]
-"""Blocks allowed (p,), scaled λ to reach, scaled λ that is not exceeded: see `BlockRelaxation.choose`."""
+"""Arguments of `BlockRelaxation.choose`: allowed blocks (p,), scaled λ to reach, scaled λ that is not exceeded."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What the relaxation says of the segmentations made of some blocks.
+    """Result of the block relaxation for the segmentations into allowed blocks.
 
-    bound: scaled λ that none of them exceeds, inf where none was found. refuted: none reaches the threshold.
-    share: (p,) x of the solver in [0, 1], and inside: (p,) what its mechanism dissipates inside each block, no proof of
-    anything. useless: (p,) blocks that no segmentation holds that reaches the threshold.
+    Attributes
+    ----------
+    bound : float
+        λ that none of them exceeds: at most the given upper bound, scaled. In the unit of the governing factor if it
+        comes from `CaseBlockRelaxation`.
+    refuted : bool
+        True if none of them reaches the threshold.
+    share : (p,) float array
+        Values x of the solver, in [0, 1]; without proof.
+    inside : (p,) float array
+        Dissipation of the mechanism inside each block; without proof.
+    useless : (p,) bool array
+        Blocks that occur in no segmentation that reaches the threshold.
     """
 
     bound: float
@@ -73,8 +85,11 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """Per block: live work, dissipation less dead work, that inside it alone, and size of the sums; per element: dual
-    numbers v, σ."""
+    """Sums of one mechanism per block, and its dual numbers per element.
+
+    live, cost, inside, size: (p,) live work; dissipation minus dead work; dissipation inside; size of the summed terms.
+    price, portion: (n,) dual numbers v and σ of the elements.
+    """
 
     live: Floats
     cost: Floats
@@ -85,10 +100,27 @@ class _Mechanism:
 
 
 class BlockRelaxation:
-    """Upper bounds on λ over the segmentations of one assembly into blocks that may be chosen.
+    """Upper bounds on λ over the segmentations of one assembly into selectable blocks.
 
-    members: elements of each block. inside: faces inside each. seconds: that one program may take; what it came to is
-    then taken for what it is worth. Everything is scaled as in `Template`.
+    All values are scaled as in `Template`.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of the assembly.
+    members : sequence of sequences of int
+        Elements of each of the p possible blocks.
+    inside : sequence of sequences of int
+        Faces inside each block.
+    seconds : float
+        Time limit of one program, seconds. After it, the bound is computed from the solver's last values.
+
+    Raises
+    ------
+    TypeError
+        If there is no block relaxation of this assembly (`applies_to`).
+    ArithmeticError
+        If the opening motion does not open every face on both sides.
     """
 
     def __init__(
@@ -129,20 +161,32 @@ class BlockRelaxation:
     # --- solving ----------------------------------------------------------------------------------------
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """What is known of the segmentations into allowed blocks (p,).
+        """Bound λ over the segmentations into allowed blocks.
 
-        threshold: scaled λ that segmentations must reach to be of interest. most: scaled λ that those allowed do not
-        exceed, finite.
+        Parameters
+        ----------
+        allowed : (p,) bool array
+            Blocks that may be chosen.
+        threshold : float
+            Scaled λ that segmentations must reach to be of interest.
+        most : float
+            Scaled upper bound on λ of these segmentations, finite.
+
+        Returns
+        -------
+        Choice
+            Bound, refutation and useless blocks.
         """
         found = self._choose(allowed, threshold, most, self._quick)
         if not self._close(found, threshold):
             return found
-        # segmentations as strong as the best one known are refuted by a hair
+        # Segmentations about as strong as the best known one are refuted by a small excess: solve with a finer
+        # residual.
         return self._choose(allowed, threshold, found.bound, self._careful)
 
     @property
     def many(self) -> bool:
-        """Whether the batch solver solves many programs at a time."""
+        """Return True if the batch solver solves many programs at a time."""
         if not self._asked:
             self._asked = True
             if isinstance(self._dry, CoulombWedge) and isinstance(self._inner, CoulombWedge):
@@ -151,7 +195,20 @@ class BlockRelaxation:
         return self._many is not None
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
-        """`choose` of many at a time, where the batch solver can; pool: one more thread for it."""
+        """Bound λ for many sets of allowed blocks, by the batch solver where it applies.
+
+        Parameters
+        ----------
+        asked : sequence of Asked
+            Arguments of `choose` for each set.
+        pool : ThreadPoolExecutor or None
+            Supplies one more thread for the batch solver.
+
+        Returns
+        -------
+        list of Choice
+            One result for each set.
+        """
         if not self.many or not asked:
             return [self.choose(*one) for one in asked]
         assert self._many is not None
@@ -165,10 +222,14 @@ class BlockRelaxation:
         return found
 
     def _close(self, found: Choice, threshold: float) -> bool:
-        """Whether a choice that is not refuted is so near to the threshold that it is worth another look."""
+        """Return True if a choice is unrefuted but close to the threshold.
+
+        A solve with a finer residual may then refute it.
+        """
         return not found.refuted and found.bound <= threshold + _NEAR * max(1.0, abs(threshold))
 
     def _choose(self, allowed: Bools, threshold: float, most: float, route: Solver) -> Choice:
+        """Solve the program of the allowed blocks and return what the answer proves."""
         program, rows, columns = self._states.of(allowed, threshold, most)
         raw = route.solve(program)
         self.solves += 1
@@ -180,12 +241,12 @@ class BlockRelaxation:
         return self._judged(answer, allowed, threshold, most)
 
     def _judged(self, answer: Multipliers, allowed: Bools, threshold: float, most: float) -> Choice:
-        """What a solver's answer proves."""
+        """Return the result that a solver's answer proves."""
         share = np.clip(np.nan_to_num(answer.share), 0.0, 1.0)
         mechanism = self._repair(answer, allowed, most)
         if mechanism is None:
             return Choice(most, False, share, np.zeros(len(allowed)), np.zeros(len(allowed), dtype=bool))
-        # what bounds Σ e_p is concave in θ: above zero at two load factors, it is so between them
+        # The lower bound of Σ e_p is concave in θ: if it is positive at two load factors, it is positive between them.
         end, spare_end = self._excess(mechanism, most, allowed)
         excess, spare = self._excess(mechanism, threshold, allowed)
         useless = allowed & (excess + spare > 0.0) & (end + spare_end > 0.0)
@@ -203,7 +264,10 @@ class BlockRelaxation:
     # --- proof ------------------------------------------------------------------------------------------
 
     def _margin(self, velocity: Floats, wall: Floats, allowed: Bools | None = None) -> float:
-        """By how much all jumps, those of allowed blocks (p,), are ones of finite dissipation."""
+        """Return the least margin for finite dissipation over all jumps.
+
+        With `allowed` (p,), only jumps of allowed blocks count.
+        """
         parts = self._parts
         half, inner = parts.jumps(velocity, wall)
         margins = [self._dry.margin(half, parts.side_face), self._inner.margin(inner, parts.joint_face)]
@@ -212,7 +276,10 @@ class BlockRelaxation:
         return float(np.concatenate(margins).min(initial=np.inf))
 
     def _repair(self, answer: Multipliers, allowed: Bools, most: float) -> _Mechanism | None:
-        """Velocities from multipliers, opened until every dissipation is finite, and their sums for each block."""
+        """Open the velocities of an answer until every dissipation is finite.
+
+        Returns the sums per block; None where opening fails.
+        """
         if not all(map(usable, (answer.velocity, answer.wall, answer.price, answer.portion))):
             return None
         parts, velocity, wall = self._parts, answer.velocity, answer.wall
@@ -220,7 +287,7 @@ class BlockRelaxation:
         if margin < 0.0:
             if self._opening is None:
                 return None
-            # at least by what is left of it beside the velocities
+            # Open by at least the rounding error of the velocities.
             size = max(abs(velocity).max(initial=0.0), abs(wall).max(initial=0.0))
             more = (-1.01 * margin + tolerances.ROUNDING * size) / self._opening_margin
             velocity, wall = velocity + more * self._opening[0], wall + more * self._opening[1]
@@ -234,7 +301,7 @@ class BlockRelaxation:
         stuck = self._stuck
         face, block = parts.side_face[stuck], parts.side_block[stuck]
         np.add.at(cost, block, self._dry.dissipation(half[stuck], face))
-        # what rounding may take counts before terms cancel; a jump is six products, far fewer than ROUNDING allows for
+        # Count rounding before terms cancel; a jump is a sum of six products, far fewer than ROUNDING allows for.
         work = (abs(parts.dead) + most * abs(parts.live)) * abs(velocity)
         size = self._sums(work.sum(axis=1), parts.part_block)
         np.add.at(size, parts.joint_block, 1e-2 * self._inner.strength(parts.joint_face) * parts.speed(velocity))
@@ -244,13 +311,16 @@ class BlockRelaxation:
         return _Mechanism(live, cost, inside, size, answer.price, answer.portion)
 
     def _sums(self, value: Floats, block: Ints) -> Floats:
-        """(p,) sums over the blocks that values belong to."""
+        """Sum values over the blocks they belong to; returns (p,)."""
         total = np.zeros(self._parts.blocks)
         np.add.at(total, block, value)
         return total
 
     def _excess(self, mechanism: _Mechanism, load: float, allowed: Bools) -> tuple[float, Floats]:
-        """Σ e_p of any choice at least, less what rounding may take; and (p,) how much more of one with block p."""
+        """Bound Σ e_p over all choices from below, rounding deducted.
+
+        Returns the bound, and (p,) its increase if block p is chosen.
+        """
         value = load * mechanism.portion - mechanism.price
         held = self._sums(value[self._parts.part_element], self._parts.part_block)
         slack = load * mechanism.live - mechanism.cost - held
@@ -261,7 +331,20 @@ class BlockRelaxation:
 
 
 def applies_to(analysis: LimitAnalysis) -> bool:
-    """Whether there is a relaxation by blocks: friction is associative, and all joints can open, or give way."""
+    """Return whether a block relaxation of an assembly exists.
+
+    It needs associative friction, known hulls, and joints that can all open, or that all crush.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of the assembly.
+
+    Returns
+    -------
+    bool
+        True if `BlockRelaxation` accepts the analysis.
+    """
     sets = analysis.template.yield_set
     if sets.hull() is None:
         return False

@@ -1,8 +1,8 @@
-"""Two-sided bounds on λ computed by us from whatever a solver returned (docs/method.md (3.3)).
+"""Checked bounds on λ, computed from raw solver output (docs/method.md (3.3)).
 
-A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set; an upper bound is the
-work balance of velocities whose dissipation is finite on every face. Neither needs the solver to be right: its
-answer is repaired, checked, and bounds nothing if the check fails. All quantities here are scaled.
+A lower bound is the λ of forces that satisfy equilibrium and lie in every yield set. An upper bound is the work
+balance of velocities whose dissipation is finite on every face. Neither relies on the solver: its answer is repaired
+and checked, and gives no bound if the check fails. All quantities here are scaled.
 """
 
 from __future__ import annotations
@@ -24,7 +24,19 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class State:
-    """Forces (m, q) and λ, scaled, with the least slack in the yield sets and the error left in equilibrium."""
+    """Forces and λ of one labelling, with their slack and their equilibrium error.
+
+    Attributes
+    ----------
+    forces : (m, q) float array
+        Resultants of each face, scaled.
+    load : float
+        λ, scaled.
+    slack : float
+        Least slack over all yield rows, scaled; of a ray, over the recession cones.
+    error : float
+        Estimate of the force error left in equilibrium, scaled.
+    """
 
     forces: Floats
     load: float
@@ -33,20 +45,33 @@ class State:
 
     @property
     def admissible(self) -> bool:
-        """The exact solution next to these rounded numbers is inside every yield set."""
+        """Return True if the exact solution next to the rounded forces lies in every yield set."""
         return self.slack >= 2.0 * self.error
 
     @property
     def to_rounding(self) -> bool:
-        """Equilibrium and cones hold to rounding: what is asked of a ray."""
+        """Return True if equilibrium and cones hold to rounding, as a ray must."""
         return self.slack >= -tolerances.ROUNDING and self.error <= tolerances.ROUNDING
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Velocities (q·free,) with b_λ·u = work, scaled; their least margin, dissipation minus dead work, and jumps.
+    """Velocities of all free elements, with the upper bound on λ that they prove.
 
-    bound: Σ D(J) − b·u, meaningful where margin ≥ 0. noise: what rounding may have done to the bound.
+    Attributes
+    ----------
+    velocity : (q·free,) float array
+        Velocities, scaled.
+    jumps : (m, q) float array
+        Velocity jumps of the faces, scaled.
+    work : float
+        Work b_λ·u of the live load, scaled.
+    margin : float
+        Least margin of the conditions for finite dissipation; the bound holds if it is ≥ 0.
+    bound : float
+        Dissipation minus dead work, Σ D(J) − b·u, scaled.
+    noise : float
+        Rounding error that the bound may contain.
     """
 
     velocity: Floats
@@ -58,7 +83,13 @@ class Motion:
 
 
 class Prover:
-    """Turns raw points and multipliers of one template into checked bounds."""
+    """Compute checked bounds from raw points and multipliers of one template.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+    """
 
     def __init__(self, template: Template) -> None:
         self.template = template
@@ -71,13 +102,37 @@ class Prover:
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
 
     def under(self, template: Template) -> Prover:
-        """This prover for another template of the same matrix; projectors are shared."""
+        """Return this prover for another template of the same matrix, with shared projectors.
+
+        Parameters
+        ----------
+        template : Template
+            Template with the same equilibrium matrix.
+
+        Returns
+        -------
+        Prover
+            Copy of this prover.
+        """
         other = copy.copy(self)
         other.template = template
         return other
 
     def projector(self, labels: Bits) -> tuple[Projector, Floats | None]:
-        """The projector for the resultants that a labelling keeps, and their 0/1 mask (None: all)."""
+        """Return the projector onto equilibrium for the resultants that a labelling keeps.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        projector : Projector
+            Projector of the kept resultants; with dropped resultants it has λ as its last column.
+        mask : (q·m,) float array or None
+            1 for each kept resultant, 0 for the others; None if all are kept.
+        """
         active = self.template.yield_set.active(labels)
         if active.all():
             active = self._everything
@@ -95,17 +150,43 @@ class Prover:
         return self._projectors[key], mask
 
     def state(self, point: Floats, labels: Bits, passes: int = 2, held: bool = False) -> State:
-        """Project y = (F, …, λ) onto equilibrium and measure its slack.
+        """Project a raw point onto equilibrium and measure its slack.
 
-        point: (≥ q·m + 1,), λ last. labels: (m,). held: λ is kept whatever happens; otherwise it moves with the
-        forces where resultants are dropped.
+        Parameters
+        ----------
+        point : (≥ q·m + 1,) float array
+            Forces, further variables, and λ as the last entry, scaled.
+        labels : (m,) bool array
+            Labels, True = dry.
+        passes : int
+            Number of projections.
+        held : bool
+            Keep λ fixed. Otherwise λ is projected with the forces where resultants are dropped.
+
+        Returns
+        -------
+        State
+            Projected forces; with slack −inf and error inf if the point is unusable.
         """
         if not usable(point):
             return self._nothing()
         return self._state(point[: self._columns], float(point[-1]), labels, passes, held)
 
     def ray(self, point: Floats, labels: Bits) -> State:
-        """The same for a ray: A R + b_λ = 0 with R in the recession cones; `slack` refers to those."""
+        """Project a raw ray onto A R + b_λ = 0 and measure its slack in the recession cones.
+
+        Parameters
+        ----------
+        point : (≥ q·m + 1,) float array
+            Ray with a positive last entry (its λ), scaled.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State
+            Ray for one unit of λ; with slack −inf and error inf if the point is unusable.
+        """
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()
         sets = self.template.yield_set
@@ -116,13 +197,15 @@ class Prover:
         return State(table, 1.0, float(sets.recession_slack(table, labels).min()), _trusted(error, left, forces))
 
     def _nothing(self) -> State:
+        """Return the state that proves no bound."""
         return State(np.zeros(self._everything.shape), 0.0, -np.inf, np.inf)
 
     def _of_forces(self, mask: Floats) -> Projector:
-        """The projector that leaves λ alone; mask: (q·m,) 1 for the resultants that are kept."""
+        """Return the projector that keeps λ fixed; mask: (q·m,) 1 for each kept resultant."""
         return Projector(sp.csc_array(self.template.matrix @ sp.diags_array(mask)), self.template.structure.places)
 
     def _state(self, forces: Floats, load: float, labels: Bits, passes: int, held: bool = False) -> State:
+        """Project forces (q·m,) at a given λ onto equilibrium and measure their slack."""
         template = self.template
         projector, mask = self.projector(labels)
         if mask is None or held:
@@ -130,7 +213,7 @@ class Prover:
                 projector, forces = self._of_forces(mask), forces * mask
             forces, left, error = _balanced(projector, forces, -(template.dead + load * template.live), passes)
         else:
-            # with resultants dropped, equilibrium may hold at one λ alone: λ is projected with the forces
+            # With resultants dropped, equilibrium may hold at one λ alone: project λ with the forces.
             joint, left, error = _balanced(projector, np.append(forces * mask, load), -template.dead, passes + 1)
             forces, load = joint[:-1], float(joint[-1])
         if mask is not None:
@@ -139,9 +222,23 @@ class Prover:
         return State(table, load, float(template.yield_set.slack(table, labels).min()), error)
 
     def blend(self, state: State, inside: State, labels: Bits) -> State:
-        """Move a state towards one well inside, just far enough to become admissible.
+        """Move a state towards a strictly admissible one, just far enough to become admissible.
 
-        Yield sets are convex and equilibrium is linear, λ included, so every blend is a state.
+        Yield sets are convex and equilibrium is linear, λ included, so every blend is a state (docs/method.md (3.10)).
+
+        Parameters
+        ----------
+        state : State
+            State to be repaired.
+        inside : State
+            State with positive slack in every yield set.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State
+            Blended state; it may still be inadmissible if four attempts fail.
         """
         need = 4.0 * max(state.error, inside.error)
         if state.slack >= need or inside.slack <= need:
@@ -157,7 +254,22 @@ class Prover:
         return mixed
 
     def motion(self, velocity: Floats, labels: Bits, normalise: bool = True) -> Motion:
-        """Jumps, margin and bound of velocities (q·free,); normalised to b_λ·u = 1 where their work allows."""
+        """Compute jumps, margin and bound of velocities.
+
+        Parameters
+        ----------
+        velocity : (≥ q·free,) float array
+            Velocities, scaled; further entries are ignored.
+        labels : (m,) bool array
+            Labels, True = dry.
+        normalise : bool
+            Scale the velocities to b_λ·u = 1 if their work is positive.
+
+        Returns
+        -------
+        Motion
+            Velocities with their bound; with margin −inf if the velocities are unusable.
+        """
         template = self.template
         velocity = velocity[: template.matrix.shape[0]]
         if not usable(velocity):
@@ -169,30 +281,101 @@ class Prover:
         return self.measure(velocity, jumps, work, labels)
 
     def measure(self, velocity: Floats, jumps: Floats, work: float, labels: Bits) -> Motion:
-        """Margin and bound of velocities whose jumps are known."""
+        """Compute margin and bound of velocities with known jumps.
+
+        Parameters
+        ----------
+        velocity : (q·free,) float array
+            Velocities, scaled.
+        jumps : (m, q) float array
+            Their jumps, scaled.
+        work : float
+            Their live work b_λ·u, scaled.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        Motion
+            Velocities with margin, bound and rounding error.
+        """
         sets = self.template.yield_set
         margin = float(sets.margin(jumps, labels).min())
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, margin, bound, self.noise(velocity, bound))
 
     def noise(self, velocity: Floats, bound: float) -> float:
-        """Rounding that a bound may carry: of the sums that make it up, and of the velocities themselves."""
+        """Return the rounding error that a bound may contain.
+
+        Parameters
+        ----------
+        velocity : (q·free,) float array
+            Velocities, scaled.
+        bound : float
+            Bound of these velocities, scaled.
+
+        Returns
+        -------
+        float
+            Rounding error of the sums in the bound and of the velocities, scaled.
+        """
         return float(self.noises(velocity[None], np.array([bound]))[0])
 
     def noises(self, velocities: Floats, bounds: Floats) -> Floats:
-        """The same of velocities (k, q·free) and bounds (k,)."""
+        """Return the rounding errors that k bounds may contain.
+
+        Parameters
+        ----------
+        velocities : (k, q·free) float array
+            Velocities, scaled.
+        bounds : (k,) float array
+            Bound of each row of velocities, scaled.
+
+        Returns
+        -------
+        (k,) float array
+            Rounding errors, see `noise`.
+        """
         speed = abs(velocities)
         sizes = (speed * self._weight).sum(axis=1) + abs(bounds) + 1e-3 * self._total * speed.max(axis=1)
         return np.asarray(tolerances.ROUNDING * sizes)
 
     def jumps(self, velocities: Floats) -> Floats:
-        """(k, m, q) scaled jumps of velocities (k, q·free)."""
-        # one by one: a product with a matrix rounds otherwise than one with a vector
+        """Compute the jumps of velocities.
+
+        Parameters
+        ----------
+        velocities : (k, q·free) float array
+            Velocities, scaled.
+
+        Returns
+        -------
+        (k, m, q) float array
+            Jumps, scaled.
+        """
+        # Multiply one by one: a matrix product rounds differently from a matrix-vector product.
         each = [self._jumps @ velocity for velocity in velocities]
         return np.array(each).reshape(-1, *self._everything.shape)
 
     def open_up(self, motion: Motion, opening: Motion, labels: Bits) -> Motion:
-        """Add just enough of a strictly opening motion for the dissipation to become finite."""
+        """Add just enough of an opening motion to make the dissipation finite.
+
+        See docs/method.md (3.11).
+
+        Parameters
+        ----------
+        motion : Motion
+            Motion to be repaired; it is returned as it is if its margin is ≥ 0 or not finite.
+        opening : Motion
+            Motion with positive margin on every face.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        Motion
+            Repaired motion; its margin may still be negative if four attempts fail.
+        """
         opening = self.measure(opening.velocity, opening.jumps, opening.work, labels)
         if not np.isfinite(motion.margin) or motion.margin >= 0.0 or not opening.margin > 0.0:
             return motion
@@ -206,7 +389,10 @@ class Prover:
 
 
 def _balanced(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:
-    """The nearest solution of rows·y = target, what is left of the equations, and how far off it may still be."""
+    """Project a vector onto rows·y = target.
+
+    Returns the vector, its residual, and an estimate of the error left in it.
+    """
     for _ in range(passes):
         vector = vector - projector.correction(projector.rows @ vector - target)
     left = projector.rows @ vector - target
@@ -214,18 +400,37 @@ def _balanced(projector: Projector, vector: Floats, target: Floats, passes: int)
 
 
 def _trusted(error: float, left: Floats, forces: Floats) -> float:
-    """An error, inf where too much is left: without the resultants that were dropped there is no equilibrium at all."""
+    """Return the error, or inf if the residual exceeds rounding.
+
+    In that case the kept resultants reach no equilibrium.
+    """
     much = float(abs(left).max()) > tolerances.ROUNDING * max(1.0, float(abs(forces).max()))
     return np.inf if much else error
 
 
 def usable(vector: Floats) -> bool:
-    """Scaled answers are of order one; what a failed solve leaves behind may be anything."""
+    """Return True if a scaled vector is of plausible size (below 1e30).
+
+    A failed solve may leave any values behind.
+    """
     return not vector.size or bool(abs(vector).max() < 1e30)
 
 
 def relative_width(low: float, high: float, floor: float) -> float:
-    """Width of a bracket over max(|lo|, |hi|, floor); inf where an end is missing (docs/method.md (3.13))."""
+    """Compute the width of a bracket over max(|low|, |high|, floor) (docs/method.md (3.13)).
+
+    Parameters
+    ----------
+    low, high : float
+        Bounds on λ, in any one unit; NaN or infinite where missing.
+    floor : float
+        λ below which differences are negligible, in the same unit (see `load_scale`).
+
+    Returns
+    -------
+    float
+        Relative width; inf where a bound is missing.
+    """
     if not (np.isfinite(low) and np.isfinite(high)):
         return np.inf
     size = max(abs(low), abs(high), floor)
@@ -233,31 +438,77 @@ def relative_width(low: float, high: float, floor: float) -> float:
 
 
 def exceeds(low: float, bound: float, load_scale: float) -> bool:
-    """Return True if a proven lower bound on λ contradicts an upper bound by more than counts as proven.
+    """Return whether a proven lower bound on λ contradicts an upper bound.
 
-    load_scale: λ below which differences do not matter, in the unit of the bounds.
+    The difference must exceed the proof tolerance.
+
+    Parameters
+    ----------
+    low : float
+        Proven lower bound on λ.
+    bound : float
+        Upper bound on λ, may be infinite.
+    load_scale : float
+        λ below which differences are negligible, in the unit of the bounds.
+
+    Returns
+    -------
+    bool
+        True if low − bound exceeds `tolerances.PROVEN` relative to the largest of the three.
     """
     return low - bound > tolerances.PROVEN * max(abs(low), abs(bound) if np.isfinite(bound) else 0.0, load_scale)
 
 
 def crossed(low: Any, high: Any, least: float = 1.0) -> Any:
-    """Do lower and upper bounds contradict each other by more than rounding? Then neither is to be relied on.
+    """Return whether lower bounds exceed upper bounds by more than rounding.
 
-    low, high: bounds or arrays of them, NaN where there is none. least: size below which rounding is not relative, 1
-    for what is scaled.
+    In that case neither bound is reliable.
+
+    Parameters
+    ----------
+    low, high : float or float array
+        Bounds, NaN where there is none.
+    least : float
+        Size below which rounding is not relative; 1 for scaled bounds.
+
+    Returns
+    -------
+    bool or bool array
+        True where the bounds contradict each other; False where one is NaN.
     """
     return low - high > 10.0 * tolerances.ROUNDING * np.maximum(np.maximum(abs(low), abs(high)), least)
 
 
 def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two brackets of one λ, in any units, have nothing in common. Ends: NaN or infinite where unknown."""
+    """Return True if two brackets of the same λ are disjoint.
+
+    Parameters
+    ----------
+    one, other : (float, float)
+        Lower and upper bound in any one unit; NaN or infinite where unknown.
+
+    Returns
+    -------
+    bool
+        True if the lower bound of either exceeds the upper bound of the other by more than rounding.
+    """
     return bool(crossed(one[0], other[1], 0.0) or crossed(other[0], one[1], 0.0))
 
 
 def load_scale(assembly: Assembly) -> float:
-    """Compute the load factor below which differences do not count: 1e-3 · total weight / total live load, scene units.
+    """Compute the load factor below which differences are negligible.
 
-    Without weight `reference_load` stands in its place. Of several load cases: the least, over what each requires.
+    It is 1e-3 · total weight / total live load. Without weight, `reference_load` takes its place.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure; of several load cases the least value over the required factor counts.
+
+    Returns
+    -------
+    float
+        Load factor in scene units.
     """
     each = zip(assembly.by_case, assembly.required.tolist(), strict=True)
     return float(min(tolerances.GAP_FLOOR * reference_load(one) / one.total_live / required for one, required in each))

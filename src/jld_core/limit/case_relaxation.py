@@ -1,4 +1,7 @@
-"""Partial labellings under several load cases: a mechanism of any case rules out what is too weak under that case."""
+"""Relaxations under several load cases.
+
+A mechanism of any one case refutes a governing factor.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +21,18 @@ from jld_core.limit.block_relaxation import Asked, BlockRelaxation, Choice
 from jld_core.limit.relaxation import DualBound, MinimizedConflict, Relaxation
 
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
-"""Part by which bounds are raised, and thresholds lowered, so that nothing is lost by putting them into other units."""
+"""Relative amount by which bounds are raised and thresholds lowered on a change of units, so that bounds stay valid."""
 
 
 _Kind = TypeVar("_Kind", Relaxation, BlockRelaxation)
+"""Kind of relaxation of the single load cases."""
 
 
 class _Cases(Generic[_Kind]):
-    """The relaxation of every case, what its scaled λ are of the governing factor, and which case is asked first: the
-    one that refuted most."""
+    """Relaxations of all load cases, with their units, in the order in which they are asked.
+
+    A unit is the governing factor per scaled λ of a case. The case that refuted most comes first.
+    """
 
     def __init__(self, cases: Sequence[_Kind], required: Sequence[float]) -> None:
         self._cases: list[_Kind] = list(cases)
@@ -35,51 +41,91 @@ class _Cases(Generic[_Kind]):
 
     @property
     def solves(self) -> int:
-        """Programs solved so far."""
+        """Return the number of programs solved so far."""
         return sum(one.solves for one in self._cases)
 
     @property
     def many(self) -> bool:
-        """Whether programs of every case are solved many at a time."""
+        """Return True if the batch solver solves the programs of every case many at a time."""
         return all(one.many for one in self._cases)
 
     def _reorder(self, refuted: Sequence[int]) -> None:
-        """Ask those first that refuted most, (c,); as a new list: other threads may be at the last one."""
+        """Sort the cases by the number of refutations (c,), most first.
+
+        The order is a new list, as other threads may iterate over the old one.
+        """
         self._order = sorted(self._order, key=lambda case: -refuted[case])
 
 
 def _raised(bound: float) -> float:
-    """A bound that was put into other units, no lower than it was."""
+    """Raise a bound by the rounding of a change of units."""
     return bound + abs(bound) * _ROUNDING if math.isfinite(bound) else bound
 
 
 class CaseRelaxation(_Cases[Relaxation]):
-    """Upper bounds on the governing factor, min over cases of λ / required, for partial labellings; not scaled.
+    """Upper bounds on the governing factor of partial labellings under several load cases.
 
-    cases: the relaxation of each case. required: factor of each. The case that refuted most is asked first.
+    The governing factor is the minimum over cases of λ / required. Bounds and thresholds are governing factors, not
+    scaled. The case that refuted most is asked first.
+
+    Parameters
+    ----------
+    cases : sequence of Relaxation
+        Relaxation of each load case.
+    required : sequence of float
+        Required factor of each case.
     """
 
     @property
     def unit(self) -> float:
-        """Governing factor for each of what is bounded here: 1, as it has no scale."""
+        """Return the governing factor per unit of the bounds: 1, as they are not scaled."""
         return 1.0
 
     @property
     def each(self) -> tuple[Relaxation, ...]:
-        """The relaxation of every case."""
+        """Return the relaxations of all load cases."""
         return tuple(self._cases)
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """A proof, by one case, that no labelling that agrees where decided reaches a factor; None where none is found.
+        """Refute a governing factor for all labellings that agree on the decided faces.
 
-        labels: (m,) True dry. undecided: (m,). threshold: governing factor.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+        threshold : float
+            Governing factor to refute.
+
+        Returns
+        -------
+        DualBound or None
+            Mechanism of one case that proves it; None where no proof is found.
         """
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """The same for labellings and undecided faces (k, m), factors (k,); thorough (k,) as of one case."""
+        """Refute governing factors for many partial labellings.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (k, m) bool array
+            Faces that may have either label.
+        thresholds : (k,) float array
+            Governing factors to refute.
+        thorough : (k,) bool array or None
+            Whether to try another solver where the batch solver finds no proof. Default: everywhere.
+
+        Returns
+        -------
+        list of DualBound or None
+            Mechanism of the first case that refutes each threshold; None where no proof is found.
+        """
         found: list[DualBound | None] = [None] * len(labellings)
         left = np.arange(len(labellings))
         counts = [0] * len(self._cases)
@@ -98,8 +144,22 @@ class CaseRelaxation(_Cases[Relaxation]):
         return found
 
     def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
-        """See `Relaxation.minimize_conflicts`, with governing factors: each labelling under the first case that refutes
-        it."""
+        """Reduce the decided faces of labellings as far as their refutations allow.
+
+        The governing factor must stay below the thresholds. Each labelling is treated under the first case that
+        refutes it, see `Relaxation.minimize_conflicts`.
+
+        Parameters
+        ----------
+        asked : ConflictRequest
+            Labellings and thresholds, as governing factors.
+
+        Returns
+        -------
+        list of MinimizedConflict
+            Conflicts of labellings and neighbours, then one entry without bound for each labelling that no case
+            refutes.
+        """
         found: list[MinimizedConflict] = []
         left, carried = np.arange(len(asked.labellings)), np.ones(len(asked.labellings), dtype=bool)
         counts = [0] * len(self._cases)
@@ -122,19 +182,69 @@ class CaseRelaxation(_Cases[Relaxation]):
         return found + [MinimizedConflict(k, True, asked.free, None, bool(carried[k])) for k in left.tolist()]
 
     def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Weigh known mechanisms again: see `Relaxation.weigh`; bounds (k,) are governing factors."""
+        """Evaluate the work balance of known mechanisms of one load case.
+
+        No program is solved.
+
+        Parameters
+        ----------
+        case : int
+            Index of the load case.
+        velocities : (k, q·free) float array
+            Mechanisms, scaled.
+        labellings : (k, m) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (k, m) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        (k,) float array
+            Governing factors that no labelling exceeds that agrees where decided, see `Relaxation.weigh`.
+
+        Raises
+        ------
+        ValueError
+            If the load case does not exist.
+        """
         if not 0 <= case < len(self._cases):
             raise ValueError(f"case: there is no load case {case}; expected 0 to {len(self._cases) - 1}")
         bounds = self._cases[case].weigh(0, velocities, labellings, undecided) * self._units[case]
         return np.array([_raised(bound) for bound in bounds.tolist()])
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Governing factor that no labelling exceeds that agrees where decided; inf where none was found."""
+        """Return an upper bound on the governing factor of a partial labelling.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        float
+            Governing factor that no labelling exceeds that agrees where decided; inf where no bound was found.
+        """
         found = self.least_bound(labels, undecided)
         return np.inf if found is None else found.bound
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """The mechanism, of any case, of least governing factor; None where none was found."""
+        """Return the mechanism, of any case, with the least bound for a partial labelling.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        DualBound or None
+            Mechanism with its bound on the governing factor; None where no bound was found.
+        """
         found = [one.least_bound(labels, undecided) for one in self._cases]
         known = [
             replace(one, bound=_raised(one.bound * unit), case=case)
@@ -145,18 +255,53 @@ class CaseRelaxation(_Cases[Relaxation]):
 
 
 class CaseBlockRelaxation(_Cases[BlockRelaxation]):
-    """The relaxation by blocks under several load cases: no segmentation has more than any one case leaves it.
+    """Block relaxation under several load cases, with bounds on the governing factor.
 
-    cases: the relaxation of each case. required: factor of each. Bounds are of the governing factor, not scaled. The
-    case that refuted most is asked first, and where one refutes the others are not asked.
+    Bounds and thresholds are governing factors, not scaled. The least bound of all cases holds. The case that refuted
+    most is asked first, and after a refutation the remaining cases are skipped.
+
+    Parameters
+    ----------
+    cases : sequence of BlockRelaxation
+        Block relaxation of each load case.
+    required : sequence of float
+        Required factor of each case.
     """
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """What is known of the segmentations into allowed blocks (p,); threshold, most: governing factors."""
+        """Bound the governing factor over the segmentations into allowed blocks.
+
+        Parameters
+        ----------
+        allowed : (p,) bool array
+            Blocks that may be chosen.
+        threshold : float
+            Governing factor that segmentations must reach to be of interest.
+        most : float
+            Upper bound on the governing factor of these segmentations, finite.
+
+        Returns
+        -------
+        Choice
+            Bound, refutation and useless blocks.
+        """
         return self.bound_all([(allowed, threshold, most)])[0]
 
     def bound_all(self, asked: Sequence[Asked], pool: ThreadPoolExecutor | None = None) -> list[Choice]:
-        """The same of many at a time; pool: as of one case."""
+        """Bound the governing factor for many sets of allowed blocks.
+
+        Parameters
+        ----------
+        asked : sequence of Asked
+            Arguments of `choose` for each set.
+        pool : ThreadPoolExecutor or None
+            Supplies one more thread for the batch solver.
+
+        Returns
+        -------
+        list of Choice
+            One result for each set.
+        """
         found: list[Choice | None] = [None] * len(asked)
         left, counts = list(range(len(asked))), [0] * len(self._cases)
         for case in tuple(self._order):
@@ -182,21 +327,31 @@ class CaseBlockRelaxation(_Cases[BlockRelaxation]):
 
     @staticmethod
     def _in_units(threshold: float, most: float, unit: float) -> tuple[float, float]:
-        """Governing factors as scaled λ of a case, so that nothing is lost by it."""
+        """Convert two governing factors to scaled λ of a case, rounded so that bounds stay valid."""
         return (threshold - abs(threshold) * _ROUNDING) / unit, _raised(most) / unit
 
 
 AnyRelaxation = Relaxation | CaseRelaxation
-"""What refutes partial labellings, under one load or several."""
+"""Relaxation of partial labellings under one load or several load cases."""
 
 AnyBlockRelaxation = BlockRelaxation | CaseBlockRelaxation
-"""The same of choices of blocks."""
+"""Block relaxation under one load or several load cases."""
 
 
 def relaxation_of(assembly: Assembly, analyses: Sequence[LimitAnalysis] = ()) -> AnyRelaxation | None:
-    """The relaxation of a structure under its load or all of its cases; None where no hull is known of its faces.
+    """Create the relaxation of a structure, for its load or for all its load cases.
 
-    analyses: of its cases, in their order, where they are at hand.
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    analyses : sequence of LimitAnalysis
+        Analyses of its load cases, in their order, if they exist already.
+
+    Returns
+    -------
+    Relaxation, CaseRelaxation or None
+        The relaxation; None where no hull of the yield sets is known.
     """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     if any(analysis.template.yield_set.hull() is None for analysis in known):
@@ -212,10 +367,30 @@ def block_relaxation_of(
     analyses: Sequence[LimitAnalysis] = (),
     seconds: float = math.inf,
 ) -> AnyBlockRelaxation:
-    """The relaxation by blocks of a structure under its load or all of its cases.
+    """Create the block relaxation of a structure, for its load or for all its load cases.
 
-    members, inside, seconds: see `BlockRelaxation`. analyses: of its cases, in their order, where they are at hand.
-    Raises TypeError where there is none (`applies_to`).
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    members : sequence of sequences of int
+        Elements of each possible block.
+    inside : sequence of sequences of int
+        Faces inside each block.
+    analyses : sequence of LimitAnalysis
+        Analyses of its load cases, in their order, if they exist already.
+    seconds : float
+        Time limit of one program, seconds, see `BlockRelaxation`.
+
+    Returns
+    -------
+    BlockRelaxation or CaseBlockRelaxation
+        The block relaxation.
+
+    Raises
+    ------
+    TypeError
+        If there is no block relaxation of the structure (`applies_to`).
     """
     known = analyses or [LimitAnalysis(case) for case in assembly.by_case]
     each = [BlockRelaxation(analysis, members, inside, seconds) for analysis in known]

@@ -1,10 +1,10 @@
-"""Facial reduction: motions of assemblies in which a self-stress leaves some conditions on jumps no slack.
+"""Facial reduction: finite-dissipation motions of assemblies that a self-stress confines.
 
 A motion of finite dissipation has jumps J = −Gᵀz with z in the dual cones of the yield rows. A self-stress R in the
-recession cones gives z·(−G R) = 0. So z is zero in rows where R has slack, and in a second-order cone with R on its
-boundary z lies on the one conjugate ray: z = κ (1, −V/|V|), κ ≥ 0. Such rows are taken out, such cones replaced by that
-ray, and the search for self-stress begins again, until none is found (docs/method.md (3.12)).
-Source: Borwein & Wolkowicz, Regularizing the abstract convex program, J. Math. Anal. Appl. 83 (1981); Permenter &
+recession cones gives z·(−G R) = 0. So z is zero in rows where R has slack. In a second-order cone with R on its
+boundary, z lies on the one conjugate ray: z = κ (1, −V/|V|), κ ≥ 0. Such rows are removed, and such cones are replaced
+by that ray. The search for self-stress is repeated until none is found (docs/method.md (3.12)).
+Sources: Borwein & Wolkowicz, Regularizing the abstract convex program, J. Math. Anal. Appl. 83 (1981); Permenter &
 Parrilo, Partial facial reduction, Math. Program. 171 (2018).
 """
 
@@ -33,23 +33,24 @@ from jld_core.limit.bounds import Motion, Prover, State
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 
-_DENSE: Final = 4000  # velocities up to which the facial reduction is done with dense algebra
-_ROUNDS: Final = 8  # self-stresses that are sought one after the other, at most
-_ROUNDED: Final = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of work
-_SLIDES: Final = 1e-4  # slip beside the largest velocity from which the motion itself tells its direction best
-_ALONG: Final = 1e-4  # component of a unit vector below which it is taken as zero where its face is an edge of the set
-_KEPT: Final = 2e-8  # slack kept in the half-spaces of cones, scaled: what leaning on a self-stress has to make up for
-_LEANS: Final = (1e5, 1e7, 1e8)  # how many times a self-stress is added, scaled
-_CALM: Final = 1e-10  # weight of |F|² beside λ, scaled: forces could grow for ever along self-stress
-_LEFT: Final = 1e-12  # size of a forbidden jump below which its row says nothing
+_DENSE: Final = 4000  # Number of velocities up to which dense algebra is used.
+_ROUNDS: Final = 8  # Largest number of successive self-stresses.
+_ROUNDED: Final = 1e-9  # Allowed rounding of jumps per unit of live work, relative to the largest live load.
+# Slip, relative to the largest velocity, above which the direction of a ray is taken from the motion.
+_SLIDES: Final = 1e-4
+_ALONG: Final = 1e-4  # Component of a unit vector below which it is set to zero.
+_KEPT: Final = 2e-8  # Slack kept in the half-spaces of cones, scaled, to make up for (3.12a).
+_LEANS: Final = (1e5, 1e7, 1e8)  # Factors by which a self-stress is added, scaled.
+_CALM: Final = 1e-10  # Weight of |F|² next to λ, scaled; without it forces may grow along a self-stress.
+_LEFT: Final = 1e-12  # Size of a forbidden jump below which its row is dropped.
 
 
 @dataclass(frozen=True)
 class _Reduced:
-    """Rows of a program whose multipliers may be other than zero.
+    """Rows of a program whose multipliers may differ from zero.
 
-    linear: (k,) kept inequalities, rows of the program. cones: kept cones, by their number. rays: direction (size − 1,)
-    of the self-stress in each cone of which one ray is kept.
+    linear: (k,) kept inequalities, as rows of the program. cones: indices of the kept cones.
+    rays: for each cone that is replaced by a ray, the direction (size − 1,) of the self-stress in it.
     """
 
     linear: Ints
@@ -58,47 +59,53 @@ class _Reduced:
 
 
 class FacialReduction:
-    """Repair of motions where self-stress leaves no motion that opens every face.
+    """Repair of motions and states where self-stress excludes a motion that opens every face.
 
     Parameters
     ----------
     template : Template
-        What is analysed, scaled.
+        Scaled programs of one assembly.
     prover : Prover
-        Measures motions of it.
+        Checks motions and states of this template.
     """
 
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
 
     def repair(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Project a motion on the jumps of finite dissipation and blend it with one inside of those.
+        """Project a motion onto the jumps of finite dissipation and blend it to the inside.
+
+        The result is blended with a motion strictly inside the allowed jumps.
 
         Parameters
         ----------
         motion : Motion
             A solver's motion, scaled.
         labels : (m,) bool array
-            True = dry.
+            Labels, True = dry.
         normalise : bool
-            Whether the live load's work is to be 1.
+            Scale the result to live work 1.
 
         Returns
         -------
         Motion or None
-            A motion whose margin is not negative but for rounding on faces without slack; None if none was found.
+            Motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if
+            the assembly is too large.
         """
         if self.template.matrix.shape[0] > _DENSE:
             return None
-        # the sign of a work that is zero but for the solver's residual decides the proof: make it zero. What carries
-        # ever more live load then stands in the way like a self-stress, if it can
+        # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
+        # first with rays of the live load treated as self-stress.
         idle = not normalise and abs(motion.work) < 1e-9
         return (self._repaired(motion, labels, normalise, idle, True) if idle else None) or self._repaired(
             motion, labels, normalise, idle, False
         )
 
     def _repaired(self, motion: Motion, labels: Bits, normalise: bool, idle: bool, loaded: bool) -> Motion | None:
-        """Repair a motion; idle: the live load does no work. loaded: self-stress is in balance with more of it."""
+        """Repair a motion under one treatment of the live load.
+
+        idle: force zero live work. loaded: self-stress may balance additional live load.
+        """
         program = self.template.program(labels)
         columns = program.structure.shape[1] - (0 if loaded else 1)
         for search in _SEARCHES if program.structure.cones else _SEARCHES[-1:]:
@@ -114,9 +121,9 @@ class FacialReduction:
         return None
 
     def _solved(self, program: ConicProgram, reduced: _Reduced, labels: Bits, normalise: bool) -> Motion | None:
-        """The multipliers of the program of the rows left, whose relative interior is not empty; None without rays.
+        """Solve the reduced program, which has an interior, for its mechanism; None without rays.
 
-        Where a cone is left with one ray, the multipliers of the whole program are known to half their digits.
+        Where a cone is reduced to one ray, the multipliers of the full program are accurate to half their digits only.
         """
         if not reduced.rays:
             return None
@@ -129,12 +136,21 @@ class FacialReduction:
         return self.prover.motion(velocity if normalise else velocity / size, labels, normalise)
 
     def states(self, labels: Bits) -> list[State]:
-        """States that lean on a self-stress at the boundary of friction's cones, where no other comes near λ.
+        """Find states that rely on a self-stress at the boundary of the friction cones.
 
-        With t R added to forces F, t large, |V| ≤ μN asks of F no more than the half-space that touches the cone along
-        R, but for |V across R|²/(2 t |R|): the program of these half-spaces gives F.
+        They serve where no other state comes near λ. With t R added to forces F, t large, |V| ≤ μN restricts F only to
+        the half-space that touches the cone along R, up to |V across R|²/(2 t |R|) (docs/method.md (3.12a)). The
+        program of these half-spaces gives F.
 
-        labels: (m,) True dry.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        list of State
+            States found, not necessarily admissible; empty if the assembly is too large or has no cones.
         """
         template = self.template
         if template.matrix.shape[0] > _DENSE or not template.structure.cones:
@@ -151,7 +167,7 @@ class FacialReduction:
             stress = on_faces(program, support, np.zeros(program.structure.equalities), 0.0)
             starts = program.structure.heads[list(reduced.rays)]
             if (program.matrix.tocsr()[starts][:, :columns] @ stress).max() >= 0.0:
-                continue  # made exact, it is not on these rays after all
+                continue  # After the projection the self-stress does not lie on these rays.
             for share in _LEANS:
                 stated = _leaning(program, reduced, share * stress)
                 raw = ClarabelSolver(1e-9, proximal=(resultants, _CALM)).solve(stated)
@@ -170,11 +186,14 @@ class FacialReduction:
         normalise: bool,
         idle: bool,
     ) -> Motion | None:
-        """The motion in the jumps that the rows left allow, moved inside just far enough."""
+        """Project a motion onto the jumps that the kept rows allow.
+
+        The result is moved inside these jumps just far enough.
+        """
         live = self.template.live
         velocity = motion.velocity
         for _ in range(3 if reduced.rays else 1):
-            # where faces slide, jumps stay on a curved cone: Newton steps by its tangent at the present slip
+            # Where faces slide, jumps stay on a curved cone: take Newton steps along its tangent at the present slip.
             jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
             bases = self._allowed_jumps(program, reduced, jumps, float(abs(velocity).max()))
             forbid = self._forbidden(bases)
@@ -188,7 +207,7 @@ class FacialReduction:
             velocity = start + share * size * inward
             work = float(live @ velocity)
             if normalise:
-                # where the live load hardly works, what decides the proof would be jumps as small as their rounding
+                # Skip motions with almost no live work: jumps as small as their rounding would decide the proof.
                 if not work * _ROUNDED > tolerances.ROUNDING * float(abs(live).max() * abs(velocity).max()):
                     continue
                 velocity, work = velocity / work, 1.0
@@ -200,9 +219,10 @@ class FacialReduction:
     def _allowed_jumps(
         self, program: ConicProgram, reduced: _Reduced, jumps: Floats, speed: float
     ) -> dict[int, Floats]:
-        """Per face that may not move freely: an orthonormal basis (q, k) of the jumps its rows left allow.
+        """Return a basis (q, k) of the allowed jumps of each face with reduced rows.
 
-        jumps: (m, q) of the present motion; speed: its largest velocity.
+        Reduced rows are removed or replaced by a ray. The bases are orthonormal.
+        jumps: (m, q) of the present motion. speed: its largest velocity.
         """
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
@@ -231,7 +251,7 @@ class FacialReduction:
         return bases
 
     def _forbidden(self, bases: dict[int, Floats]) -> Floats:
-        """Rows E with E u = 0 ⇔ every reduced face jumps within its basis."""
+        """Return rows E with E u = 0 if and only if every reduced face's jump is allowed."""
         q = self.template.assembly.freedoms
         parts = []
         for face, basis in bases.items():
@@ -243,7 +263,10 @@ class FacialReduction:
         return np.asarray(stacked[abs(stacked).max(axis=1) > _LEFT])
 
     def _measured(self, velocity: Floats, work: float, labels: Bits, bases: dict[int, Floats]) -> Motion:
-        """Margin and bound, the jumps of reduced faces taken on their bases, where they lie but for rounding."""
+        """Compute margin and bound with the jumps of reduced faces projected onto their bases.
+
+        The margin is −inf if a projection changes a jump by more than rounding.
+        """
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         noise = tolerances.ROUNDING * max(float(abs(velocity).max()), 1.0)
         for face, basis in bases.items():
@@ -251,7 +274,7 @@ class FacialReduction:
             if abs(snapped - jumps[face]).max() > noise:
                 return Motion(velocity, jumps, work, -np.inf, np.inf)
             jumps[face] = snapped
-        # a jump below the rounding of the sums it comes from is none
+        # Set a jump to zero if it is below the rounding of the sums it comes from.
         jumps[abs(jumps).max(axis=1) <= 1e-3 * noise] = 0.0
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
@@ -262,13 +285,13 @@ class FacialReduction:
 
 
 def _whole(program: ConicProgram) -> _Reduced:
-    """All rows but that of λ."""
+    """Return all rows except that of λ."""
     s = program.structure
     return _Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
 
 
 def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[_Reduced]:
-    """The rows left after each self-stress found, the last first."""
+    """Return the rows kept after each successive self-stress, the last first."""
     found = [_whole(program)]
     for _ in range(_ROUNDS):
         support = search(_of_rows(program, found[-1]), columns)
@@ -280,14 +303,17 @@ def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[_Reduc
 
 
 def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
-    """The velocity without what is forbidden; inverse: the pseudo-inverse of `forbid`."""
+    """Remove the forbidden part of a velocity; inverse: pseudo-inverse of `forbid`."""
     for _ in range(2):
         velocity = velocity - inverse @ (forbid @ velocity)
     return velocity
 
 
 def _of_rows(program: ConicProgram, reduced: _Reduced, right: bool = False) -> ConicProgram:
-    """The program of the rows left, rays as inequalities after the others; right-hand sides zero unless asked for."""
+    """Return the program of the kept rows, with rays as the last inequalities.
+
+    Right-hand sides are zero, unless `right` keeps those of the program.
+    """
     s = program.structure
     first = np.concatenate([np.arange(s.equalities + 1), reduced.linear]).astype(np.int64)
     cones = [np.arange(s.heads[cone], s.heads[cone] + s.cones[cone]) for cone in reduced.cones]
@@ -308,9 +334,10 @@ def _of_rows(program: ConicProgram, reduced: _Reduced, right: bool = False) -> C
 
 
 def _leaning(program: ConicProgram, reduced: _Reduced, stress: Floats) -> ConicProgram:
-    """The program of forces that are admissible once a large self-stress (columns,) is added.
+    """Return the program of forces that are admissible with a large self-stress added.
 
-    In a cone with R = stress on its boundary, along d: s (2 |R|) ≥ |V across d|², s = t − d·V.
+    stress: (columns,) the self-stress. In a cone with R = stress on its boundary, along d: s (2 |R|) ≥ |V across d|², s
+    = t − d·V.
     """
     left = _of_rows(program, reduced, right=True)
     s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
@@ -329,7 +356,7 @@ def _leaning(program: ConicProgram, reduced: _Reduced, stress: Floats) -> ConicP
 
 
 def _left_by(found: LargestSupport, program: ConicProgram, reduced: _Reduced) -> _Reduced | None:
-    """The rows left beside a self-stress in those left so far; None if they are the same."""
+    """Return the rows kept after a self-stress is found; None if they are unchanged."""
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
     linear = len(reduced.linear) + len(reduced.rays)
     loose: Bools = found.slack > 0.5
@@ -352,32 +379,38 @@ def _left_by(found: LargestSupport, program: ConicProgram, reduced: _Reduced) ->
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Self-stress by interior point, its rays turned to the axes of faces where they nearly are, and made exact."""
+    """Find a self-stress by interior point, and project it.
+
+    Its rays are snapped to the axes of faces where they are close to them.
+    """
     found = largest_support(program, columns, largest=LARGEST)
     point = on_faces(program, found, np.zeros(program.structure.equalities), _ALONG)
     return replace(found, point=point, values=-(program.matrix[:, :columns] @ point))
 
 
 def _plainly(program: ConicProgram, columns: int) -> LargestSupport | None:
-    """Self-stress by interior point."""
+    """Find a self-stress by interior point, without bound on its size and without projection."""
     return largest_support(program, columns, largest=np.inf)
 
 
 _Search = Callable[[ConicProgram, int], LargestSupport | None]
+"""Function that finds a self-stress from a program and its number of columns."""
 _SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _plainly)
+"""Searches for a self-stress in the order tried; programs without cones use the last one only."""
 
 
 def _tangent(rows: Floats, direction: Floats, jump: Floats, place: int, speed: float) -> list[Floats]:
-    """Rows of a cone of which one ray is left: that ray, and where the face slides what turns it, to first order.
+    """Return the rows of a cone that is replaced by a ray.
 
+    The first is the ray itself. Where the face slides, a second row turns the ray, to first order.
     rows: (size, columns) of the cone. direction: of the self-stress. jump: (q,) of its face, whose columns begin at
-    `place`. Where the face slides the motion's own slip is known better than the self-stress.
+    `place`. Where the face slides, the slip of the motion is more accurate than the direction of the self-stress.
     """
     tail = rows[1:]
     where = [np.flatnonzero(row) for row in tail]
     plain = all(len(at) == 1 and place <= at[0] < place + len(jump) for at in where)
     if plain and len(tail) == 2:
-        # J = −Gᵀz and z = κ (1, −d) in these columns
+        # In these columns J = −Gᵀz and z = κ (1, −d).
         slip = np.array([jump[at[0] - place] / row[at[0]] for at, row in zip(where, tail, strict=True)])
         size = float(np.linalg.norm(slip))
         if size > _SLIDES * speed:

@@ -1,4 +1,4 @@
-"""Several load cases, one number: the governing factor, min over cases of λ / required."""
+"""Governing factor of several load cases: the minimum over cases of λ / required factor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,17 @@ from jld_core.limit.status import Status
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of one load case: its status, proven ends (NaN where there is none) and λ (NaN where none)."""
+    """Status and bounds of one load case.
+
+    Attributes
+    ----------
+    status : Status
+        Outcome of the case.
+    low, high : float
+        Proven bounds on λ; NaN where a bound is missing.
+    load_factor : float
+        λ of the case; NaN where there is none.
+    """
 
     status: Status
     low: float
@@ -21,10 +31,19 @@ class Known:
 
 @dataclass(frozen=True)
 class Governing:
-    """What is known of the governing factor.
+    """Status and bounds of the governing factor of a structure.
 
-    case: position of the case that governs; of several whose brackets overlap the first, so that two routes to the same
-    λ name the same one.
+    Attributes
+    ----------
+    status : Status
+        Outcome of the structure.
+    low, high : float
+        Proven bounds on the governing factor; NaN where a bound is missing.
+    load_factor : float
+        Governing factor; NaN where there is none.
+    case : int
+        Index of the governing case. Of several cases with overlapping brackets it is the first.
+        Two solution methods that find the same λ thus name the same case.
     """
 
     status: Status
@@ -35,11 +54,23 @@ class Governing:
 
 
 def governing(cases: Sequence[Known], required: Sequence[float]) -> Governing:
-    """The governing factor of a labelling from what is known of its load cases.
+    """Compute the governing factor of a labelling from the bounds of its load cases.
 
-    cases: at least one. required: factor of each. A labelling is unstable if any case is, and locked if all are: a case
-    that carries any load governs no other. Both proven ends are the least of the cases' own: an end that one case
-    lacks is lacking, unless another's is below anything it could be.
+    A labelling is unstable if any case is, and locked if all are. A locked case carries any load and never governs.
+    Both bounds are the least of the bounds of the cases. A bound that one case lacks is missing, unless another case's
+    bound is lower than any value it could have.
+
+    Parameters
+    ----------
+    cases : sequence of Known
+        Status and bounds of each case; at least one.
+    required : sequence of float
+        Required factor of each case.
+
+    Returns
+    -------
+    Governing
+        Status, bounds, value and index of the governing case.
     """
     nan, inf = math.nan, math.inf
     for status in (Status.FAILED, Status.UNSTABLE):
@@ -60,7 +91,7 @@ def governing(cases: Sequence[Known], required: Sequence[float]) -> Governing:
     position = min(range(len(cases)), key=lambda k: (highs[k], lows[k]))
     low, high = lows[first], highs[position]
     if cases[first].status is Status.COLLAPSE:
-        # the case with the least lower end is certain to within its width, and the least upper end is no higher
+        # The case of least lower bound is known to within its width, and the least upper bound is no higher.
         alike = (k for k, case in enumerate(cases) if case.status is Status.COLLAPSE and lows[k] <= high)
         return Governing(Status.COLLAPSE, low, high, 0.5 * (low + high), next(alike))
     known = [value for value in values if not math.isnan(value)]

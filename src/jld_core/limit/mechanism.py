@@ -1,6 +1,6 @@
-"""What a mechanism does at every face: jumps, and the movement they amount to (docs/method.md (3.1)).
+"""Jumps and kinds of movement of the faces in a mechanism (docs/method.md (3.1)).
 
-m interfaces, n elements, d = 2 or 3, q resultants per interface.
+Shapes: m interfaces, n elements, d = 2 or 3 dimensions, q resultants per interface.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ SMALL: Final = 0.01
 
 
 class Movement(StrEnum):
-    """What a face does in a mechanism. Cracks are of inner faces, the rest of dry ones; either may be closed."""
+    """Kind of movement of a face in a mechanism.
+
+    Cracks are movements of inner faces; hinge, slide, open and twist are movements of dry faces. Either may be closed.
+    """
 
     CLOSED = "closed"
     HINGE = "hinge"
@@ -34,9 +37,16 @@ class Movement(StrEnum):
 
 @dataclass(frozen=True)
 class FaceMotion:
-    """Movement of one face.
+    """Movement of one face in a mechanism.
 
-    kind; place: (d,) its hinge or its centroid; size: largest velocity jump at a corner, scene units.
+    Attributes
+    ----------
+    kind : Movement
+        Kind of the movement.
+    place : (d,) float array
+        Position of the hinge, or the centroid of the face, scene units.
+    size : float
+        Largest of the opening at the corners, the slip at the centroid and the slip by spin alone, scene units.
     """
 
     kind: Movement
@@ -45,7 +55,24 @@ class FaceMotion:
 
 
 def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Floats) -> Floats:
-    """(k, d) velocities of points (k, d) that move with an element; mechanism: (n, q)."""
+    """Compute the velocities of points that move with an element.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    mechanism : (n, q) float array
+        Velocities about the centroids, scene units.
+    element : int
+        Index of the element.
+    points : (k, d) float array
+        Positions of the points, scene units.
+
+    Returns
+    -------
+    (k, d) float array
+        Velocities of the points.
+    """
     d = assembly.dimension
     arm, motion = points - assembly.elements.centroid[element], mechanism[element]
     if d == 2:
@@ -55,22 +82,51 @@ def displacement(assembly: Assembly, mechanism: Floats, element: int, points: Fl
 
 
 def face_jumps(assembly: Assembly, mechanism: Floats) -> Floats:
-    """(m, q) jumps J = A_eqᵀ u of a mechanism (n, q), scene units: (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω)."""
+    """Compute the velocity jumps J = A_eqᵀ u of all faces in a mechanism.
+
+    See docs/method.md (3.1).
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    mechanism : (n, q) float array
+        Velocities about the centroids, scene units; supports may move.
+
+    Returns
+    -------
+    (m, q) float array
+        Jumps (δ, s, θ) or (δ, s1, s2, θ1, θ2, ω), scene units.
+    """
     moving = assembly.elements.support & mechanism.any(axis=1)
     if moving.any():
-        # supports that settle
+        # Supports that settle have velocities of their own: count them as free.
         assembly = replace(assembly, elements=replace(assembly.elements, support=assembly.elements.support & ~moving))
     velocity = mechanism[assembly.elements.free].ravel()
     return np.asarray(equilibrium_matrix(assembly).T @ velocity).reshape(-1, assembly.freedoms)
 
 
 def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
-    """What each of the m faces does in the mechanism of a result.
+    """Classify the movement of each face in the mechanism of a result.
 
-    A dry face that opens everywhere beyond the dilation of its friction is open; of turning about an axis in
-    the face, slipping and spinning about its normal the largest names the rest. An inner face that moves is a
-    crack, in shear where it slips more than it opens.
-    Raises ValueError where the result holds no mechanism.
+    A dry face is open if it opens everywhere by more than the dilation of its friction. Otherwise the largest of
+    rotation about an axis in the face (hinge), slip (slide) and spin about the normal (twist) names the movement.
+    An inner face that moves is a crack, in shear where it slips more than it opens.
+
+    Parameters
+    ----------
+    result : LimitAnalysisResult
+        Result with a mechanism.
+
+    Returns
+    -------
+    tuple of FaceMotion
+        Movement of each of the m faces.
+
+    Raises
+    ------
+    ValueError
+        If the result holds no mechanism.
     """
     if result.mechanism is None:
         raise ValueError("the result holds no mechanism")
@@ -101,7 +157,10 @@ def face_motions(result: LimitAnalysisResult) -> tuple[FaceMotion, ...]:
 
 
 def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> tuple[Floats, float, float]:
-    """Gaps (k,) at the corners of a face, slip at its centroid, and slip at its farthest corner by spin alone."""
+    """Return the gaps (k,) at the corners of a face, its slip and its slip by spin.
+
+    Slip is taken at the centroid, slip by spin at the farthest corner.
+    """
     faces, polygon = assembly.interfaces, assembly.interfaces.polygon[face]
     jump = displacement(assembly, mechanism, int(faces.b[face]), polygon)
     jump = jump - displacement(assembly, mechanism, int(faces.a[face]), polygon)
@@ -113,7 +172,7 @@ def _parts(assembly: Assembly, mechanism: Floats, jumps: Floats, face: int) -> t
 
 
 def _rubbing(assembly: Assembly, jumps: Floats, face: int) -> float:
-    """max(|s|, c_T |ω|), which dilates with μ under associative friction."""
+    """Return max(|s|, c_T |ω|), the slip that dilates by μ under associative friction."""
     if assembly.dimension == 2:
         return float(abs(jumps[face, 1]))
     slip = float(np.hypot(jumps[face, 1], jumps[face, 2]))

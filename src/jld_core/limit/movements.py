@@ -1,4 +1,4 @@
-"""How far every face moves when a labelling collapses, for many labellings: a hint for searches and no proof."""
+"""Movement of every face at collapse for many labellings: a search heuristic, not a proof."""
 
 from __future__ import annotations
 
@@ -12,11 +12,19 @@ from jld_core.limit.bounds import usable
 from jld_core.solvers import make_solver
 
 _RESIDUAL: Final = 1e-8
-"""Asked of the solver where there is no batch solver: a hint needs no more digits."""
+"""Residual requested from the solver where there is no batch solver; a heuristic needs no more digits."""
 
 
 class Movements:
-    """Jumps of the mechanisms of labellings of one assembly, in the batch solver where that knows the rows."""
+    """Jumps of the collapse mechanisms of many labellings of one assembly.
+
+    The batch solver computes the mechanisms where it supports the yield rows, else Clarabel.
+
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of the assembly.
+    """
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         self.template, self._prover = analysis.template, analysis.prover
@@ -24,9 +32,17 @@ class Movements:
         self._route = make_solver("clarabel", tolerance=_RESIDUAL)
 
     def of(self, labellings: Bits) -> Floats:
-        """(k, m) largest entry of each scaled jump beside the largest of all faces; zero where no mechanism is found.
+        """Compute how far each face moves in the mechanism of each labelling.
 
-        labellings: (k, m) True dry.
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        (k, m) float array
+            Largest entry of each scaled jump over the largest of all faces; zero where no mechanism is found.
         """
         if self._batch is not None:
             velocities = self._batch.solve(labellings, vectors=True).velocity

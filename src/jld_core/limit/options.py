@@ -1,4 +1,4 @@
-"""What is modelled, and by which way: what a result, an evaluator and the settings of a search carry along."""
+"""Model and solver options that results, evaluators and search settings share."""
 
 from __future__ import annotations
 
@@ -12,29 +12,50 @@ from jld_core.mechanics import InnerBending
 from jld_core.solvers import Solver, require_solver
 
 Friction = Literal["associative", "zero-dilation"]
+"""Friction model of dry faces: flow rule associated with the yield sets, or sliding without uplift."""
 Contacts = Literal["convex", "concave"]
+"""Contact model of dry faces: resultants at the centre of pressure, or point contacts at the corners."""
 Condense = Literal["auto", "on", "off"]
+"""When uncracked blocks are modelled as rigid bodies; "auto" does so where inner faces are very strong."""
 
 FLOOR_SECONDS: Final = 60.0
-"""Processor time for the bound below every λ without dilation, by default."""
+"""Default processor time, in seconds, for the lower bound on λ over all non-dilatant solutions."""
 
 _WORDS: Final = {"friction": Friction, "contact": Contacts, "inner_bending": InnerBending, "condense": Condense}
+"""Allowed values of each option that takes one of several words."""
 
 
 @dataclass(frozen=True)
 class SolveOptions:
-    """What is modelled, as on the command line; spatial choices change nothing in planar scenes.
+    """Options of the model and of the solver, named as on the command line.
 
-    friction: "associative", or "zero-dilation" (sliding without uplift, λ not unique: chapter 4 of docs/method.md).
-    range: of zero dilation the lowest and the highest λ that are found, and a bound below; floor_seconds: of processor
-    time for that bound, 0 for none.
-    contact: "convex" (resultants at the centre of pressure) or "concave" (point contacts at the corners of dry
-    faces). effective_area: torsion about the area that is really pressed, by iteration. inner_bending: "paper"
-    (uncoupled) or "kern" (elastic edge stress). condense: rigid blocks, cracked on demand ("auto": where inner
-    faces are very strong). solver: of the first attempt, by name or handed in; repairs and auxiliary programs have
-    their own. gap: width of the bracket above which a result is uncertified.
+    Options of spatial models have no effect in planar scenes.
 
-    Raises InputError for a choice that has no such value, or two that do not go together.
+    Parameters
+    ----------
+    friction : {"associative", "zero-dilation"}
+        "zero-dilation": sliding without uplift, λ not unique (docs/method.md, chapter 4).
+    range : bool
+        Compute the lowest and the highest λ found with zero dilation, and a lower bound on all of them.
+    floor_seconds : float
+        Processor time for that lower bound, seconds; 0 omits the bound.
+    contact : {"convex", "concave"}
+        "convex": resultants at the centre of pressure. "concave": point contacts at the corners of dry faces.
+    effective_area : bool
+        Base torsion on the area in compression, by iteration (docs/method.md (2.14), (2.15)).
+    inner_bending : {"paper", "kern"}
+        "paper": uncoupled bending. "kern": elastic edge stress (docs/method.md (2.5), (2.6)).
+    condense : {"auto", "on", "off"}
+        Model blocks as rigid and crack them on demand; "auto": where inner faces are very strong.
+    solver : str or Solver
+        Solver of the first attempt, by name or as an object. Repairs and auxiliary programs use their own solvers.
+    gap : float
+        Relative width of the bracket above which a result is uncertified.
+
+    Raises
+    ------
+    InputError
+        If an option has no such value, or if two options exclude each other.
     """
 
     friction: Friction = "associative"
@@ -66,16 +87,29 @@ class SolveOptions:
 
     @property
     def modular(self) -> bool:
-        """Is λ that of associative friction on whole faces as they are, of which bounds on many labellings speak?"""
+        """Return True if λ is that of associative friction on whole faces.
+
+        All other model options must have their default values. Bounds over many labellings hold only under these
+        options.
+        """
         same = SolveOptions(condense=self.condense, solver=self.solver, gap=self.gap)
         return self == same
 
     @property
     def by_floor(self) -> bool:
-        """Whether a search goes by the bound below every λ without dilation: where it is given time for one."""
+        """Return True if a search ranks by the lower bound over all non-dilatant solutions.
+
+        Requires `range` and a positive `floor_seconds`.
+        """
         return self.range and self.floor_seconds > 0.0
 
     def facts(self) -> dict[str, Any]:
-        """The fields as plain values, a solver that was handed in by its name."""
+        """Return the fields as plain values, with a solver object replaced by its name.
+
+        Returns
+        -------
+        dict of str to object
+            One entry for each field.
+        """
         solver = self.solver if isinstance(self.solver, str) else self.solver.name
         return {**{key: value for key, value in self.__dict__.items() if key != "solver"}, "solver": solver}

@@ -1,4 +1,4 @@
-"""What is proven of one labelling: bounds, status, and how they were come by."""
+"""Record of what is proven about one labelling: bounds, status and solve log."""
 
 from __future__ import annotations
 
@@ -13,14 +13,40 @@ from jld_core.limit.status import Status
 
 @dataclass
 class Proof:
-    """What has been proven so far about one labelling of a template, scaled as in it, and by what.
+    """Bounds proven so far for one labelling of a template, scaled as in the template.
 
-    status: what it amounts to. state, motion: of the lower and the upper bound. ray: a way to carry ever more.
-    collapse_below_zero: a motion that no λ ≥ 0 holds up. found: forces that are reported where they are not those of
-    the lower bound (without dilation, where forces may violate friction). guess: λ without proof. associative: λ with
-    associative friction, of a proof without dilation. outbid: left at an upper bound that is below what matters.
-    stands: is λ = 0 admissible? route, solves, seconds: what was done. extra: what the model has to say besides.
-    notes: the same in sentences.
+    Attributes
+    ----------
+    state : State or None
+        Admissible forces of the lower bound.
+    motion : Motion or None
+        Mechanism of the upper bound.
+    ray : State or None
+        Ray that carries the live load for every larger λ, docs/method.md (3.14).
+    collapse_below_zero : Motion or None
+        Mechanism that proves that no λ ≥ 0 is admissible, docs/method.md (3.15).
+    route : list of str
+        Names of the methods tried, in order.
+    solves : int
+        Number of programs solved.
+    guess : float
+        λ without proof, NaN where there is none.
+    status : Status
+        Outcome that the proof supports.
+    stands : bool or None
+        Whether λ = 0 is admissible; None where undecided.
+    found : State or None
+        Forces to report where they differ from those of the lower bound. With zero dilation they may violate friction.
+    associative : float
+        λ with associative friction, of a zero-dilation proof.
+    outbid : bool
+        True if a zero-dilation proof stopped at its associative λ, because that is too low to be of interest.
+    seconds : float
+        Wall-clock time.
+    extra : dict
+        Further facts of the model, as in the JSON output.
+    notes : list of str
+        The same facts in sentences.
     """
 
     state: State | None = None
@@ -42,7 +68,12 @@ class Proof:
     def offer_state(self, state: State) -> None:
         """Keep an admissible state if its λ is the highest so far.
 
-        A λ above that of an exact state (error zero) by less than rounding proves no more than that state.
+        A λ that exceeds that of an exact state (error zero) by less than rounding proves no more than the exact state.
+
+        Parameters
+        ----------
+        state : State
+            State of the labelling, scaled; ignored if it is not admissible.
         """
         if not state.admissible:
             return
@@ -52,41 +83,54 @@ class Proof:
             self.state = state
 
     def offer_motion(self, motion: Motion) -> None:
-        """Keep a motion with finite dissipation if its bound is the lowest so far."""
+        """Keep a motion if its bound is the lowest so far.
+
+        Parameters
+        ----------
+        motion : Motion
+            Motion, scaled, with b_λ·u = 1. It is ignored unless its margin is ≥ 0 and its live work positive.
+        """
         if motion.margin >= 0.0 and motion.work > 0.0 and (self.motion is None or motion.bound < self.motion.bound):
             self.motion = motion
 
     @property
     def crossed(self) -> bool:
-        """Do the two proofs contradict each other by more than rounding? Then neither is to be relied on."""
+        """Return True if the bounds contradict each other by more than rounding.
+
+        In that case neither bound is reliable.
+        """
         if self.state is None or self.motion is None:
             return False
-        low, high = self.state.load, self.motion.bound  # as `bounds.crossed`, which takes arrays and ten times as long
+        # Same test as `bounds.crossed`, which accepts arrays and takes ten times as long.
+        low, high = self.state.load, self.motion.bound
         return bool(low - high > 10.0 * tolerances.ROUNDING * max(abs(low), abs(high), 1.0))
 
     @property
     def low(self) -> float:
-        """Proven lower bound, scaled; −inf where there is none."""
+        """Return the proven lower bound on λ, scaled; −inf where there is none."""
         if self.state is None or self.crossed:
             return -math.inf
         return self.state.load if self.motion is None else min(self.state.load, self.motion.bound)
 
     @property
     def high(self) -> float:
-        """Proven upper bound, scaled; +inf where there is none."""
+        """Return the proven upper bound on λ, scaled; +inf where there is none."""
         if self.motion is None or self.crossed:
             return math.inf
         if self.state is None:
             return self.motion.bound
         above = self.motion.bound - self.state.load
-        # beside the state of no force at λ = 0 the rounding of a bound proves no width
+        # Next to the state without forces at λ = 0, the rounding of a bound proves no width.
         nothing = self.state.error == 0.0 and self.state.load == 0.0
         at_state = above < 0.0 or (nothing and above <= self.motion.noise)
         return self.state.load if at_state else self.motion.bound
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Ends of λ, scaled; NaN where unproven, infinite, or where it is proven that there is no λ."""
+        """Return the bounds on λ, scaled.
+
+        NaN where unproven, infinite, or where no λ exists by proof.
+        """
         low = self.low if math.isfinite(self.low) else math.nan
         high = self.high if math.isfinite(self.high) else math.nan
         if self.status is Status.UNSTABLE:
@@ -95,7 +139,10 @@ class Proof:
 
     @property
     def load_factor(self) -> float:
-        """λ, scaled: of the forces found, else the middle of the bracket, else a guess; NaN where there is none."""
+        """Return λ, scaled; NaN where there is none.
+
+        It is the λ of the forces found, else the middle of the bracket, else the guess.
+        """
         if self.status in (Status.UNSTABLE, Status.LOCKED):
             return math.nan
         if self.found is not None:

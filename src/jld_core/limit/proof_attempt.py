@@ -1,7 +1,7 @@
-"""The rungs by which one labelling is proven: solve, repair, try other ways, only as far as it takes.
+"""Fallbacks by which bounds for one labelling are proven, tried only as far as needed.
 
-`FALLBACKS` says when each rung is tried and what it offers; what it offers is checked (`Prover`) and believed only
-then.
+Each entry of `FALLBACKS` states when it is tried and what it offers. Everything offered is checked by `Prover` before
+it counts.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from jld_core.limit.status import Status
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus, SchurSolver, Solver, is_large
 
-_GROWS: Final = 1e3  # λ, scaled, from which it may have no end
-_SIMPLEX: Final = 6000  # columns up to which a dual simplex is a way out
+_GROWS: Final = 1e3  # Scaled λ above which a state without an upper bound may be unbounded.
+_SIMPLEX: Final = 6000  # Number of columns up to which a dual simplex is tried.
 
 
 class Analysis(Protocol):
-    """What a `ProofAttempt` asks of a `LimitAnalysis`."""
+    """Interface of `LimitAnalysis` that `ProofAttempt` needs."""
 
     assembly: Assembly
     template: Template
@@ -44,23 +44,37 @@ class Analysis(Protocol):
 
     @property
     def batch(self) -> BatchSolver | None:
-        """The batch solver for labellings of this analysis."""
+        """Return the batch solver for labellings of this analysis."""
 
     @property
     def quick(self) -> bool:
-        """Is a batch solver made and asked sooner than a solver answers one labelling?"""
+        """Return True if the batch solver is faster for one labelling than one solver call."""
 
     def unloaded(self, labels: Bits) -> State | None:
-        """The state without any force, where nothing loads the structure at λ = 0."""
+        """Return the state without forces at λ = 0, where there is no dead load."""
 
     def judge(self, proof: Proof) -> Status:
-        """The status that a proof amounts to."""
+        """Return the status that a proof supports."""
 
 
 class ProofAttempt:
-    """One labelling on its way up: what is proven so far, and the raw answer that repairs begin with.
+    """Mutable state while fallbacks are tried for one labelling.
 
-    labels: (m,) True dry. settled: nothing further is to be tried.
+    Parameters
+    ----------
+    analysis : Analysis
+        Limit analysis of the assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Attributes
+    ----------
+    proof : Proof
+        Bounds proven so far.
+    raw : RawSolution or None
+        Last raw solver answer, from which repairs start.
+    settled : bool
+        True if no further fallback is to be tried.
     """
 
     def __init__(self, analysis: Analysis, labels: Bits) -> None:
@@ -74,7 +88,18 @@ class ProofAttempt:
             self.proof.offer_state(unloaded)
 
     def up(self, ladder: tuple[Fallback, ...]) -> Proof:
-        """The proof after all rungs that its state asks for."""
+        """Try all fallbacks whose condition holds, in order.
+
+        Parameters
+        ----------
+        ladder : tuple of Fallback
+            Solution methods, in the order in which they are tried.
+
+        Returns
+        -------
+        Proof
+            Bounds and status after the last fallback.
+        """
         for rung in ladder:
             if rung.when(self) and not self.settled:
                 rung.take(self)
@@ -83,7 +108,15 @@ class ProofAttempt:
         return self.proof
 
     def take(self, found: Proof) -> None:
-        """Take a finished proof of the same labelling, unless it contradicts what is proven: then it proves nothing."""
+        """Adopt a finished proof of the same labelling, unless the brackets are disjoint.
+
+        If they are disjoint, only the solve log of the finished proof is kept.
+
+        Parameters
+        ----------
+        found : Proof
+            Finished proof, scaled.
+        """
         mine = self.proof
         mine.route += found.route
         mine.solves += found.solves
@@ -95,73 +128,89 @@ class ProofAttempt:
 
     @property
     def open(self) -> bool:
-        """Is nothing certain yet?"""
+        """Return True if the status is still uncertified."""
         return self.proof.status is Status.UNCERTIFIED
 
     @property
     def open_inside(self) -> bool:
-        """The same, of a program that the last raw answer does not call infeasible."""
+        """Return True if the status is uncertified and the last raw answer is not infeasible."""
         return self.open and self.raw is not None and self.raw.status is not RawStatus.INFEASIBLE
 
     @property
     def reduced(self) -> bool:
-        """Is a bracket open although friction's cones were reduced to rays?"""
+        """Return True if the bracket is open although facial reduction was tried.
+
+        It applies only to programs with friction cones, which the reduction replaces by rays.
+        """
         return self.open and bool(self.template.structure.cones) and "facial reduction" in self.proof.route
 
     @property
     def grows(self) -> bool:
-        """Is λ so large without an upper bound that it may have none?"""
+        """Return True if λ is so large without an upper bound that it may be unbounded."""
         state = self.proof.state
         return self.open and self.proof.motion is None and state is not None and state.load > _GROWS
 
     @property
     def runs_away(self) -> bool:
-        """The same, of a program that the last raw answer calls unbounded, and that the batch solver was not asked
-        yet."""
+        """Return True if the last raw answer is unbounded and the batch solver has not been tried."""
         unasked = "lanes" not in self.proof.route
         return self.open and unasked and self.raw is not None and self.raw.status is RawStatus.UNBOUNDED
 
     @property
     def alone(self) -> bool:
-        """Is one labelling all that will be asked, and the batch solver the quicker way to it?"""
+        """Return True if only one labelling is analysed and the batch solver is faster."""
         analysis = self.analysis
         return self.open and analysis.single and analysis.quick and analysis.batch is not None
 
     @property
     def settled_by_batch(self) -> bool:
-        """Has the batch solver left nothing to do? Brackets far wider than those of others do not count."""
+        """Return True if the batch solver's bracket is conclusive and narrow enough.
+
+        A bracket much wider than those of other solvers does not count.
+        """
         if "lanes" not in self.proof.route or self.open:
             return False
         return not self._collapses or self._width(0.0) <= tolerances.ALONE
 
     @property
     def linear(self) -> bool:
-        """Can a dual simplex be asked?"""
+        """Return True if the program is linear and small enough for a dual simplex."""
         structure = self.template.structure
         return not structure.cones and structure.shape[1] <= _SIMPLEX
 
     @property
     def crushed_wide(self) -> bool:
-        """Is a proof as wide as the margin that most crushable scenes need? This one may need less."""
+        """Return True if crushing leaves the bracket wider than `CRUSHING_WIDTH`.
+
+        A smaller margin than most crushable scenes need may then narrow it.
+        """
         crushing = self.template.precision is tolerances.CRUSHING
         return crushing and self._collapses and self._width(self.analysis.floor) > tolerances.CRUSHING_WIDTH
 
     @property
     def wide_beside_load(self) -> bool:
-        """Is a proof narrow beside the weight of the whole, but wide beside λ? λ may be small, or zero."""
+        """Return True if the bracket is narrow relative to the load scale but wide relative to λ.
+
+        λ may then be small, or zero.
+        """
         return self._collapses and self._width(0.0) > self.analysis.gap
 
     @property
     def _collapses(self) -> bool:
+        """Return True if the status is collapse."""
         return self.proof.status is Status.COLLAPSE
 
     def _width(self, floor: float) -> float:
+        """Return the width of the bracket relative to its ends, or to `floor` if larger."""
         return relative_width(self.proof.low, self.proof.high, floor)
 
     # --- what is tried ----------------------------------------------------------------------------------
 
     def batched(self) -> None:
-        """Whatever the batch solver proves of it: of faces between which nothing moves, a ray that takes them out."""
+        """Solve by the batch solver and offer what it proves.
+
+        It also finds rays for structures in which some immobile faces can only be unloaded.
+        """
         batch = self.analysis.batch
         if batch is None:
             return
@@ -173,7 +222,10 @@ class ProofAttempt:
         offer(found, self.labels, self.proof, self.prover, self.repair.opening)
 
     def alone_in_lanes(self) -> None:
-        """The same where a solver would be asked first: a wide bracket is dropped, which that begins better without."""
+        """Solve by the batch solver before any other solver, and drop a wide bracket.
+
+        The next solver converges better without the bounds of a wide bracket.
+        """
         proof = self.proof
         state = proof.state
         self.batched()
@@ -182,13 +234,21 @@ class ProofAttempt:
             proof.state, proof.motion, proof.ray, proof.collapse_below_zero = state, None, None, None
 
     def solve(self) -> None:
-        """The analysis' own solver."""
+        """Solve by the solver of the analysis."""
         route, template, analysis = self.analysis.route, self.template, self.analysis
         route.prepare(template.structure, lambda: template.program(analysis.reference, analysis.margin))
         self.attempt(route, analysis.margin)
 
     def attempt(self, route: Solver, margin: float) -> None:
-        """Solve, and take from the raw answer whatever it proves, in the order its status makes likely."""
+        """Solve by one solver and offer what its raw answer proves.
+
+        Parameters
+        ----------
+        route : Solver
+            Solver to run.
+        margin : float
+            Slack kept in every yield row, scaled.
+        """
         raw = self.raw = route.solve(self.template.program(self.labels, margin))
         proof = self.proof
         proof.solves += 1
@@ -204,7 +264,10 @@ class ProofAttempt:
             proof.offer_motion(self.prover.motion(raw.dual, self.labels))
 
     def _offer_instability(self, dual: Floats) -> None:
-        """Σ D − b·u < 0 with b_λ·u ≥ 0 proves that no λ ≥ 0 is admissible."""
+        """Offer a proof that no λ ≥ 0 is admissible (docs/method.md (3.15)).
+
+        The proof is a motion with Σ D − b·u < 0 and b_λ·u ≥ 0.
+        """
         velocity = dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
         if not (np.isfinite(size) and size > 0.0):
@@ -213,12 +276,13 @@ class ProofAttempt:
         if motion.margin < 0.0:
             motion = self._opened(motion, normalise=False)
         if motion.margin >= 0.0 and motion.bound < -max(tolerances.ROUNDING, motion.noise):
-            # work below zero proves nothing of large λ, unless it is the rounding of a work that is zero
+            # Negative live work proves nothing about large λ, unless the work is zero up to rounding.
             idle = -1e-3 * tolerances.ROUNDING * float(abs(self.template.live).sum() * abs(motion.velocity).max())
             if motion.work < idle:
                 motion = self.repair.make_work_positive(motion, self.labels)
             if motion.work < idle:
-                # nor can it be positive where a ray carries the live load: then it is zero, and so are the ray's jumps
+                # Where a ray carries the live load, the live work cannot be positive: it is zero, and so are the ray's
+                # jumps.
                 self.proof.route.append("facial reduction")
                 motion = self.repair.reduced(given, self.labels, normalise=False) or motion
             fine = motion.margin >= 0.0 and motion.work >= idle
@@ -226,7 +290,10 @@ class ProofAttempt:
                 self.proof.collapse_below_zero = motion
 
     def _opened(self, motion: Motion, normalise: bool = True) -> Motion:
-        """A motion of finite dissipation: by opening all joints, or where they cannot, by facial reduction."""
+        """Make the dissipation finite by an opening motion, else by facial reduction.
+
+        Facial reduction serves confined assemblies.
+        """
         opening = self.repair.opening()
         if opening is not None:
             self.proof.route.append("opened")
@@ -236,7 +303,10 @@ class ProofAttempt:
         return self.repair.reduced(motion, self.labels, normalise) or motion
 
     def repair_answer(self) -> None:
-        """Blend the answer at hand with states well inside and motions that open everywhere they may."""
+        """Repair the last raw answer and offer the results.
+
+        The answer is blended with strictly admissible states and opening motions.
+        """
         raw, proof, labels = self.raw, self.proof, self.labels
         if raw is None or raw.status is RawStatus.INFEASIBLE:
             return
@@ -251,7 +321,7 @@ class ProofAttempt:
                 if not unbounded:
                     proof.offer_state(self.prover.blend(state, inside, labels))
             elif unbounded:
-                # a program may have a ray and no point: the multipliers of the largest slack say why
+                # A program may have a ray but no feasible point; the multipliers of the largest slack prove it.
                 self._offer_instability(self.repair.fall(labels))
         if unbounded:
             if proof.ray is None and proof.collapse_below_zero is None:
@@ -264,12 +334,12 @@ class ProofAttempt:
             proof.offer_motion(self._opened(motion))
 
     def vertex(self) -> None:
-        """A vertex by dual simplex, exact to rounding."""
+        """Solve by dual simplex for a vertex that is exact to rounding, then repair it."""
         self.attempt(HighsSolver(), 0.0)
         self.repair_answer()
 
     def edge(self) -> None:
-        """A state in yield sets that leave no room, where nothing else gave one."""
+        """Offer a state in yield sets without interior, where no other method found one."""
         raw = self.raw
         self.proof.solves += 1
         self.proof.route.append("edge")
@@ -279,27 +349,34 @@ class ProofAttempt:
             self.proof.offer_state(state)
 
     def ray(self) -> None:
-        """A ray where the solver stopped on its way to infinity."""
+        """Find a ray where the solver stopped at a large λ."""
         self.proof.solves += 1
         self.proof.route.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)
 
     def lean(self) -> None:
-        """States that lean on a self-stress at the boundary of friction's cones."""
+        """Offer states that rely on a self-stress at the boundary of the friction cones."""
         self.proof.solves += 2
         self.proof.route.append("self-stress")
         for state in self.repair.leaning(self.labels):
             self.proof.offer_state(state)
 
     def unshrunk(self) -> None:
-        """An interior point with refined linear systems and no margin."""
+        """Solve by an interior-point method with refined linear systems and no margin."""
         self._refined(self.template.precision.residual, 0.0)
 
     def less_margin(self) -> None:
-        """The same with as little margin as linear programs need."""
+        """Solve by a refined interior-point method with a smaller margin.
+
+        The margin is ten times that of linear programs.
+        """
         self._refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
 
     def _refined(self, tolerance: float, margin: float) -> None:
+        """Solve with refined linear systems and repair the answer.
+
+        Large structures use the Schur complement solver instead of iterative refinement.
+        """
         large = is_large(self.template.structure)
         refined = ClarabelSolver(tolerance, iterative_refinement_enable=True)
         self.attempt(SchurSolver(tolerance, gap=1e-10) if large else refined, margin)
@@ -308,7 +385,19 @@ class ProofAttempt:
 
 @dataclass(frozen=True)
 class Fallback:
-    """One way to a proof. when: is it tried, as things stand? take: try it. offers: what it may give."""
+    """One named solution method with the condition under which it is tried.
+
+    Attributes
+    ----------
+    name : str
+        Name of the fallback.
+    when : callable
+        Takes the `ProofAttempt`; returns True if the fallback is to be tried.
+    take : callable
+        Takes the `ProofAttempt` and tries the fallback.
+    offers : str
+        Bounds that the fallback may supply.
+    """
 
     name: str
     when: Callable[[ProofAttempt], bool]
@@ -332,7 +421,7 @@ FALLBACKS: Final = (
     Fallback(
         "ray in lanes", lambda c: c.runs_away, ProofAttempt.batched, "a ray where some faces can only be unpressed"
     ),
-    # a vertex comes before the edge: it tells unstable scenes from those that stand by a hair
+    # Try a vertex before an edge state: it separates unstable structures from those that barely stand.
     Fallback(
         "vertex",
         lambda c: c.open and c.linear,
@@ -359,4 +448,4 @@ FALLBACKS: Final = (
     ),
     Fallback("small λ", lambda c: c.wide_beside_load and c.linear, ProofAttempt.vertex, "whether λ is small or zero"),
 )
-"""What `LimitAnalysis.prove` tries by default, from the top down."""
+"""Solution methods that `LimitAnalysis.prove` tries by default, in order."""

@@ -1,4 +1,4 @@
-"""Why a result is uncertified, in one sentence."""
+"""Explanation of an uncertified result in one sentence."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from jld_core.limit.status import Status
 
 
 def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: float, extra: dict[str, Any]) -> str:
-    """Say which bound of an uncertified result is missing, and why.
+    """Explain which bound of an uncertified result is missing, and why.
 
     Parameters
     ----------
     status : Status
-        What is proven.
+        Outcome of the analysis.
     bracket : (float, float)
         Lower and upper bound, NaN where missing.
-    gap, asked : float
-        Relative width of the bracket, and the greatest that counts as converged.
+    gap : float
+        Relative width of the bracket.
+    asked : float
+        Largest relative width that counts as converged.
     extra : dict
-        What the model says besides.
+        Further facts of the model, as in the JSON output.
 
     Returns
     -------

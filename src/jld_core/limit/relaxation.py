@@ -1,13 +1,12 @@
-"""Faces whose label is not decided: what bounds λ over all labellings that agree on the faces that are.
+"""Upper bounds on λ over all labellings that agree on the decided faces.
 
-The relaxation of an **undecided** face is the closed hull of its dry and its inner set, docs/method.md (6.3), which the
-yield set knows (`YieldSet.hull`); a set that does not leaves no relaxation. Where planar joints may crush, its rows are
-wide of the hull, and two copies share the forces instead (`SharedHull`); the batch solver follows it with rows of its
-own, to
-some hundredths of a percent in an arch (`YieldSet.bow`).
+The relaxation of an undecided face is the closed hull of its dry and its inner set, docs/method.md (6.3). The yield
+set supplies it (`YieldSet.hull`); without a hull there is no relaxation. Where planar joints may crush, the rows of
+the hull are too wide, and two copies of the face share its forces instead (`SharedHull`). There the batch solver uses
+rows of its own (`YieldSet.bow`), which in an arch deviate by some hundredths of a percent.
 
-What a mechanism then bounds is measured with the hull's own support function, max(D_dry, D_inner), whatever the
-rows were: a bound is right for every labelling it speaks of, however loose the program that it came from.
+The bound of a mechanism is always measured with the support function of the hull, max(D_dry, D_inner). It therefore
+holds for every labelling that agrees, however loose the program that supplied the mechanism.
 """
 
 from __future__ import annotations
@@ -28,26 +27,35 @@ from jld_core.program import ConicProgram
 from jld_core.solvers import make_solver
 
 _TINY: Final = 1e-6
-"""Margins, relative to the largest jump, that are worth closing by opening all faces a little."""
+"""Violation of a margin, relative to the largest jump, up to which a small opening motion repairs it."""
 
 _ANY: Final = 1e12
-"""A scaled λ above any that is of use."""
+"""Threshold above every scaled λ of interest; with it any finite bound counts as a refutation."""
 
 _RESIDUAL: Final = 1e-10
-"""Asked of the solver: bounds are computed from its answer, so that it need not be exact."""
+"""Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
 _COUNTING: Final = Lock()
-"""Several threads may shrink, each its own labellings."""
+"""Lock for `solves`, since several threads may minimise conflicts at the same time."""
 
 
 @dataclass(frozen=True)
 class DualBound:
-    """Why no labelling that agrees on some faces reaches a load factor.
+    """Mechanism that refutes a λ for every labelling that agrees on the decided faces.
 
-    excess: threshold · b_λ·u + b·u − Σ D, above zero with what rounding may take. cost: (m,) what a face takes from
-    the excess when it becomes undecided, inf where the mechanism bounds nothing then. bound: λ that no such
-    labelling exceeds, scaled; −inf where none stands. velocity: (q·free,) the mechanism, scaled. case: index of the
-    load case under which it was weighed.
+    Attributes
+    ----------
+    excess : float
+        threshold · b_λ·u + b·u − Σ D, scaled, rounding deducted; positive (docs/method.md (6.4)).
+    cost : (m,) float array
+        Reduction of the excess if a face becomes undecided, scaled; inf where no bound remains.
+    bound : float
+        λ that no such labelling exceeds, scaled; −inf where none is admissible at any λ. In the unit of the governing
+        factor if it comes from `CaseRelaxation`.
+    velocity : (q·free,) float array
+        The mechanism, scaled.
+    case : int
+        Index of the load case of the mechanism.
     """
 
     excess: float
@@ -59,12 +67,25 @@ class DualBound:
 
 @dataclass(frozen=True)
 class MinimizedConflict:
-    """What became of a labelling, or of a neighbour of it, that was shrunk.
+    """Result of minimising the conflict of a labelling, or of one of its neighbours.
 
-    labelling: which of those asked. drawn: that one itself. decided: (m,) faces that matter. bound: scaled λ that no
-    labelling exceeds that has its labels there, −inf where none stands; None where nothing refuted it. carries: its
-    forces were seen to carry more. velocity: (q·free,) the mechanism that refuted it, scaled; case: index of the load
-    case under which that mechanism was weighed.
+    Attributes
+    ----------
+    labelling : int
+        Index of the requested labelling.
+    drawn : bool
+        True for the labelling itself, False for a neighbour.
+    decided : (m,) bool array
+        Faces whose labels are part of the conflict.
+    bound : float or None
+        Scaled λ that no labelling with these labels exceeds; −inf where none is admissible at any λ. None where nothing
+        refuted it. In the unit of the governing factor if it comes from `CaseRelaxation`.
+    carries : bool
+        True if the forces found carry more than the threshold.
+    velocity : (q·free,) float array or None
+        Mechanism that refuted the labelling, scaled.
+    case : int
+        Index of the load case of the mechanism.
     """
 
     labelling: int
@@ -78,11 +99,11 @@ class MinimizedConflict:
 
 @dataclass(frozen=True)
 class _WorkBalance:
-    """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees where decided.
+    """Work balance of k mechanisms: λ · work ≤ total for every labelling that agrees.
 
-    velocities: (k, q·free) with the opening that rounding asked for. work: (k,) of the live load. total: (k,)
-    dissipation less dead work, with what rounding may take. sound: (k,) whether the dissipation is finite. own, either:
-    (k, m) dissipation of each face under its own label, and the larger of both labels.
+    velocities: (k, q·free), with the opening that rounding required. work: (k,) of the live load.
+    total: (k,) dissipation minus dead work, plus possible rounding. sound: (k,) whether the dissipation is finite.
+    own, either: (k, m) dissipation of each face under its own label, and the larger of both labels.
     """
 
     velocities: Floats
@@ -94,9 +115,17 @@ class _WorkBalance:
 
 
 class Relaxation:
-    """Upper bounds on λ for partial labellings of one assembly.
+    """Upper bounds on λ of partial labellings of one assembly.
 
-    analysis: of the assembly; template, prover and the motion that opens all faces are shared with it.
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of the assembly; its template, prover and opening motion are shared.
+
+    Raises
+    ------
+    TypeError
+        If no hull of the yield sets is known.
     """
 
     def __init__(self, analysis: LimitAnalysis) -> None:
@@ -107,7 +136,7 @@ class Relaxation:
             raise TypeError("no hull is known of these yield sets")
         self._open = self.template.with_rows(hull)
         strengths, planar = self.template.assembly.strengths, self.template.assembly.dimension == 2
-        # while dry joints never crush the hull has rows
+        # The hull has exact rows only as long as dry joints never crush.
         self._shared = SharedHull(self.template) if planar and np.isfinite(strengths.crush_dry).any() else None
         self._batch: BatchSolver | None = None
         if chosen() is not None and fits(self.template, hull):
@@ -119,39 +148,78 @@ class Relaxation:
         self.solves = 0
 
     def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
-        """The program of a partial labelling: labels (m,) True dry, of no force where undecided (m,)."""
+        """Return the program of a partial labelling.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        ConicProgram
+            The program, scaled.
+        """
         if self._shared is not None:
             return self._shared.program(labels, undecided, self._margin)
         return self.template.program(labels, self._margin, other=self._open, taken=undecided)
 
     def refute(self, labels: Bits, undecided: Bools, threshold: float) -> DualBound | None:
-        """A proof that no labelling that agrees where decided reaches a scaled λ; None where there is none.
+        """Refute a λ for all labellings that agree on the decided faces.
 
-        labels: (m,) True dry. undecided: (m,). threshold: scaled λ.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+        threshold : float
+            Scaled λ to refute.
+
+        Returns
+        -------
+        DualBound or None
+            Mechanism that proves it; None where no proof is found.
         """
         return self.refute_all(labels[None], undecided[None], np.array([threshold]))[0]
 
     @property
     def many(self) -> bool:
-        """Whether relaxations are solved many at a time."""
+        """Return True if the batch solver solves many relaxations at a time."""
         return self._batch is not None
 
     @property
     def unit(self) -> float:
-        """λ in scene units for each of what is bounded here."""
+        """Return λ in scene units per unit of the bounds of this relaxation."""
         return self.template.scaling.load
 
     @property
     def each(self) -> tuple[Relaxation, ...]:
-        """The relaxation of every load: of this one alone."""
+        """Return the relaxations of all load cases: this one alone."""
         return (self,)
 
     def refute_all(
         self, labellings: Bits, undecided: Bools, thresholds: Floats, thorough: Bools | None = None
     ) -> list[DualBound | None]:
-        """The same for labellings and undecided faces (k, m) and thresholds (k,): at once where the batch solver can.
+        """Refute λ for many partial labellings, by the batch solver where it applies.
 
-        thorough: (k,) whether what the batch solver leaves open is worth another route, default all.
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (k, m) bool array
+            Faces that may have either label.
+        thresholds : (k,) float array
+            Scaled λ to refute.
+        thorough : (k,) bool array or None
+            Whether to try another solver where the batch solver finds no proof. Default: everywhere.
+
+        Returns
+        -------
+        list of DualBound or None
+            Mechanism that refutes each threshold; None where no proof is found.
         """
         count = len(labellings)
         self.solves += count
@@ -160,10 +228,11 @@ class Relaxation:
         if self._batch is not None:
             answers = self._batch.solve(labellings, undecided=undecided, thresholds=thresholds, vectors=True)
             assert answers.velocity is not None
-            # forces that carry more are a hint: to refute nothing is never wrong
+            # Skip labellings whose forces carry more than the threshold. Unchecked forces suffice: skipping proves
+            # nothing false.
             told = np.flatnonzero(answers.verdict != CARRIES)
             self._weigh_all(answers.velocity[told], told, labellings, undecided, thresholds, found)
-            # between abutments the batch solver bounds what a weighing, which is to the last digit, does not
+            # Between abutments the batch solver reports bounds that the exact work balance cannot confirm.
             low = (answers.verdict == OPEN) | (answers.verdict == FALLS) | (answers.high < thresholds)
             left = np.array([k for k in told.tolist() if found[k] is None and low[k]], dtype=int)
             if thorough is not None:
@@ -175,8 +244,20 @@ class Relaxation:
         return found
 
     def minimize_conflicts(self, asked: ConflictRequest) -> list[MinimizedConflict]:
-        """Labellings with as few faces decided as still keep λ at their thresholds, scaled, and neighbours of them;
-        where the batch solver solves many at a time. Whatever it refuted is weighed here.
+        """Reduce the decided faces of labellings as far as λ stays below their thresholds.
+
+        Neighbours of the labellings are treated as well. Needs the batch solver (`many`). The work balance of every
+        refutation is evaluated again here.
+
+        Parameters
+        ----------
+        asked : ConflictRequest
+            Labellings and scaled thresholds.
+
+        Returns
+        -------
+        list of MinimizedConflict
+            One entry for each labelling or neighbour that was begun.
         """
         assert self._batch is not None
         raw = self._batch.minimize_conflicts(asked)
@@ -198,7 +279,7 @@ class Relaxation:
         ]
 
     def weigh(self, case: int, velocities: Floats, labellings: Bits, undecided: Bools) -> Floats:
-        """Weigh known mechanisms again, without solving anything.
+        """Evaluate the work balance of known mechanisms, without solving a program.
 
         Parameters
         ----------
@@ -207,20 +288,20 @@ class Relaxation:
         velocities : (k, q·free) float array
             Mechanisms, scaled.
         labellings : (k, m) bool array
-            Labels, True = dry; of no force where undecided.
+            Labels, True = dry; ignored where undecided.
         undecided : (k, m) bool array
             Faces that may have either label.
 
         Returns
         -------
         (k,) float array
-            Scaled λ that no labelling exceeds that agrees where decided; −inf where none stands, inf where the
-            mechanism proves nothing.
+            Scaled λ that no labelling exceeds that agrees where decided; −inf where none is admissible at any λ, inf
+            where the mechanism proves nothing.
 
         Raises
         ------
         ValueError
-            For a load case that does not exist.
+            If the load case does not exist.
         """
         if case != 0:
             raise ValueError(f"case: there is one load, and no load case {case}")
@@ -240,14 +321,15 @@ class Relaxation:
         thresholds: Floats,
         found: list[DualBound | None],
     ) -> None:
-        """Put into `found` what velocities (j, q·free) bound, as they are or with a little of a motion that opens all.
+        """Write the bounds of velocities (j, q·free) into `found`.
 
-        which: (j,) which of the k labellings they are of.
+        Where a bound is missing, a small opening motion is added.
+        which: (j,) index of the labelling that each mechanism belongs to.
         """
         fine = np.isfinite(velocities).all(axis=1)
         which, velocities = which[fine], velocities[fine]
         size = abs(velocities).max(axis=1, initial=0.0)
-        moving = (size > 0.0) & (size < 1e30)  # what a failed solve leaves behind may be anything
+        moving = (size > 0.0) & (size < 1e30)  # A failed solve may leave any values behind.
         which, velocities = which[moving], velocities[moving] / size[moving, None]
         opening = self._interior.opening()
         for parted in (False, True):
@@ -264,21 +346,47 @@ class Relaxation:
             which, velocities = which[lacking], velocities[lacking]
 
     def bound(self, labels: Bits, undecided: Bools) -> float:
-        """Scaled λ that no labelling exceeds that agrees where decided; inf where none was found."""
+        """Return an upper bound on λ of a partial labelling.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        float
+            Scaled λ that no labelling exceeds that agrees where decided; inf where no bound was found.
+        """
         found = self.least_bound(labels, undecided)
         return np.inf if found is None else found.bound
 
     def least_bound(self, labels: Bits, undecided: Bools) -> DualBound | None:
-        """The mechanism of least bound that was found for a partial labelling; None where none was."""
+        """Return the mechanism with the least bound found for a partial labelling.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+
+        Returns
+        -------
+        DualBound or None
+            Mechanism with its bound, scaled; None where no bound was found.
+        """
         found = self.refute_all(labels[None], undecided[None], np.array([_ANY]))
         if self._shared is not None and self._batch is not None:
-            # the batch solver's rows enclose the hull of joints that crush: what the hull itself bounds is a little
-            # less
+            # The rows of the batch solver enclose the hull of crushing joints; the exact hull gives a slightly lower
+            # bound.
             found += self._by_route(labels[None], undecided[None], np.array([_ANY]))
         return min((one for one in found if one is not None), key=lambda one: one.bound, default=None)
 
     def _by_route(self, labellings: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """The same by the other route, one after the other."""
+        """Refute λ for partial labellings one after the other, by the interior-point solver."""
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
@@ -288,7 +396,7 @@ class Relaxation:
         return answers
 
     def _weigh(self, velocities: Floats, labels: Bits, undecided: Bools, thresholds: Floats) -> list[DualBound | None]:
-        """What velocities (k, q·free), none faster than one or so, bound of labellings (k, m)."""
+        """Return the refutations of labellings (k, m) by velocities (k, q·free) of order one."""
         balance = self._balance(velocities, labels, undecided)
         work, total = balance.work, balance.total
         excess = thresholds * work - total
@@ -303,15 +411,18 @@ class Relaxation:
         ]
 
     def _balance(self, velocities: Floats, labels: Bits, undecided: Bools) -> _WorkBalance:
-        """Work balance of mechanisms (k, q·free) for labellings (k, m), rounding charged against the mechanism."""
+        """Compute the work balance of mechanisms (k, q·free) for labellings (k, m).
+
+        Possible rounding is added to the total.
+        """
         velocities, jumps, finite = self._opened(velocities)
         dissipation = np.where(finite >= 0.0, self._measured(jumps, margins=False), np.inf)
         either = dissipation.max(axis=0)
         own = np.where(undecided, either, np.where(labels, dissipation[0], dissipation[1]))
-        # sums row by row: a product of matrices would round by how many rows there are
+        # Sum row by row: the rounding of a matrix product depends on the number of rows.
         powers = velocities * self.template.live
         work = powers.sum(axis=1)
-        # what is left of terms that cancel bounds nothing
+        # A remainder of cancelling terms gives no bound.
         work[abs(work) < tolerances.ROUNDING * abs(powers).sum(axis=1)] = 0.0
         total = own.sum(axis=1) - (velocities * self.template.dead).sum(axis=1)
         sound = np.isfinite(total) & (work >= 0.0)
@@ -320,7 +431,10 @@ class Relaxation:
         return _WorkBalance(velocities, work, total, sound, own, either)
 
     def _measured(self, jumps: Floats, *, margins: bool) -> Floats:
-        """(2, k, m) margins or dissipation of jumps (k, m, q), dry then inner."""
+        """Return margins or dissipation (2, k, m) of jumps (k, m, q).
+
+        The first entry is for dry faces, the second for inner faces.
+        """
         sets, faces = self.template.yield_set, jumps.shape[1]
         measure = sets.margin if margins else sets.dissipation
         every = np.ones(faces, dtype=bool)
@@ -330,7 +444,10 @@ class Relaxation:
         return np.array(each).reshape(2, *jumps.shape[:2])
 
     def _opened(self, velocities: Floats) -> tuple[Floats, Floats, Floats]:
-        """Velocities with the opening added that margins missed by rounding need, their jumps, and margins then."""
+        """Add an opening motion where margins are violated by rounding.
+
+        Returns velocities, jumps and margins.
+        """
         jumps = self._prover.jumps(velocities)
         finite = self._measured(jumps, margins=True)
         opening = self._interior.opening()

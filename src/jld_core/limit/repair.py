@@ -1,6 +1,7 @@
-"""States well inside all yield sets, motions that open every joint they may, rays: what repairs are made with.
+"""Auxiliary programs that make a solver's answer admissible.
 
-These are small programs of their own, solved only where the first answer does not prove itself.
+They supply states strictly inside all yield sets, motions that open every face, and rays. They are small programs,
+solved only where the first answer does not prove its own bounds.
 """
 
 from __future__ import annotations
@@ -28,19 +29,28 @@ from jld_core.limit.facial_reduction import FacialReduction
 from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
-_DENSE = 4000  # velocities up to which the facial reduction is done with dense algebra
-_ROUNDED = 1e-9  # rounding of jumps, times the largest live load, that a motion may have for each unit of live work
-_LEAST_SLACK = 1e-5  # slack, scaled, that every row can have at once if it can have any
-_TIMES = (1.0, 10.0, 100.0)  # how many times faster courses part than what stands in them
-# largest force of a ray and slack up to which it has none, scaled, in turn; 0: by simplex, and as it comes from there
+_DENSE = 4000  # Number of velocities up to which equations are solved by dense algebra.
+_ROUNDED = 1e-9  # Allowed rounding of jumps per unit of live work, relative to the largest live load (unused here).
+_LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
+_TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
+# Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried. Force 0:
+# solve by simplex and take the vertex without projection.
 _RAYS = ((0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
-_SNAP = 1e-4  # component of a direction on the boundary of a cone below which it is zero
-_NO_FORCE = 1e-3  # head of a cone, scaled, below which a point is at its tip
-_OPENS = 1e-6  # margin, of speeds up to 1, above which a plain motion counts as opening
+_SNAP = 1e-4  # Component of a direction on the boundary of a cone below which it is set to zero.
+_NO_FORCE = 1e-3  # Head of a cone, scaled, below which a point counts as the tip of the cone.
+_OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
 
 
 class Repair:
-    """Auxiliary programs of one template."""
+    """Auxiliary programs that make answers of one template admissible.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+    prover : Prover
+        Checks states and motions of this template.
+    """
 
     def __init__(self, template: Template, prover: Prover) -> None:
         self.template, self.prover = template, prover
@@ -53,14 +63,36 @@ class Repair:
     # --- states -----------------------------------------------------------------------------------------
 
     def state(self, labels: Bits) -> State | None:
-        """The state of largest slack at any λ, or None where it is not admissible."""
+        """Find the state of largest slack at any λ.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State or None
+            State of largest slack; None where it is not admissible.
+        """
         state = self.prover.state(self._deepest_answer(labels).point[: self.template.columns], labels, passes=3)
         return state if state.admissible else None
 
     def stands(self, labels: Bits) -> bool | None:
-        """Is λ = 0 admissible? True with a state, False with a motion that gains energy, None if neither is found."""
+        """Decide whether λ = 0 is admissible.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        bool or None
+            True with an admissible state, False with a motion that gains energy, None if neither is found.
+        """
         program = with_slack(self.template.program(labels), load_fixed=True)
-        # a rough answer will do where the scene stands or falls by a margin, and large scenes are worth the try
+        # A coarse solve suffices where the structure stands or fails by a margin; on large scenes it saves time.
         for gap in (1e-2, 1e-8) if is_large(program.structure) else (1e-8,):
             found = self._settled(auxiliary(program, gap), labels)
             if found is not None:
@@ -68,7 +100,7 @@ class Repair:
         return found
 
     def _settled(self, raw: RawSolution, labels: Bits) -> bool | None:
-        """What an answer with the largest slack at λ = 0 proves."""
+        """Return what a point of largest slack at λ = 0 and its multipliers prove."""
         point = np.append(raw.point[: self.template.columns - 1], 0.0)
         if self.prover.state(point, labels, passes=3, held=True).admissible:
             return True
@@ -83,10 +115,24 @@ class Repair:
         return True if self.edge_state(raw.point, labels, load_fixed=True) is not None else None
 
     def fall(self, labels: Bits) -> Floats:
-        """Velocities (≥ q·free,) that gain energy, raw, where the largest slack at any λ is negative."""
+        """Find velocities that gain energy.
+
+        They exist where the largest slack at any λ is negative.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        (≥ q·free,) float array
+            Raw multipliers of the program of largest slack; the velocities come first.
+        """
         return self._deepest_answer(labels).dual
 
     def _deepest_answer(self, labels: Bits) -> RawSolution:
+        """Return the solution of largest slack at any λ; the last one is cached."""
         key = np.packbits(labels).tobytes()
         if self._deepest is None or key != self._deepest_key:
             self._deepest = auxiliary(with_slack(self.template.program(labels)), 1e-4)
@@ -94,11 +140,24 @@ class Repair:
         return self._deepest
 
     def edge_state(self, point: Floats | None, labels: Bits, load_fixed: bool = False) -> State | None:
-        """A state where some yield rows are equations in disguise (no admissible force leaves them any slack).
+        """Find an admissible state where some yield rows are tight for all admissible forces.
 
-        point: (≥ columns,) to start from, without λ where that is fixed at 0; None: from a state that leaves all
-        other rows slack. It is projected on equilibrium and those equations together, then blended with such a
-        state. Rounding is judged face by face and row by row, by the numbers that meet there.
+        The point is projected onto equilibrium and the equations of the tight rows together. It is then blended with a
+        state that leaves all other rows slack. Rounding is judged per face and per row, by the size of the terms in it.
+
+        Parameters
+        ----------
+        point : (≥ columns,) float array or None
+            Point to start from, without λ where `load_fixed`. Default: the state that leaves all other rows slack.
+        labels : (m,) bool array
+            Labels, True = dry.
+        load_fixed : bool
+            Keep λ = 0.
+
+        Returns
+        -------
+        State or None
+            Admissible state; None if none is found, or if the program is too large.
         """
         program = self.template.program(labels)
         s = program.structure
@@ -132,10 +191,11 @@ class Repair:
         return None
 
     def _equations(self, s: Structure, tight: Bools, values: Floats) -> list[sp.csr_array]:
-        """Which combinations (k, rows) of rows are zero where tips are tight: a cone's tail lies along its head.
+        """Return combinations (k, rows) of rows that are zero where tips are tight.
 
-        values: (rows,) r − M y of a point there. At the tip of a cone all its rows are zero. A crushing face without
-        force is on the boundary of its cones away from their tips.
+        On the boundary of a cone away from its tip, the tail is a fixed direction times the head. At the tip all rows
+        of the cone are zero. A crushing face without force lies on the boundary of its cones away from their tips.
+        values: (rows,) r − M y of a point there.
         """
         tips, linear = tips_of(s), s.linear - 1
         first = tips[:linear][tight[:linear]]
@@ -153,18 +213,21 @@ class Repair:
         return found
 
     def _state_at_edge(self, y: Floats, labels: Bits, edge: Bools, load: float) -> State | None:
-        """The state of a projected point, or None where more than rounding is missing to admissibility."""
+        """Return the state of a projected point; None where it is not admissible.
+
+        Violations within rounding are accepted.
+        """
         template, sets = self.template, self.template.yield_set
         forces = y[: template.matrix.shape[1]].reshape(len(labels), -1)
         forces = np.where(sets.active(labels), forces, 0.0)
         largest = abs(forces).max(axis=1)
-        # what a face holds that equations say holds nothing is rounding of forces elsewhere
+        # The residual force on a face that must be free of force by the equations is rounding of other forces.
         forces[edge & (largest <= 1e-2 * tolerances.ROUNDING * max(1.0, float(largest.max())))] = 0.0
         dead, live = template.dead, load * template.live
         left = template.matrix @ forces.ravel() + dead + live
         met = self._magnitudes @ abs(forces.ravel()) + abs(dead) + abs(live)
         room = sets.slack(forces, labels)
-        nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # last digit of what was projected
+        nothing = np.finfo(float).eps * max(1.0, float(largest.max()))  # Last digit of the projected values.
         noise = tolerances.ROUNDING * abs(forces[edge]).max(axis=1) + nothing
         room[edge] = np.where(abs(room[edge]) <= noise, np.inf, room[edge])
         if np.any(abs(left) > tolerances.ROUNDING * met + nothing) or room.min() < 0.0:
@@ -172,14 +235,39 @@ class Repair:
         return State(forces, load, float(room.min()), 0.0)
 
     def leaning(self, labels: Bits) -> list[State]:
-        """States that lean on a self-stress at the boundary of friction's cones."""
+        """Find states that rely on a self-stress at the boundary of the friction cones.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        list of State
+            States found, not necessarily admissible, see `FacialReduction.states`.
+        """
         return FacialReduction(self.template, self.prover).states(labels)
 
     # --- rays and self-stress ---------------------------------------------------------------------------
 
     def ray(self, labels: Bits) -> State | None:
-        """A way to carry ever more live load: A R + b_λ = 0 with R inside the recession cones; None without proof."""
-        # faces that crush bear no ray; without them their cones, which a solver meets to its residual only, are gone
+        """Find a ray along which the live load grows without limit.
+
+        It satisfies A R + b_λ = 0 with R in the recession cones (docs/method.md (3.14)).
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State or None
+            Ray that holds to rounding; None where no proof is found.
+        """
+        # Faces that crush carry no ray. Drop their columns and with them their cones, which solvers satisfy only to a
+        # residual.
         program = self.template.program(labels)
         bears = self.template.yield_set.recession_active(labels).ravel()
         if not bears.any():
@@ -189,8 +277,8 @@ class Repair:
         program = of_columns(program, kept)
         target = -self.template.live
         columns = program.structure.shape[1] - 1
-        # rows that no ray leaves slack are equations, which a solver meets to its residual only: what residual that is
-        # depends on how large a ray may be
+        # Rows that no ray leaves slack are equations, which a solver satisfies only to a residual. The size of that
+        # residual depends on the bound on the ray.
         for largest, least in _RAYS:
             found = polygonal_support(program, columns, target) if not largest else None
             found = found or largest_support(program, columns, target, largest or np.inf)
@@ -205,10 +293,16 @@ class Repair:
     # --- motions ----------------------------------------------------------------------------------------
 
     def opening(self) -> Motion | None:
-        """A motion that strictly opens every face taken as dry: it does for every labelling. None if confined.
+        """Find a motion that strictly opens every face; None if the assembly is confined.
 
-        A dry face asks more of a jump than an inner one (δ ≥ |θ| l/2 + μ|s| against δ ≥ |θ| l/6, with the larger μ
-        of both), so one such motion serves all labellings of the assembly.
+        Every face is taken as dry. A dry face has a stricter condition on jumps (δ ≥ |θ| l/2 + μ|s|) than an inner one
+        (δ ≥ |θ| l/6), with μ the larger friction of both labels. One such motion therefore serves all labellings of the
+        assembly. The result is cached.
+
+        Returns
+        -------
+        Motion or None
+            Motion with positive margin on every face, not normalised.
         """
         if not self._opening_known:
             every = np.ones(len(self.template.assembly.interfaces), dtype=bool)
@@ -220,8 +314,15 @@ class Repair:
         return self._opening
 
     def expansion(self) -> Motion | None:
-        """The same without a program, where there is one as plain as that: all elements leave the supports, or courses
-        leave one another faster than what stands in them."""
+        """Find an opening motion of simple form, without solving a program.
+
+        All elements move away from the supports, and the courses may separate faster than the elements within them.
+
+        Returns
+        -------
+        Motion or None
+            Motion with positive margin on every face; None if no motion of this form opens every face.
+        """
         template = self.template
         elements, faces = template.assembly.elements, template.assembly.interfaces
         held = elements.support[faces.a] | elements.support[faces.b]
@@ -240,10 +341,10 @@ class Repair:
         return None
 
     def _steepest(self) -> Template:
-        """This template with faces that open wherever those of either label do: no crushing, the larger friction.
+        """Return this template with the strictest conditions on jumps.
 
-        A crushing face has finite dissipation and opens nothing, and a dry face must ask no less of a jump than an
-        inner one.
+        It has no crushing, and the larger friction of both labels. A crushing face has finite dissipation for every
+        jump. A dry face must be at least as strict as an inner one.
         """
         assembly, scaling = self.template.assembly, self.template.scaling
         strengths = assembly.strengths
@@ -256,7 +357,20 @@ class Repair:
         return Template(replace(assembly, strengths=strengths), scaling, beside=self.template.beside)
 
     def make_work_positive(self, motion: Motion, labels: Bits) -> Motion:
-        """Add a little opening to a motion whose work of the live load is negative by rounding."""
+        """Add a small opening motion to a motion whose live work is negative by rounding.
+
+        Parameters
+        ----------
+        motion : Motion
+            Motion to be changed.
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        Motion
+            Changed motion; the same one if no opening motion with positive live work exists.
+        """
         opening = self.opening()
         if opening is None or opening.work <= 0.0:
             return motion
@@ -264,5 +378,20 @@ class Repair:
         return self.prover.motion(motion.velocity + share * opening.velocity, labels, normalise=False)
 
     def reduced(self, motion: Motion, labels: Bits, normalise: bool = True) -> Motion | None:
-        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12))."""
+        """Repair a motion of a confined assembly by facial reduction (docs/method.md (3.12)).
+
+        Parameters
+        ----------
+        motion : Motion
+            Motion to be repaired.
+        labels : (m,) bool array
+            Labels, True = dry.
+        normalise : bool
+            Scale the result to live work 1.
+
+        Returns
+        -------
+        Motion or None
+            Repaired motion; None if none was found.
+        """
         return FacialReduction(self.template, self.prover).repair(motion, labels, normalise)

@@ -1,4 +1,4 @@
-"""What a limit analysis returns: λ with its bracket, status, forces and mechanism."""
+"""Result of a limit analysis: λ with its bracket, status, forces and mechanism."""
 
 from __future__ import annotations
 
@@ -22,17 +22,51 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class LimitAnalysisResult(NotebookRepr):
-    """One assembly under one labelling, solved, with proof.
+    """Result of the limit analysis of one assembly under one labelling.
 
-    load_factor: λ, NaN where none. bracket: (lo, hi), NaN where an end is unproven or infinite. gap: relative
-    width. labels: (m,). forces: (m, q) resultants in scene units, admissible at `bracket[0]` (planar N, V, M;
-    spatial N, V1, V2, M1, M2, MT). mechanism: (n, q) velocities about the centroids with b_λ·u = 1, or None.
-    route: what was done, in order. seconds: assemble, solve, total. model: what was modelled. cases: of a structure
-    with load cases the result of each by its name; load_factor and bracket are then of the governing factor, min over
-    cases of λ / required, and forces and mechanism of the case named in `governing`.
-    falling: (n, q) of an unstable structure, the velocities that prove it, the largest 1. growing: (m, q) of a locked
-    one, resultants for each unit of λ that carry the live load without an end. In a notebook it shows its facts
-    and drawing. notes: sentences about this result.
+    In a notebook it shows its main values and a drawing.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        The structure analysed.
+    labels : (m,) bool array
+        Labels, True = dry.
+    status : Status
+        Outcome.
+    load_factor : float
+        λ, NaN where there is none. With load cases: the governing factor, min over cases of λ / required.
+    bracket : (float, float)
+        Proven bounds on `load_factor`; NaN where a bound is unproven or infinite.
+    gap : float
+        Relative width of the bracket; NaN for unstable and locked structures.
+    stands_at_zero : bool or None
+        Whether λ = 0 is admissible; None where undecided.
+    forces : (m, q) float array or None
+        Resultants in scene units, admissible at `bracket[0]`: planar N, V, M; spatial N, V1, V2, M1, M2, MT.
+        With load cases they are those of the governing case.
+    mechanism : (n, q) float array or None
+        Velocities about the centroids with b_λ·u = 1. With load cases they are those of the governing case.
+    iterations : int
+        Number of programs solved.
+    route : tuple of str
+        Names of the methods tried, in order.
+    seconds : dict of str to float
+        Wall-clock time: assemble, solve, total.
+    model : SolveOptions
+        Model and solver options.
+    extra : dict
+        Further facts of the model, as in the JSON output.
+    cases : dict of str to LimitAnalysisResult
+        Result of each load case by its name; empty without load cases.
+    governing : str or None
+        Name of the governing load case.
+    falling : (n, q) float array or None
+        Velocities that prove that a structure is unstable; the largest displacement is 1.
+    growing : (m, q) float array or None
+        Resultants per unit of λ that carry the live load of a locked structure without limit.
+    notes : tuple of str
+        Sentences about this result.
     """
 
     assembly: Assembly
@@ -62,26 +96,35 @@ class LimitAnalysisResult(NotebookRepr):
 
     @property
     def friction(self) -> str:
-        """ "associative" or "zero-dilation"."""
+        """Return the friction model, "associative" or "zero-dilation"."""
         return self.model.friction
 
     @property
     def contact(self) -> str:
-        """ "convex" or "concave"."""
+        """Return the contact model, "convex" or "concave"."""
         return self.model.contact
 
     @property
     def reason(self) -> str | None:
-        """Which bound of an uncertified result is missing and why, in one sentence; None where nothing is missing."""
+        """Say which bound of an uncertified result is missing, and why.
+
+        One sentence; None where no bound is missing.
+        """
         return reason_of(self.status, self.bracket, self.gap, self.model.gap, self.extra) or None
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences about the scene, then about this result."""
+        """Return the warnings about the scene and this result, one sentence each."""
         return [*self.assembly.warnings, *self.notes, *([self.reason] if self.reason else [])]
 
     def to_json(self) -> dict[str, Any]:
-        """The object that `jld solve --json` prints: plain numbers, None where there is none."""
+        """Return the object that `jld solve --json` prints.
+
+        Returns
+        -------
+        dict
+            Plain numbers, strings, lists and dicts; None stands for NaN and infinities.
+        """
         assembly = self.assembly
         ids, faces = assembly.elements.ids, assembly.interfaces
         forces = None
@@ -131,9 +174,27 @@ class LimitAnalysisResult(NotebookRepr):
 def result_of(
     template: Template, labels: Bits, options: SolveOptions, proof: Proof, *, assemble: float = 0.0, elapsed: float
 ) -> LimitAnalysisResult:
-    """The result that a proof about a template's assembly amounts to, in scene units.
+    """Convert a proof about the assembly of a template to a result in scene units.
 
-    labels: (m,) True dry. assemble, elapsed: seconds of building the analysis, and of all since.
+    Parameters
+    ----------
+    template : Template
+        Template of the proof; supplies the assembly and the scaling.
+    labels : (m,) bool array
+        Labels, True = dry.
+    options : SolveOptions
+        Options to record in the result.
+    proof : Proof
+        Bounds and status, scaled.
+    assemble : float
+        Seconds spent on building the analysis.
+    elapsed : float
+        Seconds since then.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        The result, scene units.
     """
     scaling, (low, high), status = template.scaling, proof.bracket, proof.status
     floor = load_scale(template.assembly) / scaling.load
@@ -165,7 +226,10 @@ def result_of(
 
 
 def _falling(template: Template, proof: Proof) -> Floats | None:
-    """The velocities that prove an instability, the largest displacement (without one, rotation) 1."""
+    """Return the velocities (n, q) that prove an instability.
+
+    The largest displacement, or without any the largest rotation, is 1.
+    """
     motion = proof.collapse_below_zero or proof.motion
     if proof.status is not Status.UNSTABLE or motion is None:
         return None
@@ -176,7 +240,20 @@ def _falling(template: Template, proof: Proof) -> Floats | None:
 
 
 def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) -> LimitAnalysisResult:
-    """The result of a structure with load cases from those of its cases, by name, in their order."""
+    """Combine the results of load cases into the result of the structure.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with load cases; supplies the required factors.
+    cases : dict of str to LimitAnalysisResult
+        Result of each case by name, in the order of the assembly's cases.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        Governing factor with its bracket; forces and mechanism are those of the governing case.
+    """
     found = list(cases.values())
     known = [Known(one.status, *one.bracket, one.load_factor) for one in found]
     decided = governing(known, assembly.required.tolist())
@@ -200,7 +277,20 @@ def governing_result(assembly: Assembly, cases: dict[str, LimitAnalysisResult]) 
 
 
 def element_velocities(template: Template, velocity: Floats) -> Floats:
-    """(n, q) velocities about the centroids, scene units and b_λ·u = 1, of scaled velocities (q·free,)."""
+    """Convert scaled velocities of the free elements to scene units with b_λ·u = 1.
+
+    Parameters
+    ----------
+    template : Template
+        Supplies the assembly and the scaling.
+    velocity : (q·free,) float array
+        Scaled velocities with scaled live work 1.
+
+    Returns
+    -------
+    (n, q) float array
+        Velocities about the centroids of all elements, scene units; zero for supports.
+    """
     assembly, scaling = template.assembly, template.scaling
     full = np.zeros((len(assembly.elements), assembly.freedoms))
     free = scaling.load * velocity / scaling.row.ravel()
@@ -209,7 +299,10 @@ def element_velocities(template: Template, velocity: Floats) -> Floats:
 
 
 def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
-    """Every face with the frame that its forces are in, scene units: enough to check equilibrium and yield by hand."""
+    """Return every face with its local frame, scene units.
+
+    These values suffice to check equilibrium and yield by hand.
+    """
     faces, ids = assembly.interfaces, assembly.elements.ids
     planar = assembly.dimension == 2
     found = []
@@ -230,5 +323,16 @@ def _faces(assembly: Assembly, labels: Bits) -> list[dict[str, Any]]:
 
 
 def number(value: float) -> float | None:
-    """A JSON number: None for NaN and infinities."""
+    """Return a float as a JSON number.
+
+    Parameters
+    ----------
+    value : float
+        Any float.
+
+    Returns
+    -------
+    float or None
+        The value; None for NaN and infinities.
+    """
     return float(value) if np.isfinite(value) else None

@@ -1,10 +1,11 @@
-"""Supports that are moved: the thrust that is left along the movement, and the mechanism that follows it.
+"""Thrust of a structure on supports that move, and the mechanism that follows them.
 
-While supports are moved along ū by a rate q, what resists is R q, R = Σ ū·(what the structure puts on its supports).
-All states of equilibrium of the dead load leave R a range: where supports give way it falls to its least value, that
-of the mechanism of least resistance, and where they are forced against the structure it rises to its greatest. Each end
-is a limit analysis with R in the place of λ: one more row, R(F) ∓ λ = 0 with λ counted from a reaction out of reach, so
-that it is positive, and one more velocity, q. Bounds are those of every λ (docs/method.md (3.15)).
+While supports move along ū at a rate q, the structure resists with R q, where R = Σ ū·(forces that it puts on its
+supports). R varies over the states in equilibrium with the dead load. Where supports yield, R decreases to its least
+value, that of the mechanism of least resistance. Where supports are forced against the structure, R increases to its
+greatest value. Each end is a limit analysis with R in the place of λ: one more row, R(F) ∓ λ = 0, and one more
+velocity, q. λ is counted from a reaction that no state reaches, so that it is positive. Both ends have the two bounds
+of every λ (docs/method.md (3.3) and "Supports that move").
 """
 
 from __future__ import annotations
@@ -38,16 +39,25 @@ from jld_core.program import Beside, Template
 from jld_core.threads import one_thread
 
 _REACHES: Final = (2.0, 32.0, 1024.0)
-"""Reactions that λ is counted from, in weights of the structure, the first that is out of reach being taken."""
+"""Reactions from which λ is counted, in weights of the structure; the first one that no state reaches is used."""
 
 
 @dataclass(frozen=True)
 class Thrust:
-    """One end of the range.
+    """Least or greatest thrust after a support movement.
 
-    value: R, work of the reactions for a unit of movement. bracket: (lo, hi), NaN where unproven. gap: its width over
-    max(|R|, 1e-3 · weight · speed). status: "certified", "unbounded" or "uncertified". state: the labelling with forces
-    at this end and the mechanism (supports with it), λ being R; None where there is no end.
+    Attributes
+    ----------
+    value : float
+        R, work of the reactions per unit of movement, scene units; NaN where there is no end.
+    bracket : (float, float)
+        Proven bounds on R, NaN where unproven.
+    gap : float
+        Width of the bracket over max(|R|, 1e-3 · weight · speed).
+    status : str
+        "certified" (bracket narrow enough), "unbounded" or "uncertified".
+    state : LimitAnalysisResult or None
+        Forces at this end and the mechanism, supports included; its λ is R. None where there is no end.
     """
 
     value: float
@@ -57,7 +67,13 @@ class Thrust:
     state: LimitAnalysisResult | None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain numbers, None where there is none; forces as `jld solve --json` has them."""
+        """Return this end of the range as plain numbers.
+
+        Returns
+        -------
+        dict
+            Reaction, bracket, gap, status, mechanism and forces in the form of `jld solve --json`; None where missing.
+        """
         whole = None if self.state is None else self.state.to_json()
         return {
             "reaction": number(self.value),
@@ -71,7 +87,23 @@ class Thrust:
 
 @dataclass(frozen=True)
 class Settled:
-    """What a settlement leaves. stands: whether the dead load stands at all; then least and most are the range of R."""
+    """Range of thrust after a support movement.
+
+    Attributes
+    ----------
+    settlement : Settlement
+        The support movement.
+    assembly : Assembly
+        The structure under its dead load, with the settlement's share of live load added.
+    labels : (m,) bool array
+        Labels, True = dry.
+    stands : bool or None
+        Whether the structure stands under this load; None where undecided.
+    least, most : Thrust or None
+        Ends of the range of R; None if the structure does not stand.
+    seconds : float
+        Wall-clock time.
+    """
 
     settlement: Settlement
     assembly: Assembly
@@ -82,7 +114,13 @@ class Settled:
     seconds: float
 
     def to_json(self) -> dict[str, Any]:
-        """The object that `jld settlement --json` prints for each."""
+        """Return the object that `jld settlement --json` prints for each settlement.
+
+        Returns
+        -------
+        dict
+            Name, moved supports with their velocities, load, whether it stands, and both ends of the range.
+        """
         ids = self.assembly.elements.ids
         moved = np.flatnonzero(self.settlement.velocity.any(axis=1)).tolist()
         return {
@@ -100,10 +138,30 @@ class Settled:
 def settle(
     assembly: Assembly, settlement: Settlement, labels: Bits | None = None, *, gap: float = tolerances.GAP
 ) -> Settled:
-    """The range of thrust that a settlement leaves, and the mechanisms at its ends; associative, convex contact.
+    """Compute the range of thrust after a support movement, and the mechanisms at its ends.
 
-    assembly: its dead load, with cases that of the first. labels: (m,) True dry; default the scene's own. gap: relative
-    width that certifies an end. Raises InputError where a material that the labelling needs is missing.
+    The model has associative friction and convex contact.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure, analysed under its dead load; of several load cases the first counts.
+    settlement : Settlement
+        Velocities of the supports, and the factor of the live load that is added to the dead load.
+    labels : (m,) bool array or None
+        Labels, True = dry. Default: those of the assembly.
+    gap : float
+        Relative width of a bracket up to which an end counts as certified.
+
+    Returns
+    -------
+    Settled
+        Range of thrust with its mechanisms.
+
+    Raises
+    ------
+    InputError
+        If a material that the labelling needs is missing.
     """
     start = time.perf_counter()
     assembly = assembly.by_case[0]
@@ -119,7 +177,22 @@ def settle(
 
 
 def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
-    """(k, q) what interfaces put on some elements (k,), supports too, about their centroids. forces: (m, q)."""
+    """Compute the resultants of the interface forces on some elements, supports included.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The structure.
+    forces : (m, q) float array
+        Resultants of the faces, scene units.
+    elements : (k,) int array
+        Indices of the elements.
+
+    Returns
+    -------
+    (k, q) float array
+        Force and moment on each element about its centroid, scene units.
+    """
     matrix, rows = _support_rows(assembly, np.isin(np.arange(len(assembly.elements)), elements))
     found = np.zeros((len(assembly.elements), assembly.freedoms))
     found[rows] = (matrix @ forces.ravel()).reshape(len(rows), -1)
@@ -127,13 +200,16 @@ def reactions(assembly: Assembly, forces: Floats, elements: Floats) -> Floats:
 
 
 def _support_rows(assembly: Assembly, moving: Any) -> tuple[Any, Any]:
-    """Equilibrium rows with some supports set free, and the elements they are of."""
+    """Return the equilibrium matrix with some supports set free, and the elements of its rows."""
     elements = replace(assembly.elements, support=assembly.elements.support & ~moving)
     return equilibrium_matrix(replace(assembly, elements=elements)), elements.free
 
 
 def _end(assembly: Assembly, settlement: Settlement, labels: Bits, gap: float, sign: float) -> Thrust:
-    """The least (sign −1) or the greatest (+1) reaction, sought at a speed of one, whatever that of the movement."""
+    """Compute the least (sign −1) or the greatest (+1) reaction.
+
+    The movement is scaled to speed 1 for the solve.
+    """
     speed = float(np.linalg.norm(settlement.velocity[:, : assembly.dimension], axis=1).max()) or (
         assembly.size * float(abs(settlement.velocity).max())
     )
@@ -148,9 +224,9 @@ def _end(assembly: Assembly, settlement: Settlement, labels: Bits, gap: float, s
 
 
 def _analysis(assembly: Assembly, velocity: Floats, gap: float, sign: float, origin: float) -> LimitAnalysis:
-    """max λ with R(F) = origin + sign λ."""
+    """Create the analysis that maximises λ subject to R(F) = origin + sign λ."""
     scaling = scaling_of(assembly)
-    # λ is a force times a speed here, and has the scale of forces
+    # Here λ is a force times a speed, scaled like a force.
     scaling = Scaling(scaling.force, scaling.face, scaling.row, scaling.force)
     matrix, rows = _support_rows(assembly, velocity.any(axis=1))
     weights = np.where(assembly.elements.support[:, None], velocity, 0.0)[rows].ravel()
@@ -172,6 +248,7 @@ def _thrust(
     origin: float,
     speed: float,
 ) -> Thrust:
+    """Convert a proof about scaled λ to an end of the range of R."""
     assembly, scaling = analysis.assembly, analysis.template.scaling
     if proof.status is Status.LOCKED:
         return Thrust(math.nan, (math.nan, math.nan), math.nan, "unbounded", None)
@@ -185,7 +262,7 @@ def _thrust(
     mechanism = np.zeros_like(settlement.velocity)
     moves = speed * scaling.load * motion.velocity[:-1] / scaling.row.ravel()
     mechanism[assembly.elements.free] = moves.reshape(-1, assembly.freedoms)
-    # the movement at the greatest reaction is against the supports
+    # At the greatest reaction the supports move against the structure.
     mechanism += -sign * settlement.velocity
     certified = width <= gap
     found = LimitAnalysisResult(

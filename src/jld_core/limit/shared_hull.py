@@ -1,12 +1,13 @@
-"""The relaxation of undecided faces that may crush: their forces are shared between a dry and an inner copy.
+"""Relaxation of undecided faces that may crush: a dry and an inner copy share the forces.
 
-With a bound on N the closed hull of the dry and the inner set has no rows of its own here, but it is what two copies of
-the face carry together, one in (1 − w) times the dry set, one in w times the inner one, 0 ≤ w ≤ 1:
+With a bound on N, the rows of the closed hull of the dry and the inner set are not known in closed form. The hull is
+the set of forces that two copies of the face carry together. One copy has (1 − w) times the dry set, the other has w
+times the inner set, 0 ≤ w ≤ 1:
 
     F = F₁ + F₂,   G_dry F₁ ≤ (1 − w) h_dry,   G_inner F₂ ≤ w h_inner
 
-(docs/method.md (6.3)). Both copies of a decided face have its own label, so that they carry what the face carries, and
-one structure serves all partial labellings.
+(docs/method.md (6.3)). Both copies of a decided face have its own label, so together they carry what the face carries.
+One structure therefore serves all partial labellings.
 """
 
 from __future__ import annotations
@@ -18,7 +19,18 @@ from jld_core.program import ConicProgram, Structure, Template
 
 
 class SharedHull:
-    """Programs of partial labellings of one template."""
+    """Programs of partial labellings of one template whose joints may crush.
+
+    Parameters
+    ----------
+    template : Template
+        Scaled programs of one assembly.
+
+    Raises
+    ------
+    ValueError
+        If yield rows have extra columns.
+    """
 
     def __init__(self, template: Template) -> None:
         sets, pattern, matrix = template.yield_set, template.yield_set.pattern, template.matrix.tocoo()
@@ -29,9 +41,9 @@ class SharedHull:
         every = np.ones(faces, dtype=bool)
         on_dry, on_inner = sets.active(every).ravel(), sets.active(~every).ravel()
         row, column = (np.asarray(part, dtype=np.int64) for part in matrix.coords)
-        share = 2 * resultants  # the columns of w follow those of both copies, then λ
+        share = 2 * resultants  # The columns of w follow those of both copies; λ is last.
         last = share + faces
-        # linear rows: λ ≥ −floor, 0 ≤ w, w ≤ 1, then those of both copies; cones last
+        # Linear rows are λ ≥ −floor, 0 ≤ w, w ≤ 1, then those of both copies; cones are last.
         first = equalities + 1 + 2 * faces
         count = len(pattern.h_dry)
         places = [self._places(pattern.linear, count, copy) + first for copy in (0, 1)]
@@ -66,7 +78,7 @@ class SharedHull:
             cones=(*pattern.cones, *pattern.cones),
         )
         head = np.concatenate([-template.dead, [template.floor], np.zeros(faces), np.ones(faces)])
-        self._rhs = np.zeros((2, first + 2 * count))  # dry, inner
+        self._rhs = np.zeros((2, first + 2 * count))  # Row 0 holds the dry values, row 1 the inner values.
         self._rhs[:, :first] = head
         self._rhs[0, places[0]], self._rhs[1, places[0]] = pattern.h_dry, pattern.h_inner
         self._first, self._row_face = places[0], pattern.row_face
@@ -77,14 +89,24 @@ class SharedHull:
 
     @staticmethod
     def _places(linear: int, count: int, copy: int) -> Ints:
-        """Where the rows of a copy stand behind the common ones: linear rows of both first, then cones of both."""
+        """Return the row indices of a copy after the common rows.
+
+        Linear rows of both copies come first, then cones of both.
+        """
         rows = np.arange(count)
         return np.where(rows < linear, rows + linear * copy, rows + linear + (count - linear) * copy)
 
     def program(self, labels: Bits, undecided: Bools, margin: float) -> ConicProgram:
-        """The program of a partial labelling: labels (m,) True dry, of no force where undecided (m,).
+        """Return the program of a partial labelling.
 
-        margin: what every normal force earns, so that jumps come out opening (scaled).
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry; ignored where undecided.
+        undecided : (m,) bool array
+            Faces that may have either label.
+        margin : float
+            Reward of every normal force in the objective, scaled, so that the jumps found are opening.
         """
         copies = np.concatenate([labels | undecided, labels & ~undecided])
         data = np.where(copies[self._owner], self._dry, self._inner)

@@ -1,4 +1,4 @@
-"""What is said of a load factor, with proof."""
+"""Outcome of a limit analysis."""
 
 from __future__ import annotations
 
@@ -6,7 +6,21 @@ from enum import StrEnum
 
 
 class Status(StrEnum):
-    """What we say, with proof."""
+    """Outcome of a limit analysis, backed by a proof where it is conclusive.
+
+    Attributes
+    ----------
+    COLLAPSE
+        Both bounds on λ are proven, and the bracket is narrow enough.
+    LOCKED
+        Every larger λ is admissible, by proof (docs/method.md (3.14)).
+    UNSTABLE
+        No λ ≥ 0 is admissible, by proof (docs/method.md (3.15)).
+    UNCERTIFIED
+        A bound is missing, or the bracket is too wide.
+    FAILED
+        The analysis ended without a result.
+    """
 
     COLLAPSE = "collapse"
     LOCKED = "locked"

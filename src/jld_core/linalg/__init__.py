@@ -1,11 +1,11 @@
-"""Sparse factors and projections. Knows no Assembly.
+"""Sparse factorisations and projections, independent of `Assembly`.
 
-- `Factor`: a factorisation, ready to solve with
-- `Fronts`: elimination order and fronts of a pattern
-- `Projector`: the nearest solution of linear equations
-- `components`: which nodes of a graph hang together
-- `nested_dissection`: an order of elimination by bisection
-- `quick`: a matrix for products with vectors, in full where it is small
+- `Factor`: Cholesky factorisation that solves linear systems
+- `Fronts`: elimination order and fronts of a symmetric pattern
+- `Projector`: projection on the solutions of linear equations
+- `components`: number the connected components of a graph
+- `nested_dissection`: compute an elimination order by recursive bisection
+- `quick`: return a small sparse matrix as a dense one, for faster products with vectors
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Multifrontal Cholesky factorisation of sparse symmetric positive definite matrices, in numpy and LAPACK.
 
-The order and the fronts are laid out once per pattern (`Fronts`); the numbers follow in dense kernels, one
-front per separator of a nested dissection. Source: Duff & Reid, ACM TOMS 9 (1983) 302–325; Liu, SIAM Review 34
-(1992) 82–109.
+`Fronts` analyses a pattern once: elimination order, and one dense front per separator of a nested dissection. The
+numbers are then computed by dense LAPACK routines, front by front. Source: Duff & Reid, ACM TOMS 9 (1983) 302–325; Liu,
+SIAM Review 34 (1992) 82–109.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from scipy.linalg import blas, lapack
 from jld_core.arrays import Floats, Ints
 from jld_core.linalg.dissection import nested_dissection
 
-_LEAF = 100  # unknowns up to which a part of the graph is one dense front
+_LEAF = 100  # number of unknowns up to which a part of the graph is one dense front
 
 
 class _Run(NamedTuple):
-    """Unknowns first : last of what a child passes on, which stand in a row from `place` on in its parent.
+    """Range of update-matrix rows of a child front that are consecutive rows of its parent.
 
-    own: among the parent's own unknowns, else among those that it passes on in turn.
+    first, last: range among the unknowns of the child's update matrix. place: first row in the parent. own: True if
+    `place` counts in the parent's pivot unknowns, False if in its update matrix.
     """
 
     first: int
@@ -34,8 +35,25 @@ class _Run(NamedTuple):
 class Fronts:
     """Elimination order and fronts of one symmetric pattern.
 
-    rows, columns: (e,) places of the entries, either triangle, none twice. node: (n,) graph node of each unknown;
-    unknowns of one node have the same neighbours. places: (nodes, d) where nodes are, None: unknown.
+    Parameters
+    ----------
+    rows, columns : (e,) int arrays
+        Positions of the entries, in either triangle, without repetition.
+    node : (n,) int array
+        Graph node of each unknown; unknowns of one node have the same neighbours.
+    places : (nodes, d) array, optional
+        Coordinates of the nodes; default: computed from distances in the graph.
+
+    Attributes
+    ----------
+    order, place : (n,) int arrays
+        Unknowns in order of elimination, and the position of each unknown in it.
+    size : int
+        Number of unknowns n.
+    parent, bounds : int arrays
+        Parent of each front, and where its pivot unknowns start.
+    passed : list of int arrays
+        Unknowns of each front's update matrix.
     """
 
     def __init__(self, rows: Ints, columns: Ints, node: Ints, places: Floats | None = None) -> None:
@@ -48,7 +66,7 @@ class Fronts:
         tree = nested_dissection(a, b, nodes, leaf, places)
         rank = np.empty(nodes, dtype=np.int64)
         rank[tree.order] = np.arange(nodes)
-        # order: unknowns as they are eliminated; place: where each has gone
+        # `order` lists unknowns as they are eliminated; `place` is its inverse.
         self.order = np.argsort(rank[node], kind="stable")
         self.place = np.empty(size, dtype=np.int64)
         self.place[self.order] = np.arange(size)
@@ -58,6 +76,7 @@ class Fronts:
         self._place_entries(self.place[rows], self.place[columns])
 
     def _lay_out(self, start: Ints, parent: Ints, a: Ints, b: Ints, offset: Ints) -> None:
+        """Build the fronts and the ranges to which the updates of child fronts are added."""
         later, sooner = np.maximum(a, b), np.minimum(a, b)
         by_sooner = np.argsort(sooner, kind="stable")
         later, sooner = later[by_sooner], sooner[by_sooner]
@@ -78,18 +97,18 @@ class Fronts:
                 own = int(np.searchsorted(unknowns, self.bounds[part + 1]))
                 rest = np.searchsorted(self.passed[part], unknowns[own:])
                 runs = [*_runs(unknowns[:own] - self.bounds[part], 0, True), *_runs(rest, own, False)]
-                if runs:  # a piece of the graph by itself passes nothing on
+                if runs:  # the root of a connected component has no update matrix
                     self._onto[part].append((child, runs))
             if parent[part] >= 0:
                 children[parent[part]].append(part)
 
     def _place_entries(self, rows: Ints, columns: Ints) -> None:
-        """Where each given entry goes: front by front, pivot block and the block below it."""
+        """Assign each entry a position in its front: in the pivot matrix or the panel below."""
         row, column = np.maximum(rows, columns), np.minimum(rows, columns)
         front = np.searchsorted(self.bounds, column, side="right") - 1
         own = self.bounds[front + 1] - self.bounds[front]
         inside = row < self.bounds[front + 1]
-        # places of rows below the pivot block, found in one sorted list of (front, unknown)
+        # One search in the sorted pairs (front, unknown) finds the positions of all rows below pivot matrices.
         keys = np.concatenate([part * self.size + passed for part, passed in enumerate(self.passed)])
         begin = np.concatenate([[0], np.cumsum([len(passed) for passed in self.passed])])
         found = np.searchsorted(keys, front * self.size + row) - begin[front]
@@ -103,14 +122,27 @@ class Fronts:
 
     @property
     def stored(self) -> int:
-        """Numbers that a factor holds."""
+        """Number of values that a factor holds."""
         own, passed = np.diff(self.bounds), np.array([len(p) for p in self.passed])
         return int((own * (own + passed)).sum())
 
     def factor(self, data: Floats) -> Factor:
-        """Cholesky factor of the matrix with these entries, in the order of `rows` and `columns`.
+        """Compute the Cholesky factor of a matrix with this pattern.
 
-        Raises np.linalg.LinAlgError where the matrix is not positive definite in floating point.
+        Parameters
+        ----------
+        data : (e,) array
+            Values of the entries, in the order of `rows` and `columns`.
+
+        Returns
+        -------
+        Factor
+            The factor.
+
+        Raises
+        ------
+        np.linalg.LinAlgError
+            The matrix is not positive definite in floating point.
         """
         values, where, cut, bounds = data[self.entries], self.where, self.cut, self.bounds
         pivots: list[Floats] = []
@@ -124,7 +156,7 @@ class Fronts:
             panel.ravel()[where[middle:end]] = values[middle:end]
             for child, runs in self._onto[part]:
                 _extend(updates.pop(child).T, runs, pivot, panel, update)
-            # C order of the transposes: LAPACK sees lower triangles, column by column
+            # Transposes are passed because LAPACK reads columns: it then sees lower triangles without a copy.
             if own:
                 factor, info = lapack.dpotrf(pivot.T, lower=1, clean=0, overwrite_a=1)
                 if info:
@@ -146,7 +178,7 @@ class Fronts:
 
 
 def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
-    """Ascending places cut into runs of consecutive ones; `first`: number of the first of them."""
+    """Split ascending positions into ranges of consecutive ones, numbered from `first`."""
     if not len(places):
         return []
     cuts = [0, *(np.flatnonzero(np.diff(places) != 1) + 1).tolist(), len(places)]
@@ -154,9 +186,9 @@ def _runs(places: Ints, first: int, own: bool) -> list[_Run]:
 
 
 def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, target: Floats) -> None:
-    """Add what a child passes on (row by row, upper triangle) to the blocks of its parent.
+    """Add the update matrix of a child (upper triangle) to the matrices of its parent.
 
-    Separators are numbered along their length, so that runs are few and long: slices, not index arrays.
+    Separators are numbered along their length, so ranges are few and long, and slices replace index arrays.
     """
     for i, row in enumerate(runs):
         rows = slice(row.place, row.place + row.last - row.first)
@@ -172,7 +204,7 @@ def _extend(table: Floats, runs: list[_Run], pivot: Floats, panel: Floats, targe
 
 
 def _expand(nodes: Ints, offset: Ints) -> Ints:
-    """Unknowns of nodes, one after another."""
+    """Return the unknowns of nodes, one node after another."""
     count = offset[nodes + 1] - offset[nodes]
     ends = np.cumsum(count)
     onward = np.arange(int(ends[-1]) if len(ends) else 0)
@@ -180,13 +212,32 @@ def _expand(nodes: Ints, offset: Ints) -> Ints:
 
 
 class Factor:
-    """A factorisation, ready to solve with."""
+    """Cholesky factorisation that solves linear systems; made by `Fronts.factor`.
+
+    Parameters
+    ----------
+    fronts : Fronts
+        Analysis of the pattern.
+    pivots, panels : list of arrays
+        Factored pivot matrix and panel below it, of each front.
+    """
 
     def __init__(self, fronts: Fronts, pivots: list[Floats], panels: list[Floats]) -> None:
         self._fronts, self._pivots, self._panels = fronts, pivots, panels
 
     def solve(self, rhs: Floats) -> Floats:
-        """Solution of the system for right-hand sides (n,) or (n, k)."""
+        """Solve the system for one or several right-hand sides.
+
+        Parameters
+        ----------
+        rhs : (n,) or (n, k) array
+            Right-hand sides.
+
+        Returns
+        -------
+        (n,) or (n, k) array
+            Solutions.
+        """
         fronts = self._fronts
         x = np.array(rhs[fronts.order], dtype=float)
         if x.ndim == 1:

@@ -1,4 +1,4 @@
-"""Which nodes of a graph hang together."""
+"""Connected components of a graph."""
 
 from __future__ import annotations
 
@@ -10,9 +10,19 @@ from jld_core.arrays import Ints
 
 
 def components(count: int, one: Ints, other: Ints) -> Ints:
-    """(count,) the component of each node, numbered in the order of their first nodes.
+    """Return the connected component of each node, numbered in the order of their first nodes.
 
-    count: nodes. one, other: (k,) ends of the edges, in either direction and as often as they come.
+    Parameters
+    ----------
+    count : int
+        Number of nodes.
+    one, other : (k,) int arrays
+        Ends of the edges, in either direction; repetitions are allowed.
+
+    Returns
+    -------
+    (count,) int array
+        Component of each node.
     """
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

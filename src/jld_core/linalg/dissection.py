@@ -1,8 +1,8 @@
-"""Nested dissection: an elimination order of a graph of elements, and the tree of its separators.
+"""Nested dissection: elimination order of a graph of elements, and the tree of its separators.
 
-A wall is cut in two by a line of elements, each half again, down to handfuls; separators are eliminated after
-what they separate. Cuts are laid across the longest directions of what is left, since contact is local in
-space; where no places are known, distances in the graph stand in for them.
+A line of elements cuts the graph in two, then each half again, down to small parts. Separators are eliminated after the
+parts that they separate. Cuts are perpendicular to the longest directions of a part, because contacts are local in
+space. Where coordinates are unknown, distances in the graph replace them.
 Source: George, SIAM J. Numer. Anal. 10 (1973) 345–363; Liu, SIAM Review 34 (1992) 82–109 (multifrontal tree).
 """
 
@@ -21,8 +21,14 @@ from jld_core.arrays import Bools, Floats, Ints
 class Dissection:
     """Parts of a graph of n nodes in the order of elimination, children before their parents.
 
-    order: (n,) nodes in that order. start: (parts + 1,) part p is order[start[p] : start[p + 1]]; it may be
-    empty. parent: (parts,) part that follows in the tree, −1 for the last of a tree.
+    Attributes
+    ----------
+    order : (n,) int array
+        Nodes in order of elimination.
+    start : (parts + 1,) int array
+        Part p is order[start[p] : start[p + 1]]; it may be empty.
+    parent : (parts,) int array
+        Parent of each part in the tree of separators, −1 for a root.
     """
 
     order: Ints
@@ -33,8 +39,21 @@ class Dissection:
 def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: Floats | None = None) -> Dissection:
     """Dissect a graph by recursive bisection.
 
-    rows, columns: (e,) ends of its edges, each edge at least once, loops ignored. count: nodes. leaf: nodes up
-    to which a part is not cut again. places: (count, d) where the nodes are; default distances in the graph.
+    Parameters
+    ----------
+    rows, columns : (e,) int arrays
+        Ends of the edges, each edge at least once; loops are ignored.
+    count : int
+        Number of nodes.
+    leaf : int
+        Number of nodes up to which a part is not bisected.
+    places : (count, d) array, optional
+        Coordinates of the nodes; default: computed from distances in the graph.
+
+    Returns
+    -------
+    Dissection
+        Order, parts and tree.
     """
     proper = rows != columns
     rows, columns = rows[proper], columns[proper]
@@ -43,7 +62,7 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
     order: list[Ints] = []
     parent: list[int] = []
     side = np.zeros(count, dtype=np.int8)
-    # depth first; a part is numbered when its children have been, so parents are told afterwards
+    # Depth first. A part gets its number after its children, so `parent` is filled in afterwards.
     work: list[tuple[Ints, Ints, Ints, list[int] | None, list[int]]] = []
     roots: list[int] = []
     work.append((np.arange(count), rows, columns, None, roots))
@@ -70,7 +89,10 @@ def nested_dissection(rows: Ints, columns: Ints, count: int, leaf: int, places: 
 
 
 def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> tuple[Ints, Ints, Ints]:
-    """Halves of a part and the nodes between them: the shorter shore of the best of two cuts."""
+    """Return both halves of a part and the smallest separator of two cuts.
+
+    Each of the two longest directions gives a cut; the separator is the smaller of the two sets of nodes along it.
+    """
     middle = places[nodes] - places[nodes].mean(axis=0)
     axes = np.linalg.eigh(middle.T @ middle)[1][:, ::-1]
     best: tuple[Bools, Bools] | None = None
@@ -95,7 +117,7 @@ def _bisect(nodes: Ints, a: Ints, b: Ints, places: Floats, side: np.ndarray) -> 
 
 
 def _along(nodes: Ints, places: Floats) -> Ints:
-    """Nodes in order along their longest direction, so that neighbours get neighbouring numbers."""
+    """Sort nodes along their longest direction, so that neighbours get neighbouring numbers."""
     if len(nodes) < 3:
         return nodes
     middle = places[nodes] - places[nodes].mean(axis=0)
@@ -104,7 +126,10 @@ def _along(nodes: Ints, places: Floats) -> Ints:
 
 
 def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
-    """Coordinates (count, 3) from distances in the graph to far-away nodes; each component in a place of its own."""
+    """Return coordinates (count, 3) from distances in the graph to distant nodes.
+
+    Connected components get separate ranges of the first coordinate.
+    """
     both = np.concatenate([rows, columns]), np.concatenate([columns, rows])
     graph = sp.csr_array((np.ones(len(both[0])), both), shape=(count, count))
     parts, part = connected_components(graph, directed=False)
@@ -124,7 +149,7 @@ def graph_places(rows: Ints, columns: Ints, count: int) -> Floats:
 
 
 def _distances(graph: sp.csr_array, root: int) -> Floats:
-    """(n,) edges from a root, 0 for nodes that it does not reach."""
+    """Return the number of edges (n,) from a root to each node, 0 for nodes out of reach."""
     order, before = breadth_first_order(graph, root, directed=False)
     distance = np.zeros(graph.shape[0])
     for node in order[1:].tolist():

@@ -1,4 +1,4 @@
-"""The nearest solution of linear equations, by a factor that is made once."""
+"""Projection on the solutions of linear equations, by a factorisation that is computed once."""
 
 from __future__ import annotations
 
@@ -13,14 +13,26 @@ import scipy.sparse.linalg as spla
 from jld_core.arrays import Floats
 from jld_core.linalg.cholesky import Fronts
 
-_FULL = 20_000  # entries up to which products with a full matrix are the quicker ones
-_DENSE = 200  # equations up to which a stored dense projector beats sparse triangular solves
+_FULL = 20_000  # number of entries up to which products with a dense matrix are faster
+_DENSE = 200  # number of equations up to which a stored dense projector is faster than sparse triangular solves
 
 
 class Projector:
-    """Nearest solution of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), with A restricted to the active resultants.
+    """Projection on the solutions of A F = r: F − Aᵀ(A Aᵀ)⁻¹(A F − r), docs/method.md (3.9).
 
-    places: (rows, d) where the element of each row is; None where a column is full, and A Aᵀ with it.
+    Parameters
+    ----------
+    matrix : sparse array
+        A, restricted to the active resultants.
+    places : (rows, d) array, optional
+        Coordinates of the element of each row, for sparse Cholesky; None (LU) if a full column makes A Aᵀ full.
+
+    Attributes
+    ----------
+    matrix : sparse array
+        Matrix A.
+    rows : sparse or dense array
+        A in a form for fast products with vectors (see `quick`).
     """
 
     def __init__(self, matrix: sp.csc_array, places: Floats | None = None) -> None:
@@ -34,14 +46,28 @@ class Projector:
             self._solve = _cholesky(normal, places) or _lu(normal)
 
     def correction(self, residual: Floats) -> Floats:
-        """Least change of F that removes a residual (q·free,); shape (q·m,)."""
+        """Return the least-norm change of F that removes a residual.
+
+        Parameters
+        ----------
+        residual : (rows,) array
+            A F − r.
+
+        Returns
+        -------
+        (columns,) array
+            Change to subtract from F.
+        """
         if self._dense is not None:
             return self._dense @ residual
         return np.asarray(self.matrix.T @ self._solve(residual))
 
 
 def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats], Floats] | None:
-    """Solver by multifrontal Cholesky; None where the matrix is full or not positive definite."""
+    """Return a solver by multifrontal Cholesky, or None if that is impossible.
+
+    It needs known places and a positive definite matrix.
+    """
     if places is None:
         return None
     rows, columns = normal.tocoo().coords
@@ -56,13 +82,14 @@ def _cholesky(normal: sp.csc_array, places: Floats | None) -> Callable[[Floats],
 
 
 def _lu(normal: sp.csc_array) -> Callable[[Floats], Floats]:
-    # rows of order one: a shift of rounding size lets dependent rows (no friction anywhere) pass
+    """Return a solver by sparse LU."""
+    # Rows are of order one. A shift as small as rounding admits dependent rows (no friction anywhere).
     shifted = normal + 1e-15 * sp.eye_array(normal.shape[0], format="csc")
     return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
 
 
 def _right_inverse(matrix: Floats) -> Floats:
-    """Aᵀ(A Aᵀ)⁻¹; the pseudo-inverse where rows depend on one another."""
+    """Return Aᵀ(A Aᵀ)⁻¹, or the pseudo-inverse if rows are linearly dependent."""
     try:
         factor = np.linalg.cholesky(matrix @ matrix.T)
     except np.linalg.LinAlgError:
@@ -74,5 +101,16 @@ def _right_inverse(matrix: Floats) -> Floats:
 
 
 def quick(matrix: Any) -> Any:
-    """A sparse matrix for products with vectors: small ones in full, where looking up what is not zero takes longer."""
+    """Return a small sparse matrix as a dense one, for faster products with vectors.
+
+    Parameters
+    ----------
+    matrix : sparse matrix
+        Any sparse matrix.
+
+    Returns
+    -------
+    dense or sparse matrix
+        Dense up to `_FULL` entries (rows × columns), else the same matrix.
+    """
     return matrix.toarray() if matrix.shape[0] * matrix.shape[1] <= _FULL else matrix

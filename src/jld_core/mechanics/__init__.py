@@ -1,24 +1,24 @@
-"""Equilibrium, scaling, and what a yield set is.
+"""Equilibrium, scaling and yield sets of dry and inner faces.
 
-- `EffectiveAreas`: effective rectangles, as they enter torsion
-- `FrictionSet`: a yield set of cohesion and friction, of which friction may be prescribed
-- `InnerBending`: "paper" or "kern"
+- `CoulombWedge`: yield sets of planar faces of one label without compressive strength
+- `EffectiveAreas`: effective rectangles of spatial faces, as they enter torsion
+- `FrictionSet`: interface of a yield set with cohesion and friction
+- `InnerBending`: form of the inner bending set, "paper" (uncoupled) or "kern"
 - `PlanarYield`: yield sets of planar faces
-- `PrescribedFriction`: a yield set whose friction does not follow the present N
-- `RowPattern`: sparsity of the yield rows under both labels
-- `Rows`: what a program asks of yield sets
-- `Scaling`: scene values ↔ scaled values
+- `PrescribedFriction`: yield set whose friction depends on prescribed normal forces
+- `RowPattern`: sparsity and numbers of the yield rows under both labels
+- `Rows`: interface of the rows that a program takes from yield sets
+- `Scaling`: factors between scene values and scaled values
 - `SpatialYield`: yield sets of spatial faces
-- `CoulombWedge`: planar faces of one label that nothing crushes
-- `YieldSet`: what a proof asks of yield sets
-- `equilibrium_matrix`: A_eq
-- `load_vectors`: b and b_λ
-- `local_hulls`: convex hulls of faces in their own frames
-- `reference_load`: the force beside which forces count as zero
+- `YieldSet`: interface of a yield set, as proofs use it
+- `equilibrium_matrix`: assemble A_eq
+- `load_vectors`: return b and b_λ
+- `local_hulls`: return the convex hulls of faces in their own frames
+- `reference_load`: compute the force relative to which forces count as zero
 - `require_materials`: refuse labellings whose material is missing
-- `scaling_of`: the scales of an assembly
-- `spatial_yield`: the yield sets of a spatial assembly
-- `yield_set`: the yield sets of an assembly of either dimension
+- `scaling_of`: compute the scales of an assembly
+- `spatial_yield`: make the yield sets of a spatial assembly
+- `yield_set`: make the yield sets of an assembly of either dimension
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Bending sets of spatial faces: rows, corners, and the solids that an inner compressive strength makes of them.
+"""Bending sets of spatial faces: rows, corners, and the solids of inner faces with compressive strength.
 
-With a list of rows c per face, a dry face asks for c·m ≤ N and an inner one for c·m ≤ N + σtA.
+With a list of rows c per face, a dry face requires c·m ≤ N and an inner face c·m ≤ N + σtA.
 """
 
 from __future__ import annotations
@@ -16,16 +16,29 @@ from jld_core.assembly import Interfaces
 from jld_core.geometry import polygons
 
 InnerBending = Literal["paper", "kern"]
+"""Bending set of inner rectangles: "paper" is the uncoupled form (2.5), "kern" the elastic edge stress (2.6)."""
 
 
 @dataclass(frozen=True)
 class Bending:
-    """Rows and corners of the bending sets of m faces, ragged: face f has rows start[f] to start[f + 1].
+    """Rows and corners of the bending sets of m faces.
 
-    dry, inner: (rows, 2) coefficients c of (m1, m2), in order of angle. dry_corners, inner_corners: (rows, 2)
-    corners of {c·m ≤ 1}, the one between a row and the next. crushed: faces whose inner set has an upper end
-    too, c·m ≥ N − σcA; their sets are solids with corners (ν, m) = crush_corners[crush_start[i] :
-    crush_start[i + 1]], where N = −σtA + ν (σcA + σtA) and m is over σcA + σtA.
+    Face f has the rows start[f] to start[f + 1].
+
+    Attributes
+    ----------
+    start : (m + 1,) int array
+        First row of each face.
+    dry, inner : (rows, 2) arrays
+        Coefficients c of (m1, m2), in order of angle.
+    dry_corners, inner_corners : (rows, 2) arrays
+        Corners of {c·m ≤ 1}, each between a row and the next.
+    crushed : int array
+        Faces whose inner set also has an upper limit, c·m ≥ N − σcA.
+    crush_start : int array
+        First corner of each crushed face.
+    crush_corners : (corners, 3) array
+        Corners (ν, m) of the solid of each crushed face, where N = −σtA + ν (σcA + σtA) and m is divided by σcA + σtA.
     """
 
     start: Ints
@@ -39,23 +52,25 @@ class Bending:
 
     @property
     def face(self) -> Ints:
-        """(rows,) face of each row."""
+        """Face (rows,) of each row."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     def most(self, rows: Floats, pair: Floats) -> Floats:
-        """(m,) greatest c·x over the rows of each face, for x = pair (m, 2)."""
+        """Return the largest c·x (m,) over the rows of each face, for x = pair (m, 2)."""
         product = np.einsum("ej,ej->e", rows, pair[self.face])
         return np.asarray(np.maximum.reduceat(product, self.start[:-1]))
 
 
 _SIDES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+"""Rows c of a rectangle with uncoupled moments, in order of angle."""
 _DIAGONALS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-# corners of the kern of a rectangle: between a row and the next
+"""Corners of the uncoupled rectangle, and rows c of its kern, in order of angle."""
+# Corners of the kern of a rectangle, each between a row and the next.
 _TIPS = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
 
 
 def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, crushed: Bools) -> Bending:
-    """Bending rows of all faces: one for a point, four for a rectangle, one per hull edge otherwise."""
+    """Compute the bending rows: 1 for a point, 4 for a rectangle, else 1 per hull edge."""
     rectangle = faces.rectangle & ~point
     count = np.where(point, 1, 4)
     general = np.flatnonzero(~rectangle & ~point)
@@ -69,7 +84,7 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
     inner[place], inner_corners[place] = 3.0 * rows, corners / 3.0
     for position, outline in zip(general.tolist(), outlines, strict=True):
         part = slice(start[position], start[position + 1])
-        # moments are scaled by half the extents
+        # Moments are scaled by half the sizes of the face.
         scale = 0.5 * np.array([faces.l2[position], faces.l1[position]])
         edges = polygons.hull_rows(outline)
         dry[part] = -edges[:, 1:] / edges[:, :1] * scale
@@ -95,41 +110,58 @@ def bending_of(faces: Interfaces, point: Bools, inner_bending: InnerBending, cru
 
 
 def _local(faces: Interfaces, face: int) -> Floats:
-    """Polygon of a face in its own frame (k, 2)."""
+    """Return the polygon (k, 2) of a face in its own frame."""
     return np.asarray((faces.polygon[face] - faces.origin[face]) @ np.array([faces.e1[face], faces.e2[face]]).T)
 
 
 def local_hulls(faces: Interfaces, which: Ints) -> list[Floats]:
-    """Return the convex hulls (h, 2) of some faces in their own frames, counter-clockwise, without idle corners."""
+    """Return the convex hulls of some faces in their own frames.
+
+    Parameters
+    ----------
+    faces : Interfaces
+        All faces.
+    which : int array
+        Indices of the faces wanted.
+
+    Returns
+    -------
+    list of (h, 2) arrays
+        Corners, counter-clockwise, scene units, without corners inside an edge.
+    """
     local = [_local(faces, face) for face in which.tolist()]
-    # the hull first: the outline of a face with a hole runs along its bridges both ways
+    # Take the hull first: the outline of a face with a hole passes its bridges twice.
     return polygons.without_idle_corners(polygons.hulls(local), tolerances.FACE)
 
 
 def _kern(faces: Interfaces, face: int, outline: Floats) -> Floats:
+    """Return the kern rows of a face from its hull, area and second moments."""
     moments = polygons.second_moments(_local(faces, face)[None])[0]
     return polygons.kern_rows(outline, float(faces.area[face]), moments)
 
 
 def _between(rows: Floats) -> Floats:
-    """Corners (h, 2) of {c·m ≤ 1}: where a row and the next, in order of angle, are both equal to one."""
+    """Return the corners (h, 2) of {c·m ≤ 1}, each between a row and the next by angle."""
     onward = np.roll(rows, -1, axis=0)
     cross = rows[:, 0] * onward[:, 1] - rows[:, 1] * onward[:, 0]
     return np.column_stack([onward[:, 1] - rows[:, 1], rows[:, 0] - onward[:, 0]]) / cross[:, None]
 
 
 def _rectangle_solid(corners: Floats) -> Floats:
-    """Corners (ν, m) of a double pyramid: its two tips, and the middle section."""
+    """Return the corners (ν, m) of a double pyramid: its two tips and its middle section."""
     middle = np.column_stack([np.full(len(corners), 0.5), 0.5 * corners])
     return np.concatenate([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], middle])
 
 
 def _solid(rows: Floats) -> Floats:
-    """Corners (ν, m) of {c·m ≤ ν, c·m ≥ ν − 1}; where the hull is not symmetric this is no double pyramid."""
+    """Return the corners (ν, m) of {c·m ≤ ν, c·m ≥ ν − 1}.
+
+    Where the hull is not symmetric the solid is no double pyramid.
+    """
     one = np.ones(len(rows))
     lower = np.column_stack([-one, rows, 0.0 * one])
     upper = np.column_stack([one, -rows, -one])
-    from scipy.spatial import HalfspaceIntersection  # slow to import, and for spatial scenes alone
+    from scipy.spatial import HalfspaceIntersection  # slow to import, and only spatial scenes need it
 
     found = HalfspaceIntersection(np.concatenate([lower, upper]), np.array([0.5, 0.0, 0.0])).intersections
     return np.asarray(found[np.all(np.isfinite(found), axis=1)])

@@ -1,4 +1,4 @@
-"""Equilibrium of free elements, A_eq F + b + λ b_λ = 0: the only place that builds its matrices."""
+"""Equilibrium of free elements, A_eq F + b + λ b_λ = 0; only this module builds its matrices."""
 
 from __future__ import annotations
 
@@ -11,10 +11,23 @@ from jld_core.geometry import moment_about
 
 
 def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
-    """A_eq, shape (q·free, q·m) with q = 3 (planar) or 6 (spatial); forces row then moments about the centroid.
+    """Assemble A_eq: forces, then moments about the centroid, of each free element.
 
-    Column q·f + j is resultant j of interface f — planar (N, V, M), spatial (N, V1, V2, M1, M2, MT) — acting
-    as +F on element b and −F on element a. Scene units. Supports have no rows.
+    Column q·f + j is resultant j of interface f, planar (N, V, M), spatial (N, V1, V2, M1, M2, MT). It acts as +F on
+    element b and as −F on element a. Supports have no rows.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+
+    Returns
+    -------
+    (q·free, q·m) sparse array
+        A_eq in scene units, q = 3 (planar) or 6 (spatial).
+
+    Notes
+    -----
     Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (1.1), (1.2).
     """
     faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
@@ -49,6 +62,17 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
 
 
 def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
-    """b and b_λ on the free elements, each (q·free,), scene units: dead loads with self-weight, and live loads."""
+    """Return b and b_λ on the free elements: dead loads with self-weight, and live loads.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+
+    Returns
+    -------
+    dead, live : (q·free,) arrays
+        Forces, then moments about the centroid, of each free element, scene units.
+    """
     free = assembly.elements.free
     return assembly.dead[free].ravel(), assembly.live[free].ravel()

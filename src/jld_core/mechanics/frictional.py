@@ -1,4 +1,4 @@
-"""What planar and spatial yield sets have in common: strengths of both labels, cohesion and friction in shear."""
+"""Common part of planar and spatial yield sets: strengths of both labels, cohesion and friction in shear."""
 
 from __future__ import annotations
 
@@ -15,39 +15,59 @@ from jld_core.mechanics.yield_set import RowPattern
 
 @dataclass(frozen=True)
 class Frictional(Strengths):
-    """Strengths of m faces under either label, scaled: shear (|V|, in space |V| + |mT|) ≤ c + μN, docs/method.md (2.6).
+    """Scaled strengths of m faces under either label, with Coulomb friction in shear.
 
-    friction, cohesion: μ and c of dry faces. inner_friction, shear: μ and c = τA of inner ones. tension: σtA of inner
-    ones, no more than c / μ. crush_dry, crush_inner: σcA (inf where none). All but μ over the force scale.
+    Shear is limited by |V| ≤ c + μN, in space by |V| + |mT| ≤ c + μN, docs/method.md (2.4), (2.7).
+
+    Attributes
+    ----------
+    friction, cohesion : (m,) arrays
+        μ and c of dry faces.
+    inner_friction, shear : (m,) arrays
+        μ and c = τA of inner faces.
+    tension : (m,) array
+        σtA of inner faces, at most c/μ.
+    crush_dry, crush_inner : (m,) arrays
+        σcA; inf where none is given.
+    pattern : RowPattern
+        Rows of the program.
+
+    Notes
+    -----
+    All values except μ are divided by the force scale.
     """
 
     pattern: RowPattern
 
     @cached_property
     def rough(self) -> bool:
-        """Have any inner faces friction? What they have not costs nothing."""
+        """Whether any inner face has friction; without it those terms are skipped."""
         return bool((self.inner_friction > 0.0).any())
 
     @cached_property
     def cohesive(self) -> bool:
-        """Have any dry faces cohesion?"""
+        """Whether any dry face has cohesion."""
         return bool((self.cohesion > 0.0).any())
 
     @property
     def associative(self) -> Self:
+        """Set with associative friction, which is this set itself."""
         return self
 
     def is_dry(self, labels: Bits) -> Bools:
+        """Return True (m,) for faces with the strengths of a dry face."""
         return labels
 
     def friction_of(self, labels: Bits) -> Floats:
+        """Return μ (m,) under the labels."""
         return np.where(self.is_dry(labels), self.friction, self.inner_friction)
 
     def cohesion_of(self, labels: Bits) -> Floats:
+        """Return the scaled shear capacity at N = 0 (m,) under the labels."""
         return np.where(self.is_dry(labels), self.cohesion, self.shear)
 
     def _holds(self, labels: Bits) -> Bools:
-        """(m,) faces that resist shear at all; where they do not V is dropped."""
+        """Return True (m,) for faces that resist shear; V is dropped from the others."""
         dry, inner = self.friction, self.shear
         if self.cohesive:
             dry = dry + self.cohesion
@@ -56,7 +76,7 @@ class Frictional(Strengths):
         return np.where(self.is_dry(labels), dry, inner) > 0.0
 
     def _capacity(self, normal: Floats) -> tuple[Floats, Floats]:
-        """c + μN of all faces (m,) as dry and as inner; inf where V is dropped, which is zero and limits nothing."""
+        """Return c + μN of all faces (m,) as dry and as inner, inf where V is dropped."""
         if self.cohesive:
             dry = np.where(self.friction + self.cohesion > 0.0, self.cohesion + self.friction * normal, np.inf)
         else:
@@ -68,18 +88,20 @@ class Frictional(Strengths):
         return dry, inner
 
     def with_friction(self, share: float) -> Self:
+        """Return the set with a share of all friction; `pattern` stays the same."""
         return replace(self, friction=share * self.friction, inner_friction=share * self.inner_friction)
 
     def bending_alone(self) -> Self:
+        """Return the set without any limit on shear; `pattern` stays the same."""
         none = np.zeros(len(self.friction))
         return replace(self, friction=none, inner_friction=none, cohesion=none, shear=none)
 
 
 def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
-    """Strengths as `Frictional` has them; unit: (m,) area over the force scale.
+    """Scale strengths as `Frictional` has them; unit: (m,) area over the force scale.
 
-    A material the scene does not name becomes a face without strength: `require_materials` has refused the
-    labellings that would need it.
+    A material that the scene does not name gives a face without strength. `require_materials` refuses the labellings
+    that need such a material.
     """
     return Strengths(
         friction=np.nan_to_num(strengths.friction, nan=0.0),
@@ -93,5 +115,6 @@ def scaled_strengths(strengths: Strengths, unit: Floats) -> Strengths:
 
 
 def _bounded(strength: Floats, unit: Floats) -> Floats:
+    """Scale compressive strengths (m,); inf where none is given or the area is zero."""
     given = np.isfinite(strength) & (unit > 0.0)
     return np.asarray(np.where(given, np.where(given, strength, 0.0) * unit, np.inf))

@@ -1,8 +1,8 @@
-"""Rows of faces whose label is not decided: what either label admits, docs/method.md (6.3).
+"""Rows of faces whose label is undecided: they enclose the sets of both labels, docs/method.md (6.3).
 
-The closed hull of the dry and the inner set is, without a bound on N, the dry set moved to N = −σtA and widened in
-shear: {|m| ≤ N + σtA, |V| ≤ w + μ (N + σtA)} with the larger μ of both labels and w = max(c − μ σtA, τA − μ_inner σtA).
-With compressive strengths, or where inner faces have the more friction, the rows enclose the hull.
+Without a bound on N, the closed convex hull of the dry and the inner set is the dry set moved to N = −σtA and widened
+in shear: {|m| ≤ N + σtA, |V| ≤ w + μ (N + σtA)}. Here μ is the larger one of both labels and w = max(c − μ σtA, τA −
+μ_inner σtA). With compressive strengths, or where inner faces have more friction, the rows enclose the hull.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from jld_core.mechanics.frictional import Frictional
 from jld_core.mechanics.yield_set import ParabolicBending, RowPattern
 
 _STEPS: Final = 257
-"""Places on a parabola at which planes are weighed."""
+"""Number of points on a parabola at which `_meeting` evaluates tangent planes."""
 
 
 def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -> RowPattern:
-    """The pattern with the numbers of undecided faces in the place of those of dry ones.
+    """Return the pattern with the numbers of undecided faces in place of those of dry faces.
 
-    shear: which resultant stands in the linear rows that limit shear. parabolas: are the cones those of crushing?
+    freedoms: resultants per face. shear: resultant in the linear rows that limit shear. parabolas: True if the cones
+    are those of crushing.
     """
     pattern = sets.pattern
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -32,7 +33,7 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
     linear = pattern.row < pattern.linear
     normal = inside & (pattern.column % freedoms == 0)
     across = inside & linear & (pattern.column % freedoms == shear) & (data != 0.0)
-    # where only the inner set has shear resistance, V is back in equilibrium and its rows must bound it
+    # Where only the inner set resists shear, V takes part in equilibrium and its rows must bound it.
     held = (sets.friction + sets.cohesion == 0.0) & (sets.shear + sets.inner_friction > 0.0)
     holds = held | (sets.friction + sets.cohesion > 0.0)
     rhs[pattern.row[across & holds[pattern.face]]] = 0.0
@@ -52,13 +53,18 @@ def hull_rows(sets: Frictional, *, freedoms: int, shear: int, parabolas: bool) -
 
 
 def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
-    """What encloses either label of planar faces (k,) that crush; None where inner ones carry more N than dry ones.
+    """Return sets that enclose either label of planar faces (k,) that crush.
 
-    In N and m it is the hull of the parabola N − N²/N_c and of the triangle of the inner set with its foot (−T, 0),
-    T = σtA, and its top ((C − T)/2, (C + T)/6): the parabola from the point n₀ on where the tangent through the top
-    touches it, that tangent, and the line from the foot to the top; or the tangent through the foot where that passes
-    above the top. From (x, y) it touches at n₀ = x + √(x² − N_c (x − y)). In N and V it is the line through
-    (−T, τA − μ_inner T) that all corners are below. Where V and M meet see `_meeting`.
+    The result is None where an inner face carries more N than the dry one. Write T = σtA.
+
+    In N and m the set is the hull of two sets. One is the parabola N − N²/N_c. The other is the triangle of the inner
+    set with its foot (−T, 0) and its top ((C − T)/2, (C + T)/6), where C is the σcA of the inner face. The boundary has
+    three pieces: the parabola from n₀ on, the tangent at n₀ through the top, and the line from the foot to the top. If
+    the tangent through the foot passes above the top, it replaces the last two. The tangent from a point (x, y) touches
+    at n₀ = x + √(x² − N_c (x − y)).
+
+    In N and V the bound is the line through (−T, τA − μ_inner T) above all corners. For the interaction of V and M see
+    `_meeting`.
     """
     tension, limit, inner_limit = sets.tension[crushed], sets.crush_dry[crushed], sets.crush_inner[crushed]
     if not np.all(inner_limit <= limit):
@@ -70,7 +76,7 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
     knee = np.where(above, x + np.sqrt(np.maximum(x * x - limit * (x - y), 0.0)), foot_knee)
     inner, dry = sets.inner_friction[crushed], sets.friction[crushed]
     foot = sets.shear[crushed] - inner * tension
-    # without tension a dry face may have cohesion where an inner one has its foot
+    # Without tensile strength the foot is at N = 0, where the dry face may have cohesion.
     foot = np.where(tension > 0.0, foot, np.maximum(foot, sets.cohesion[crushed]))
     corners = [(inner_limit, sets.shear[crushed] + inner * inner_limit)]
     corners += [(normal, sets.cohesion[crushed] + dry * normal) for normal in (0.0 * limit, limit)]
@@ -91,14 +97,17 @@ def bow_of_hull(sets: Frictional, crushed: Ints) -> ParabolicBending | None:
 
 
 def _meeting(strengths: Floats) -> Floats:
-    """(k, 5) N and m of an inner corner, what its shear is above the dry line, and between which N of the parabola
-    planes that touch both enclose either label; zeros where there are none.
+    """Return the planes (k, 5) that bound V and M together, for undecided faces that crush.
 
-    Shear beyond c + μN asks for a share w of inner corners, mostly of (−T, 0), so that the hull bulges between a corner
-    (n, m) and the parabola: of planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁, a = 1 + μb − 2N₁/N_c, that with
-    b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. Where the others do not pass it, it is
-    one of the hull. The corner is (−T, 0) where it has any, else the one that has most: at the top, where planes of
-    all directions meet, one plane alone says little. strengths: (k, 7) as `ParabolicBending.meeting` has them.
+    Columns 0 and 1 are N and m of an inner corner; column 2 is how far its shear is above the dry line. Columns 3 and 4
+    are the first and last N₁ of the parabola between which planes that touch corner and parabola enclose either label.
+    A row is zero where there are none. strengths: (k, 7), as `ParabolicBending.meeting` has them.
+
+    Shear beyond c + μN requires a share w of inner corners, mostly of (−T, 0). The hull therefore bulges between a
+    corner (n, m) and the parabola. Planes a N − b|V| − |m| + h ≥ 0 tangent to it at N₁ have a = 1 + μb − 2N₁/N_c. The
+    one with b = −(m − n (1 − 2N₁/N_c) − N₁²/N_c) / (shear above) touches the corner too. It is a plane of the hull
+    where the other corners do not pass it. The corner is (−T, 0) where that has such planes, else the one with the
+    longest range of N₁. Where planes of all directions meet, at the top, a single plane bounds little.
     """
     limit, friction, cohesion, tension, inner_limit, shear, inner_friction = strengths.T
     top = 0.5 * (inner_limit - tension)
@@ -107,14 +116,14 @@ def _meeting(strengths: Floats) -> Floats:
     more = (shear - cohesion)[:, None] + (inner_friction - friction)[:, None] * normal
     share = np.linspace(0.0, 1.0, _STEPS)
     touch, slope = share * limit[:, None], 1.0 - 2.0 * share
-    above = moment - slope * normal - share * touch  # how far corners stand above the tangent
+    above = moment - slope * normal - share * touch  # height of the corners above the tangent
     found, most = np.zeros((len(limit), 5)), np.zeros(len(limit), dtype=np.int64)
     for corner in range(3):
         has = more[corner] > 0.0
         b = -above[corner] / np.where(has, more[corner], 1.0)
         passed = np.max(above + b * more, axis=0) > tolerances.ROUNDING * limit[:, None]
         good = has & (b >= 0.0) & ~passed
-        # the last run of what is good
+        # Find the last range of consecutive N₁ whose planes are valid.
         last = _STEPS - 1 - np.argmax(good[:, ::-1], axis=1)
         broken = ~good & (np.arange(_STEPS) < last[:, None])
         first = np.where(broken.any(axis=1), _STEPS - np.argmax(broken[:, ::-1], axis=1), 0)
@@ -127,10 +136,12 @@ def _meeting(strengths: Floats) -> Floats:
 
 
 def _widen_crushing(sets: Frictional, data: Floats, rhs: Floats) -> None:
-    """The parabola |m| ≤ N (1 − N/C) about N = −σtA with C as large as holds both sets; none where inner has no σc.
+    """Widen the parabola |m| ≤ N (1 − N/C) about N = −σtA until it holds both sets.
 
-    With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, and
-    N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.
+    Without inner σc it is dropped.
+
+    With N' = N + σtA and C = max(N_c dry, N_c inner) + σtA: N'(1 − N'/C) − N (1 − N/N_c) ≥ σtA (1 − N/C')² ≥ 0, so the
+    dry set is inside. N'(C − N')/C ≥ min(N', C − N')/2 is more than the third that an inner face may take.
     """
     pattern = sets.pattern
     old = np.where(np.isfinite(sets.crush_dry), sets.crush_dry, 1.0)

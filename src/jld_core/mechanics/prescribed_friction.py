@@ -1,7 +1,7 @@
-"""Yield sets with part of their state frozen: friction that does not know of the present N, effective areas.
+"""Yield sets with frozen state: friction from prescribed normal forces, and frozen effective areas.
 
-The conic programs of associative limit analysis stay what they are; only the numbers of the rows that say
-|V| + |MT|/c_T ≤ c + μN change. Whatever takes a yield set — programs, bounds, repairs — takes these.
+The conic programs of associative limit analysis stay the same. Only the numbers in the rows |V| + |MT|/c_T ≤ c + μN
+change. Programs, bounds and repairs take these sets like any other yield set.
 """
 
 from __future__ import annotations
@@ -17,9 +17,20 @@ from jld_core.mechanics.yield_set import CoulombWedge, FrictionSet, ParabolicBen
 
 @dataclass(frozen=True)
 class EffectiveAreas:
-    """Effective rectangles of m spatial faces, as they enter torsion: e = ρ (mT + a·V), |V| + |e| ≤ capacity.
+    """Effective rectangles of m spatial faces, as they enter torsion.
 
-    ratio: (m,) ρ = c_T / c_T,e ≥ 1. arm: (m, 2) a = (x2, −x1) / c_T. Source: Iannuzzo et al. 2024, eq. (5), (8).
+    With e = ρ (mT + a·V) the limit on shear is |V| + |e| ≤ capacity.
+
+    Attributes
+    ----------
+    ratio : (m,) array
+        ρ = c_T / c_T,e ≥ 1.
+    arm : (m, 2) array
+        a = (x2, −x1) / c_T, with the centre of pressure x.
+
+    Notes
+    -----
+    Source: Iannuzzo et al. 2024, eq. (5), (8); docs/method.md (2.14), (2.15).
     """
 
     ratio: Floats
@@ -28,11 +39,23 @@ class EffectiveAreas:
 
 @dataclass(frozen=True)
 class PrescribedFriction:
-    """A yield set whose friction is μ (α N + (1 − α) N_prev), with torsion about frozen effective areas.
+    """Yield set with friction μ (α N + (1 − α) N_prev) and frozen effective areas.
 
-    base: the set of associative friction. alpha: α, share of the present N; 1 leaves the friction as it is, 0
-    leaves none of its dilation. previous: (m,) N_prev, scaled, taken as no less than a face can carry. areas: None
-    leaves torsion of dry faces as it is. Bending and cohesion are those of the base. Faces of either label rub.
+    Bending and cohesion are those of `base`. Faces of both labels have friction.
+
+    Attributes
+    ----------
+    base : FrictionSet
+        Set with associative friction.
+    alpha : float
+        α, share of the present N: 1 is associative friction, 0 is friction without dilation.
+    previous : (m,) array
+        N_prev, scaled; raised to the least N that a face can carry.
+    areas : EffectiveAreas or None
+        None leaves the torsion of dry faces as in `base`.
+
+    Notes
+    -----
     Source: Gilbert et al. 2006; docs/method.md (4.1).
     """
 
@@ -43,11 +66,15 @@ class PrescribedFriction:
 
     @property
     def associative(self) -> FrictionSet:
+        """Set with associative friction, which is `base`."""
         return self.base
 
     @cached_property
     def pattern(self) -> RowPattern:
-        """Rows of the base with what limits shear changed; with areas, V enters those of dry faces too."""
+        """Rows of the base with other numbers in the rows that limit shear.
+
+        With effective areas, V enters the torsion rows of dry faces too.
+        """
         base = self.base.pattern
         entries = base.capacity
         head, face = base.row[entries], base.face[entries]
@@ -63,16 +90,19 @@ class PrescribedFriction:
 
     @cached_property
     def _previous(self) -> tuple[Floats, Floats]:
-        """N_prev of faces as dry and as inner."""
+        """N_prev (m,) of all faces as dry and as inner."""
         return np.maximum(self.previous, 0.0), np.maximum(self.previous, -self.base.tension)
 
     def _frozen(self, labels: Bits) -> Floats:
-        """(m,) (1 − α) μ N_prev."""
+        """Return (1 − α) μ N_prev (m,)."""
         previous = np.where(self.base.is_dry(labels), *self._previous)
         return np.asarray((1.0 - self.alpha) * self.base.friction_of(labels) * previous)
 
     def _with_areas(self, pattern: RowPattern, areas: EffectiveAreas) -> RowPattern:
-        """Torsion rows t ± e ≤ capacity, divided by ρ so that no coefficient exceeds order one."""
+        """Replace the torsion rows by t ± e ≤ capacity, divided by ρ.
+
+        The division keeps coefficients of order one.
+        """
         p, own = pattern, 6 * len(self.previous)
         twist = np.flatnonzero((p.column < own) & (p.column % 6 == 5) & (p.dry != 0.0))
         row, face, sign = p.row[twist], p.face[twist], p.dry[twist]
@@ -93,45 +123,58 @@ class PrescribedFriction:
 
     @cached_property
     def _smooth(self) -> FrictionSet:
-        """The base in bending alone."""
+        """Base with bending only, without any limit on shear."""
         return self.base.bending_alone()
 
     @cached_property
     def _associated(self) -> FrictionSet:
-        """The base with the share of friction that follows the present N."""
+        """Base with the share α of friction, which follows the present N."""
         return self.base.with_friction(self.alpha)
 
     def rubs(self, labels: Bits) -> Bools:
-        """(m,) faces with friction."""
+        """Return True (m,) for faces with friction."""
         return np.asarray(self.base.friction_of(labels) > 0.0)
 
     def slides(self, labels: Bits) -> Bools:
-        """(m,) faces that may slide without opening: dry ones, and inner ones with friction."""
+        """Return True (m,) for faces that may slide without opening: dry, or inner with friction."""
         return np.asarray(self.base.is_dry(labels) | self.rubs(labels))
 
     def shear(self, forces: Floats, labels: Bits) -> Floats:
-        """(m,) |V| + |e| of scaled resultants (m, q), to be held against the capacity."""
+        """Return the demand |V| + |e| (m,) to compare with the shear capacity.
+
+        forces: (m, q) scaled resultants.
+        """
         return self.base.shear_of(self._forces_about(forces, labels))
 
     def slip(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) rate at which friction works per unit of capacity: max(|s|, c_T,e |ω|) at the effective area."""
+        """Return max(|s|, c_T,e |ω|) (m,), the work rate per unit of shear capacity.
+
+        c_T,e is the torsion length of the effective area.
+        """
         return self.base.slip(self._jumps_about(jumps, labels))
 
     def price(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) what one unit of N costs in friction that sliding without dilation overcomes: μ times slip."""
+        """Return μ times slip (m,), the work of friction per unit of N without dilation."""
         return np.asarray(self.base.friction_of(labels) * self.slip(jumps, labels))
 
     def excess(self, forces: Floats, labels: Bits) -> Floats:
-        """(m,) how far shear exceeds c + μN for the present N, ≤ 0 where it does not; −inf where nothing rubs."""
+        """Return by how much shear exceeds c + μN (m,) of the present N.
+
+        Negative values mean that shear stays within its capacity; faces without friction have −inf.
+        """
         capacity = self.base.cohesion_of(labels) + self.base.friction_of(labels) * forces[:, 0]
         return np.where(self.rubs(labels), self.shear(forces, labels) - capacity, -np.inf)
 
     def dilation(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) δ beyond what bending opens, docs/method.md (4.5), where faces slide; else 0, and where they crush."""
+        """Return the opening δ (m,) beyond that of bending, docs/method.md (4.5).
+
+        The value is 0 for faces that cannot slide or that crush.
+        """
         beyond = self._smooth.margin(self._jumps_about(jumps, labels), labels)
         return np.where(self.slides(labels) & np.isfinite(beyond), beyond, 0.0)
 
     def _forces_about(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the resultants with torsion e about the effective areas of dry faces."""
         if self.areas is None:
             return forces
         about = forces.copy()
@@ -140,7 +183,7 @@ class PrescribedFriction:
         return about
 
     def _jumps_about(self, jumps: Floats, labels: Bits) -> Floats:
-        """Jumps dual to (V, e): the slip at the centre of pressure, and the turn over ρ."""
+        """Return the jumps dual to (V, e): slip at the centre of pressure, rotation over ρ."""
         if self.areas is None:
             return jumps
         about, dry = jumps.copy(), self.base.is_dry(labels)
@@ -149,45 +192,56 @@ class PrescribedFriction:
         about[:, 5] = np.where(dry, jumps[:, 5] / self.areas.ratio, jumps[:, 5])
         return about
 
-    # --- the protocol ------------------------------------------------------------------------------------
+    # --- methods of the protocol YieldSet ----------------------------------------------------------------
 
     def active(self, labels: Bits) -> Bools:
+        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
         return self.base.active(labels)
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the least distance (m,) of forces to the boundary, negative outside."""
         follows = self.base.friction_of(labels) * self.alpha * forces[:, 0]
         room = self.base.cohesion_of(labels) + follows + self._frozen(labels) - self.shear(forces, labels)
         if self.areas is not None:
-            # a change of the resultants by one changes e by up to ρ (1 + |a|)
+            # A unit change of the resultants changes e by up to ρ (1 + |a|).
             steep = self.areas.ratio * (1.0 + np.abs(self.areas.arm).sum(axis=1))
             room = np.where(self.base.is_dry(labels), room / steep, room)
         holds = self.base.friction_of(labels) + self.base.cohesion_of(labels) > 0.0
         return np.minimum(self._smooth.slack(forces, labels), np.where(holds, room, np.inf))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the least distance (m,) to the boundary of the recession cone."""
         return self._associated.recession_slack(self._forces_about(forces, labels), labels)
 
     def recession_active(self, labels: Bits) -> Bools:
+        """Return a mask (m, q), False where a resultant is bounded."""
         return self._associated.recession_active(labels)
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
+        """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
         frozen = self._frozen(labels) * self.slip(jumps, labels)
         return np.asarray(self._associated.dissipation(self._jumps_about(jumps, labels), labels) + frozen)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
+        """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
         return self._associated.margin(self._jumps_about(jumps, labels), labels)
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        return None  # of a capacity that is not that of these forces
+        """Return None: the shear capacity belongs to N_prev, not to the forces given."""
+        return None
 
     def hull(self) -> Rows | None:
+        """Return None: rows of undecided faces are not available for prescribed friction."""
         return None
 
     def bow(self, *, undecided: bool) -> ParabolicBending | None:
+        """Return None: parabolic sets are not available for prescribed friction."""
         return None
 
     def wedge(self, dry: bool) -> CoulombWedge | None:
+        """Return None: wedges are not available for prescribed friction."""
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        """Return None: linear rows are not available for prescribed friction."""
         return None

@@ -1,8 +1,8 @@
-"""Non-dimensional scaling: what the solver sees is of order one whatever the scene's units.
+"""Non-dimensional scaling: solvers see values of order one, whatever the units of the scene.
 
-Accuracy on large assemblies is a matter of scaling (docs/method.md (8.1)): with forces divided by the weight of a
-course pile and live work normalised to the sum of live loads, velocities come out of order one, so that the
-solver's relative residuals speak about λ.
+The accuracy on large assemblies depends on scaling (docs/method.md (8.1)). Forces are divided by the weight of a pile
+of elements, and live work is normalised to the sum of live loads. Velocities are then of order one, so that the
+relative residuals of a solver measure the error of λ.
 """
 
 from __future__ import annotations
@@ -19,11 +19,18 @@ from jld_core.assembly import Assembly
 
 @dataclass(frozen=True)
 class Scaling:
-    """Scene value = factor × scaled value.
+    """Factors between scene values and scaled values: scene value = factor × scaled value.
 
-    force: one scale for all forces. face: (m, q) factors of the resultants, moments over the half-sizes of
-    their interface. row: (free, q) factors of the equilibrium rows, moments over the radius of the element.
-    load: λ = load × scaled λ.
+    Attributes
+    ----------
+    force : float
+        Scale of all forces, scene units.
+    face : (m, q) array
+        Factors of the resultants; moments also over the half-sizes of their interface, torsion over c_T.
+    row : (free, q) array
+        Factors of the equilibrium rows; moments also over the radius of the element.
+    load : float
+        λ = load × scaled λ.
     """
 
     force: float
@@ -33,7 +40,20 @@ class Scaling:
 
 
 def scaling_of(assembly: Assembly) -> Scaling:
-    """Scales of an assembly, computed from its loads, strengths and sizes only (never from a labelling)."""
+    """Compute the scales of an assembly from its loads, strengths and sizes.
+
+    A labelling never enters.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+
+    Returns
+    -------
+    Scaling
+        Scales, docs/method.md (8.1) to (8.3).
+    """
     faces, elements = assembly.interfaces, assembly.elements
     force = _force_scale(assembly)
     ones = np.ones(len(faces))
@@ -52,7 +72,10 @@ def scaling_of(assembly: Assembly) -> Scaling:
 
 
 def _force_scale(assembly: Assembly) -> float:
-    """Weight of a pile of elements from the supports up; without weight, that of `reference_load`."""
+    """Compute the weight of a pile of elements from the supports up, docs/method.md (8.2).
+
+    Without weight the result is that of `reference_load`.
+    """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     weights = np.linalg.norm(assembly.dead[free, : assembly.dimension], axis=1)
@@ -73,7 +96,7 @@ def _force_scale(assembly: Assembly) -> float:
 
 
 def reference_load(assembly: Assembly) -> float:
-    """Compute the force beside which forces count as zero in the relative width of a bracket.
+    """Compute the force relative to which forces count as zero in a bracket's width.
 
     Parameters
     ----------
@@ -85,6 +108,10 @@ def reference_load(assembly: Assembly) -> float:
     float
         Total weight, scene units. Without weight: the least strength times area of any face, under either label.
         Without strengths: the total live load.
+
+    Notes
+    -----
+    Source: docs/method.md (3.13).
     """
     if assembly.total_dead:
         return assembly.total_dead
@@ -94,6 +121,6 @@ def reference_load(assembly: Assembly) -> float:
 
 
 def _usable(assembly: Assembly, *strengths: Floats) -> Floats:
-    """Return the finite strengths above zero, times the area of their faces; strengths: (m,) each."""
+    """Return the finite strengths (m,) above zero, times the area of their faces."""
     capacity = np.concatenate(strengths) * np.tile(assembly.interfaces.area, len(strengths))
     return np.asarray(capacity[np.isfinite(capacity) & (capacity > 0.0)])

@@ -1,9 +1,8 @@
-"""Yield sets of dry and inner faces, in scaled resultants: rows for a solver, slacks and support functions
-for a proof.
+"""Planar yield sets of dry and inner faces in scaled resultants: rows for solvers, functions for proofs.
 
-A scaled planar resultant is (N, V, m) with m = M / (l/2). Every row is of order one whatever the strengths.
-Both labels of a face share one sparsity pattern, so that relabelling changes numbers only; a row that a label
-does not use keeps its place with zero coefficients and slack one.
+A scaled planar resultant is (N, V, m) with m = M / (l/2). Every row is of order one whatever the strengths. Both labels
+of a face share one sparsity pattern, so that relabelling changes only numbers. A row that a label does not use keeps
+its place with zero coefficients and slack one.
 """
 
 from __future__ import annotations
@@ -25,28 +24,47 @@ from jld_core.mechanics.yield_set import CoulombWedge, Hull, ParabolicBending, R
 class PlanarYield(Frictional):
     """Planar yield sets of m faces, scaled by `Scaling.face`.
 
-    Dry: |m| ≤ N(1 − N/N_c), |V| ≤ c + μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA + μN, μ of the inner
-    face. Under friction a jump (δ, s, θ) works as (δ − μ|s|, θ) does in bending, and c|s| besides.
-    D(J) and its margin take jumps of many mechanisms as well, (k, m, 3), and give (k, m).
+    Dry: |m| ≤ N(1 − N/N_c), |V| ≤ c + μN. Inner: |m| ≤ (N + σtA)/3, |m| ≤ (N_c − N)/3, |V| ≤ τA + μN, with the μ of
+    inner faces. With friction, a jump (δ, s, θ) dissipates like (δ − μ|s|, θ) in bending, plus c|s|.
+
+    `dissipation` and `margin` also take jumps (k, m, 3) of k mechanisms and then return (k, m).
+
+    Attributes
+    ----------
+    friction, cohesion : (m,) arrays
+        μ and c of dry faces, scaled.
+    inner_friction, shear : (m,) arrays
+        μ and τA of inner faces, scaled.
+    tension : (m,) array
+        σtA of inner faces, scaled.
+    crush_dry, crush_inner : (m,) arrays
+        N_c = σcA of either label, scaled; inf where none is given.
+    pattern : RowPattern
+        Rows of the program.
+
+    Notes
+    -----
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.10); D(J): (3.4) to (3.7).
     """
 
     @cached_property
     def _endless(self) -> bool:
-        """Are there no compressive strengths?"""
+        """True if no face has a compressive strength under either label."""
         return bool(
             np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all() and np.isfinite(self.shear).all()
         )
 
     def active(self, labels: Bits) -> Bools:
+        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self._holds(labels)
         return mask
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Dry: N ∓ m, c + μN ∓ V. Inner: N + σtA ∓ 3m, τA + μN ∓ V. None with crushing.
+        """Return the rows C F + d ≥ 0, or None if a face can crush under its label.
 
-        Every coefficient is a number given or a small integer.
+        Dry: N ∓ m and c + μN ∓ V. Inner: N + σtA ∓ 3m and τA + μN ∓ V. Every coefficient is a given number or a small
+        integer.
         """
         if np.isfinite(np.where(labels, self.crush_dry, self.crush_inner)).any():
             return None
@@ -61,6 +79,7 @@ class PlanarYield(Frictional):
         return rows, constants
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the least distance (m,) of forces to the boundary, negative outside."""
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide, hold = self._capacity(n)
         dry = np.minimum(n - n * n / self.crush_dry - m, slide - v)
@@ -68,6 +87,7 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, np.minimum(rest, hold - v))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the least distance (m,) to the boundary of the recession cone."""
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.where(np.isfinite(self.crush_dry), np.inf, np.minimum(n - m, slide - v))
@@ -78,12 +98,14 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
+        """Return a mask (m, q), False where a resultant is bounded."""
         mask = np.ones((len(labels), 3), dtype=bool)
         mask[:, 1] = self.friction_of(labels) > 0.0
         mask[np.isfinite(np.where(labels, self.crush_dry, self.crush_inner))] = False
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
+        """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         cracked = opening - self.inner_friction * slip if self.rough else opening
         stuck: Floats | float = self.cohesion * slip if self.cohesive else 0.0
@@ -103,6 +125,7 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
+        """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
         opening, slip, turn = jumps[..., 0], abs(jumps[..., 1]), abs(jumps[..., 2])
         dry = np.where(np.isinf(self.crush_dry), opening - turn - self.friction * slip, np.inf)
         cracked = opening - self.inner_friction * slip if self.rough else opening
@@ -110,12 +133,15 @@ class PlanarYield(Frictional):
         return np.where(labels, dry, inner)
 
     def shear_of(self, forces: Floats) -> Floats:
+        """Return |V| (m,) of scaled resultants."""
         return np.abs(forces[:, 1])
 
     def slip(self, jumps: Floats) -> Floats:
+        """Return |s| (m,) of scaled jumps."""
         return np.abs(jumps[:, 1])
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the share of its strength (m,) that each face uses, from 0 to 1."""
         n, v, m = forces[:, 0], abs(forces[:, 1]), abs(forces[:, 2])
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(v.max(initial=0.0)), 1e-300)
         capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
@@ -127,12 +153,16 @@ class PlanarYield(Frictional):
         return np.asarray(np.clip(np.max(shares, axis=0), 0.0, 1.0))
 
     def hull(self) -> Rows:
+        """Return rows that enclose the sets of both labels."""
         every = np.ones(len(self.friction), dtype=bool)
         either = self.active(every) | self.active(~every)
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
 
     def bow(self, *, undecided: bool) -> ParabolicBending | None:
-        """Dry: |m| ≤ N − N²/N_c, |V| ≤ c + μN. None for undecided faces whose inner set reaches beyond."""
+        """Return the sets of faces that crush: |m| ≤ N − N²/N_c, |V| ≤ c + μN.
+
+        With `undecided`, return sets that enclose either label, or None if an inner set reaches beyond them.
+        """
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         one = np.ones(len(crushed))
         limit = self.crush_dry[crushed]
@@ -143,12 +173,12 @@ class PlanarYield(Frictional):
         size = np.maximum(np.maximum(one, friction), cohesion)
         slide = [friction / size, one / size, cohesion / size]
         rows = np.array([[one, one, none], slide, [none, none, one]]).transpose(2, 0, 1)
-        # where nothing resists shear V is dropped, and its row idles
+        # Where nothing resists shear V is dropped; its row must stay inactive.
         rows[friction + cohesion == 0.0, 1] = (0.0, 1.0, 1.0)
         return ParabolicBending(crushed, np.column_stack([1.0 / limit, none]), rows)
 
     def wedge(self, dry: bool) -> CoulombWedge | None:
-        """None where a compressive strength is given for any face, under either label."""
+        """Return the sets of one label, or None if any face has a compressive strength."""
         if not (np.isinf(self.crush_dry).all() and np.isinf(self.crush_inner).all()):
             return None
         if dry:
@@ -157,14 +187,17 @@ class PlanarYield(Frictional):
 
 
 def planar_yield(assembly: Assembly, scaling: Scaling) -> PlanarYield:
-    """Planar yield sets of all faces of an assembly, both labels, and their row pattern."""
+    """Make the planar yield sets of all faces of an assembly and their row pattern."""
     sets = scaled_strengths(assembly.strengths, assembly.interfaces.area / scaling.force)
     return PlanarYield(**vars(sets), pattern=_planar_rows(sets))
 
 
 def _planar_rows(sets: Strengths) -> RowPattern:
-    """Rows per face: ±m against N, ±V against N; ±m against σc where an inner σc is given; then, where a dry σc is
-    given, the cones N² ≤ N_c (N ∓ m)."""
+    """Build the rows of planar faces, linear rows first.
+
+    Each face has ±m against N and ±V against N; with an inner σc also ±m against σc; with a dry σc the cones N² ≤ N_c
+    (N ∓ m).
+    """
     friction, tension, shear, cohesion = sets.friction, sets.tension, sets.shear, sets.cohesion
     crush_inner, inner_friction = sets.crush_inner, sets.inner_friction
     count = len(friction)
@@ -172,7 +205,7 @@ def _planar_rows(sets: Strengths) -> RowPattern:
     zero, one = np.zeros(count), np.ones(count)
     size_v = np.maximum(np.maximum(1.0, friction), cohesion)
     size_t, size_s = np.maximum(1.0, tension / 3.0), np.maximum(np.maximum(1.0, shear), inner_friction)
-    # (resultant, coefficient dry, coefficient inner) twice per row, right-hand sides dry and inner
+    # Each row: faces, two (resultant, dry coefficient, inner coefficient), dry and inner right-hand side.
     kinds = []
     for sign in (1.0, -1.0):
         kinds.append(
@@ -183,7 +216,7 @@ def _planar_rows(sets: Strengths) -> RowPattern:
                 tension / (3.0 * size_t),
             )
         )
-    # where a label has no shear resistance at all V is dropped from equilibrium, and its rows idle
+    # Without any shear resistance V is dropped from equilibrium; right-hand side one keeps its rows inactive.
     idle = (
         np.where(friction + cohesion > 0.0, cohesion / size_v, 1.0),
         np.where(shear + inner_friction > 0.0, shear / size_s, 1.0),
@@ -213,7 +246,7 @@ def _planar_rows(sets: Strengths) -> RowPattern:
     limit = sets.crush_dry[crushed]
     size = np.maximum(1.0, limit)
     for turn, sign in enumerate((1.0, -1.0)):
-        # with w = N − sign·m and c = N_c: N² ≤ c·w ⇔ ‖(2N, c − w)‖ ≤ c + w
+        # With w = N − sign·m and c = N_c: N² ≤ c·w ⇔ ‖(2N, c − w)‖ ≤ c + w.
         head = linear + 3 * (turn * crushed.size + np.arange(crushed.size))
         for offset, resultant, value in ((0, 0, -1.0), (0, 2, sign), (1, 0, -2.0), (2, 0, 1.0), (2, 2, -sign)):
             entries.append((head + offset, 3 * crushed + resultant, crushed, value / size, none))

@@ -1,4 +1,4 @@
-"""What a yield set is: what a program and a proof may ask of it."""
+"""Protocols of yield sets, as programs and proofs use them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,26 @@ from jld_core.errors import InputError
 
 @dataclass(frozen=True)
 class RowPattern:
-    """Sparsity of G in s = h − G y: linear rows first, then second-order cones.
+    """Sparsity and numbers of the yield rows s = h − G y: linear rows, then cones.
 
-    row, column, face: (nnz,) place of each coefficient (columns as in A_eq; face it belongs to).
-    dry, inner: (nnz,) its value under either label. h_dry, h_inner: (rows,). row_face: (rows,).
-    linear: how many rows are linear; cones: sizes of the second-order cones that follow.
-    capacity: (k,) which entries hold −μN in a row that limits shear.
-    extra: columns beyond the resultants (bounds on shear of spatial faces).
+    Attributes
+    ----------
+    row, column, face : (nnz,) int arrays
+        Row, column (as in A_eq) and face of each coefficient.
+    dry, inner : (nnz,) arrays
+        Coefficients under either label.
+    h_dry, h_inner : (rows,) arrays
+        Right-hand sides under either label.
+    row_face : (rows,) int array
+        Face of each row.
+    linear : int
+        Number of linear rows.
+    cones : tuple of int
+        Sizes of the second-order cones.
+    capacity : (k,) int array
+        Entries that hold −μ, the coefficient of N, in a row that limits shear.
+    extra : int
+        Number of columns beyond the resultants (bounds on shear of spatial faces).
     """
 
     row: Ints
@@ -38,36 +51,59 @@ class RowPattern:
 
 
 class Rows(Protocol):
-    """What a program needs to know of the yield sets of all m faces."""
+    """Interface of the yield rows of all m faces, as a program uses them."""
 
     @property
     def pattern(self) -> RowPattern:
         """Rows of the program."""
 
     def active(self, labels: Bits) -> Bools:
-        """(m, q) False where a resultant is zero in every admissible state (no friction, no shear strength)."""
+        """Return a mask (m, q), False where a resultant is zero in every admissible state.
+
+        Examples are shear without friction and without shear strength. labels: (m,) True = dry.
+        """
 
 
 @dataclass(frozen=True)
 class Hull:
-    """Rows of faces that may have either label, in the place of those of a dry face; either: (m, q) resultants kept."""
+    """Rows of faces that may have either label, in place of those of dry faces.
+
+    Attributes
+    ----------
+    pattern : RowPattern
+        Rows of the program.
+    either : (m, q) bool array
+        Resultants that are active under either label.
+    """
 
     pattern: RowPattern
     either: Bools
 
     def active(self, labels: Bits) -> Bools:
+        """Return the mask `either` (m, q), whatever the labels."""
         return self.either
 
 
 @dataclass(frozen=True)
 class ParabolicBending:
-    """Planar faces that crush: b |M| ≤ h + a N − c N² from N = n₀ on and its tangent at n₀ below, and their shear.
+    """Planar faces that crush: a parabolic limit on bending, linear ones on shear.
 
-    crushed: (k,) faces. bow: (k, 2) c and n₀. rows: (k, 3, 3) a, b, h of bending, of −a N ± b V ≤ h, and of a line
-    −a N ± b M ≤ h that bounds bending too, with a = b = 0 where there is none. meeting: (k, 12) where V and M
-    meet, |M| ≤ w m + N₁ − N₁²/((1 − w) N_c) with N₁ = N − w n and |V| = c + μN + w (shear above): N and m of a corner
-    of the inner set, its shear above the dry line (0: nowhere), the first and the last N₁/(1 − w); then both labels,
-    N_c, μ and c of dry joints, σtA, N_c, shear strength and μ of inner ones. None of decided faces.
+    Bending: b |M| ≤ h + a N − c N² from N = n₀ on, and the tangent at n₀ below. V and M interact where |M| ≤ w m + N₁ −
+    N₁²/((1 − w) N_c), with N₁ = N − w n and |V| = c + μN + w (shear above). Here (n, m) is a corner of the inner set.
+
+    Attributes
+    ----------
+    crushed : (k,) int array
+        Faces.
+    bow : (k, 2) array
+        c and n₀.
+    rows : (k, 3, 3) array
+        a, b, h of bending; of −a N ± b V ≤ h; and of a line −a N ± b M ≤ h that also bounds bending, with a = b = 0
+        where there is none.
+    meeting : (k, 12) array or None
+        Interaction of V and M: N and m of a corner of the inner set; how far its shear is above the dry line (0: no
+        interaction); the first and last N₁/(1 − w); N_c, μ and c of dry faces; σtA, N_c, shear strength and μ of inner
+        faces. None if the label is decided.
     """
 
     crushed: Ints
@@ -78,9 +114,17 @@ class ParabolicBending:
 
 @dataclass(frozen=True)
 class CoulombWedge:
-    """Planar faces of one label that nothing crushes: bending |m| ≤ N + tension, |V| ≤ cohesion + friction N, scaled.
+    """Yield sets of planar faces of one label without compressive strength, scaled.
 
-    tension, friction, cohesion: (m,). bending: 1 or 3, of all faces. Directions of recession are N (1, ±μ, ±1/bending).
+    Bending: bending·|m| ≤ N + tension; shear: |V| ≤ cohesion + friction·N. Directions of recession are N (1, ±μ,
+    ±1/bending).
+
+    Attributes
+    ----------
+    tension, friction, cohesion : (m,) arrays
+        Strengths.
+    bending : float
+        1 (dry) or 3 (inner), the same for all faces.
     """
 
     tension: Floats
@@ -89,113 +133,153 @@ class CoulombWedge:
     cohesion: Floats
 
     def margin(self, jumps: Floats, faces: Ints) -> Floats:
-        """(k,) δ − μ|s| − |θ|/bending of jumps (k, 3) at faces (k,): not negative where D is finite."""
+        """Return δ − μ|s| − |θ|/bending (k,) of jumps (k, 3) at faces (k,).
+
+        D is finite where the margin is ≥ 0.
+        """
         slip, turn = abs(jumps[:, 1]), abs(jumps[:, 2])
         return np.asarray(jumps[:, 0] - turn / self.bending - self.friction[faces] * slip)
 
     def dissipation(self, jumps: Floats, faces: Ints) -> Floats:
-        """(k,) D = σt (δ − μ|s|) + c|s| of jumps (k, 3) whose margin is not negative."""
+        """Return D = σt (δ − μ|s|) + c|s| (k,) of jumps (k, 3) at faces (k,) with margin ≥ 0."""
         slip = abs(jumps[:, 1])
         return np.asarray(
             self.tension[faces] * (jumps[:, 0] - self.friction[faces] * slip) + self.cohesion[faces] * slip
         )
 
     def strength(self, faces: Ints) -> Floats:
-        """(k,) what D grows by at the most, beside the size of a jump."""
+        """Return σt + c (k,) of faces (k,), the largest growth of D per unit size of a jump."""
         return np.asarray(self.tension[faces] + self.cohesion[faces])
 
 
 class YieldSet(Rows, Protocol):
-    """What a proof needs to know besides.
+    """Interface of a yield set, as proofs use it.
 
-    The last four may answer None: then what needs them is not to be had for this set, and nobody may guess.
+    Methods take forces (m, q), scaled resultants; jumps (m, q), scaled jumps; and labels (m,), True = dry.
+    `utilisation`, `hull`, `bow`, `wedge` and `facets` may return None: the set does not offer that result, and callers
+    must do without it.
     """
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
-        """(m,) least distance of scaled resultants (m, q) to the boundary, negative outside."""
+        """Return the least distance (m,) of forces to the boundary, negative outside.
+
+        forces: (m, q) scaled resultants. labels: (m,) True = dry.
+        """
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
-        """(m,) the same for the recession cone: the directions in which a face can be loaded for ever.
+        """Return the least distance (m,) to the boundary of the recession cone, negative outside.
 
-        Resultants outside `recession_active` are taken as zero.
+        The recession cone holds the directions in which a face can be loaded without limit. Resultants outside
+        `recession_active` count as zero.
         """
 
     def recession_active(self, labels: Bits) -> Bools:
-        """(m, q) False where a resultant is bounded, so that it is zero in every direction of recession."""
+        """Return a mask (m, q), False where a resultant is bounded.
+
+        A bounded resultant is zero in every recession direction.
+        """
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) D(J) = sup −F·J for scaled jumps (m, q) whose `margin` is not negative."""
+        """Return D(J) = sup −F·J (m,) of scaled jumps (m, q) with `margin` ≥ 0."""
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
-        """(m,) least slack of the conditions for D(J) to be finite; +inf where it always is."""
+        """Return the least slack (m,) of the conditions for a finite D(J).
+
+        The value is +inf where D is always finite.
+        """
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats | None:
-        """(m,) share of its strength that each face uses under scaled resultants (m, q): 1 on the boundary."""
+        """Return the share of its strength (m,) that each face uses: 1 on the boundary.
+
+        forces: (m, q) scaled resultants.
+        """
 
     def hull(self) -> Rows | None:
-        """Rows that hold whatever either label admits, with the sparsity of `pattern`."""
+        """Return rows that enclose the sets of both labels, with the sparsity of `pattern`."""
 
     def bow(self, *, undecided: bool) -> ParabolicBending | None:
-        """Dry planar faces that crush, or what encloses either label where those are undecided; None: not known."""
+        """Return the sets of planar faces that crush when dry, or None where they are unknown.
+
+        undecided: True for sets that enclose either label.
+        """
 
     def wedge(self, dry: bool) -> CoulombWedge | None:
-        """All faces under one label, as wedges with recession directions."""
+        """Return the sets of all faces under one label, for recession directions."""
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
-        """Rows C F + d ≥ 0 of each face, (m, 4, 3) and (m, 4): two of bending, then two of shear."""
+        """Return rows C F + d ≥ 0 of each face, (m, 4, 3) and (m, 4).
+
+        The first two rows limit bending, the last two shear.
+        """
 
     @property
     def associative(self) -> FrictionSet:
-        """The set whose friction follows N, of which this one is or was made. TypeError where there is none."""
+        """The set with associative friction that this set is, or was made from.
+
+        Raises TypeError if there is none.
+        """
 
 
 class FrictionSet(YieldSet, Protocol):
-    """A yield set of cohesion and friction, (m,) for either label, of which friction may be prescribed."""
+    """Interface of a yield set with cohesion and friction, whose friction may be prescribed."""
 
     @property
     def tension(self) -> Floats:
-        """(m,) σtA of inner faces."""
+        """σtA of inner faces (m,), scaled."""
 
     @property
     def rough(self) -> bool:
-        """Have any inner faces friction?"""
+        """Whether any inner face has friction."""
 
     @property
     def cohesive(self) -> bool:
-        """Have any dry faces cohesion?"""
+        """Whether any dry face has cohesion."""
 
     def is_dry(self, labels: Bits) -> Bools:
-        """(m,) faces with the strengths of a dry one."""
+        """Return True (m,) for faces with the strengths of a dry face."""
 
     def friction_of(self, labels: Bits) -> Floats:
-        """(m,) μ under the labels."""
+        """Return μ (m,) under the labels."""
 
     def cohesion_of(self, labels: Bits) -> Floats:
-        """(m,) scaled shear capacity at N = 0 under the labels."""
+        """Return the scaled shear capacity at N = 0 (m,) under the labels."""
 
     def shear_of(self, forces: Floats) -> Floats:
-        """(m,) |V|, in space |V| + |mT|, of scaled resultants: to be held against c + μN."""
+        """Return the shear demand (m,) of scaled resultants, to compare with c + μN.
+
+        The demand is |V| in the plane and |V| + |mT| in space.
+        """
 
     def slip(self, jumps: Floats) -> Floats:
-        """(m,) rate at which shear works per unit of capacity."""
+        """Return the work rate of shear (m,) per unit of shear capacity."""
 
     def with_friction(self, share: float) -> FrictionSet:
-        """The same with a share of all friction, for proofs: `pattern` stays as it is."""
+        """Return the set with a share of all friction, for proofs: `pattern` stays the same."""
 
     def bending_alone(self) -> FrictionSet:
-        """The same without any limit on shear, for proofs: `pattern` stays as it is."""
+        """Return the set without any limit on shear, for proofs: `pattern` stays the same."""
 
 
 def used(demand: Floats, capacity: Floats, least: float) -> Floats:
-    """demand / capacity, 0 where hardly anything is asked (at most `least`), 1 where there is no capacity for it."""
+    """Return demand / capacity: 0 for demands up to `least`, 1 without positive capacity."""
     safe = np.where(capacity > 0.0, capacity, 1.0)
     return np.where(demand <= least, 0.0, np.where(capacity > 0.0, demand / safe, 1.0))
 
 
 def require_materials(assembly: Assembly, dry: Bits, inner: Bits) -> None:
-    """Raise InputError where a face may take a label whose material the scene does not name.
+    """Raise InputError if a face may take a label whose material the scene does not name.
 
-    dry, inner: (m,) masks of the faces that may take the label.
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+    dry, inner : (m,) bool arrays
+        Faces that may take the label.
+
+    Raises
+    ------
+    InputError
+        A material is missing; the message names the first such face.
     """
     strengths = assembly.strengths
     for key, mask, values in (

@@ -1,10 +1,8 @@
-"""Yield sets of spatial faces in scaled resultants: slacks and support functions for a proof, rows for a
-solver.
+"""Spatial yield sets in scaled resultants: rows for solvers, slacks and support functions for proofs.
 
-A scaled spatial resultant is (N, V1, V2, m1, m2, mT) with m1 = M1 / (l2/2), m2 = M2 / (l1/2), mT = MT / c_T.
-Bending is the same for every shape and form: with a list of rows c per face, a dry face asks for c·m ≤ N and
-an inner one for c·m ≤ N + σtA. The polygon {c·m ≤ 1} has corners, and those are what the support functions
-need.
+A scaled spatial resultant is (N, V1, V2, m1, m2, mT) with m1 = M1 / (l2/2), m2 = M2 / (l1/2), mT = MT / c_T. Bending
+has one form for every shape. With a list of rows c per face, a dry face requires c·m ≤ N and an inner face c·m ≤ N +
+σtA. The support functions need the corners of the polygon {c·m ≤ 1}.
 """
 
 from __future__ import annotations
@@ -29,9 +27,28 @@ from jld_core.mechanics.yield_spatial_rows import spatial_rows, without_crushing
 class SpatialYield(Frictional):
     """Spatial yield sets of m faces, scaled by `Scaling.face`.
 
-    point: faces that are points and have no moments (`point_contact_assembly`), always dry.
-    Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc N³ ≤ N_c (N − |m1|)(N − |m2|)
-    (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, μ of the inner face.
+    Dry: centre of pressure within the hull, |V| + |mT| ≤ c + μN; with σc also N³ ≤ N_c (N − |m1|)(N − |m2|)
+    (rectangles). Inner: bending rows against N + σtA and σcA − N, |V| + |mT| ≤ τA + μN, with the μ of inner faces.
+
+    Attributes
+    ----------
+    friction, cohesion : (m,) arrays
+        μ and c of dry faces, scaled.
+    inner_friction, shear : (m,) arrays
+        μ and τA of inner faces, scaled.
+    tension : (m,) array
+        σtA of inner faces, scaled.
+    crush_dry, crush_inner : (m,) arrays
+        N_c = σcA of either label, scaled; inf where none is given.
+    pattern : RowPattern
+        Rows of the program.
+    point : (m,) bool array
+        Faces that are points and have no moments (`point_contact_assembly`); they are always dry.
+    bending : Bending
+        Rows and corners of the bending sets.
+
+    Notes
+    -----
     Source: Iannuzzo et al. 2024, eq. (3)–(7), as docs/method.md (2.2) to (2.12); support functions (3.4), (3.5), (3.8).
     """
 
@@ -39,12 +56,14 @@ class SpatialYield(Frictional):
     bending: Bending
 
     def active(self, labels: Bits) -> Bools:
+        """Return a mask (m, q), False where a resultant is zero in every admissible state."""
         mask = np.ones((len(labels), 6), dtype=bool)
         mask[:, [1, 2, 5]] = self._holds(labels)[:, None]
         mask[:, 3:] &= ~self.point[:, None]
         return mask
 
     def slack(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the least distance (m,) of forces to the boundary, negative outside."""
         n, shear = forces[:, 0], self.shear_of(forces)
         slide, hold = self._capacity(n)
         dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
@@ -57,6 +76,7 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, np.minimum(rest, hold - shear))
 
     def recession_slack(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the least distance (m,) to the boundary of the recession cone."""
         n, shear = forces[:, 0], self.shear_of(forces)
         slide = np.where(self.friction > 0.0, self.friction * n, np.inf)
         dry = np.minimum(n - self.bending.most(self.bending.dry, forces[:, 3:5]), slide - shear)
@@ -68,6 +88,7 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def recession_active(self, labels: Bits) -> Bools:
+        """Return a mask (m, q), False where a resultant is bounded."""
         mask, dry = np.ones((len(labels), 6), dtype=bool), self.is_dry(labels)
         mask[:, [1, 2, 5]] = (self.friction_of(labels) > 0.0)[:, None]
         mask[:, 3:] &= ~self.point[:, None]
@@ -75,6 +96,7 @@ class SpatialYield(Frictional):
         return mask
 
     def dissipation(self, jumps: Floats, labels: Bits) -> Floats:
+        """Return D(J) = sup −F·J (m,) of scaled jumps with `margin` ≥ 0."""
         opening, slip = jumps[:, 0], self.slip(jumps)
         dry = self.cohesion * slip if self.cohesive else np.zeros(len(jumps))
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
@@ -96,6 +118,7 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def margin(self, jumps: Floats, labels: Bits) -> Floats:
+        """Return the least slack (m,) of the conditions for a finite D(J), +inf if none."""
         opening, turn, slip = jumps[:, 0], -jumps[:, 3:5], self.slip(jumps)
         dry = opening - self.bending.most(self.bending.dry_corners, turn) - self.friction * slip
         inner = opening - self.bending.most(self.bending.inner_corners, turn)
@@ -106,18 +129,24 @@ class SpatialYield(Frictional):
         return np.where(self.is_dry(labels), dry, inner)
 
     def is_dry(self, labels: Bits) -> Bools:
+        """Return True (m,) for dry faces and for points."""
         return np.asarray(labels | self.point)
 
     def shear_of(self, forces: Floats) -> Floats:
+        """Return |V| + |mT| (m,) of scaled resultants; |V| at points."""
         twist = np.where(self.point, 0.0, np.abs(forces[:, 5]))
         return np.asarray(np.hypot(forces[:, 1], forces[:, 2]) + twist)
 
     def slip(self, jumps: Floats) -> Floats:
-        """max(|s|, c_T |ω|): what a cone with |V| + |mT| on its left makes of a slip and a turn."""
+        """Return max(|s|, c_T |ω|) (m,), the work rate per unit of shear capacity.
+
+        It is the support function of |V| + |mT| ≤ 1.
+        """
         turn = np.where(self.point, 0.0, np.abs(jumps[:, 5]))
         return np.asarray(np.maximum(np.hypot(jumps[:, 1], jumps[:, 2]), turn))
 
     def utilisation(self, forces: Floats, labels: Bits) -> Floats:
+        """Return the share of its strength (m,) that each face uses, from 0 to 1."""
         n, shear, dry = forces[:, 0], self.shear_of(forces), self.is_dry(labels)
         least = 1e-6 * max(float(abs(n).max(initial=0.0)), float(shear.max(initial=0.0)), 1e-300)
         capacity = self.cohesion_of(labels) + self.friction_of(labels) * n
@@ -132,7 +161,10 @@ class SpatialYield(Frictional):
         return np.asarray(np.clip(np.max([bent, used(shear, capacity, least), pulled, pressed], axis=0), 0.0, 1.0))
 
     def hull(self) -> Rows | None:
-        """Where dry faces crush the rows are wide of the hull: bending without crushing, under a limit on N."""
+        """Return rows that enclose the sets of both labels.
+
+        Where dry faces crush, the rows are wider than the convex hull: bending without crushing, and a limit on N.
+        """
         every = np.ones(len(self.friction), dtype=bool)
         either, sets = np.asarray(self.active(every) | self.active(~every)), self
         if np.isfinite(self.crush_dry).any():
@@ -140,17 +172,23 @@ class SpatialYield(Frictional):
         return Hull(hull_rows(sets, freedoms=6, shear=5, parabolas=False), either)
 
     def bow(self, *, undecided: bool) -> ParabolicBending | None:
+        """Return None: parabolic sets exist in the plane only."""
         return None
 
     def wedge(self, dry: bool) -> CoulombWedge | None:
+        """Return None: wedges exist in the plane only."""
         return None
 
     def facets(self, labels: Bits) -> tuple[Floats, Floats] | None:
+        """Return None: linear rows exist in the plane only."""
         return None
 
 
 def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
-    """(k,) 1/q, q the factor by which moments may grow: N³ = N_c (N − q|m1|)(N − q|m2|), the first q that has it."""
+    """Return 1/q (k,), q the factor on moments at which a dry rectangle crushes.
+
+    q is the smallest root of N³ = N_c (N − q|m1|)(N − q|m2|).
+    """
     n, one, two = forces[:, 0], np.abs(forces[:, 3]), np.abs(forces[:, 4])
     with np.errstate(divide="ignore", invalid="ignore"):
         half, room = 0.5 * n * (one + two), n * n * (1.0 - n / crush)
@@ -160,10 +198,11 @@ def _crush_use(forces: Floats, crush: Floats, least: float) -> Floats:
 
 
 def _crush_slack(forces: Floats, crush: Floats) -> Floats:
-    """(k,) greatest t with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0.
+    """Return the slack t (k,) of dry rectangles with compressive strength.
 
-    It is concave and never changes faster than its three arguments, which the plain difference of the two
-    sides does near the tip of the set. By bisection.
+    t is the largest value with (N + t)³ ≤ N_c (N − |m1| − t)(N − |m2| − t) and both factors ≥ 0, computed by bisection.
+    It is concave and never changes faster than its three arguments. The plain difference of both sides would change
+    faster near the apex of the set.
     """
     n, p, q = forces[:, 0], forces[:, 0] - np.abs(forces[:, 3]), forces[:, 0] - np.abs(forces[:, 4])
     high = np.minimum(p, q)
@@ -176,12 +215,12 @@ def _crush_slack(forces: Floats, crush: Floats) -> Floats:
 
 
 def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
-    """(k,) exact support function of the dry rectangle with compressive strength.
+    """Return the exact support function (k,) of a dry rectangle that crushes, (3.8).
 
-    drive: μ max(|s|, c_T|ω|) − δ. With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv the work is
-    N_c ν (drive + a1 + a2 − a1 u − a2 v), a = |θ|; the best u, v for given ν cost 2√(a1 a2 ν) while
-    both stay ≤ 1 (ν ≤ least a / greatest a) and least a + greatest a · ν beyond; concave in ν, slopes equal
-    where the two meet.
+    drive: μ max(|s|, c_T|ω|) − δ. With u = 1 − |m1|/N, v = 1 − |m2|/N and ν = N/N_c ≤ uv, the work is N_c ν (drive + a1
+    + a2 − a1 u − a2 v), where a = |θ|. For given ν the best u, v cost 2√(a1 a2 ν) while both stay ≤ 1, that is for ν ≤
+    least a / greatest a. Beyond they cost least a + greatest a · ν. The work is concave in ν, and both slopes agree at
+    the transition.
     """
     turn = np.abs(jumps[:, 3:5])
     less, more = turn.min(axis=1), turn.max(axis=1)
@@ -189,7 +228,7 @@ def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
     near = (gain > 0.0) & (gain <= 3.0 * less)
     first, second = np.where(near, 3.0 * less, 1.0), np.where(near, 3.0 * more, 1.0)
     small = gain / 3.0 * (gain / first) * (gain / second)
-    # beyond, the share of N_c is where the slope vanishes, or all of it
+    # Beyond the transition the best ν is where the slope vanishes, but at most one.
     rest = np.maximum(gain - less, 0.0)
     full = rest >= 2.0 * more
     share = np.where(full, 1.0, rest / np.where(full, 1.0, 2.0 * more))
@@ -198,12 +237,27 @@ def _crush_dissipation(drive: Floats, jumps: Floats, crush: Floats) -> Floats:
 
 
 def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "paper") -> SpatialYield:
-    """Spatial yield sets of all faces of an assembly, both labels, and their row pattern.
+    """Make the yield sets of all faces of a spatial assembly, and their row pattern.
 
-    inner_bending: "paper" takes the uncoupled form for rectangles, "kern" the elastic edge stress for all;
-    faces that are no rectangles have the kern form in either case. Concave contact is this on
-    `point_contact_assembly`.
-    Raises InputError: a dry compressive strength on a face that is no rectangle.
+    Parameters
+    ----------
+    assembly : Assembly
+        A spatial structure; for concave contact its `point_contact_assembly`.
+    scaling : Scaling
+        Scales of the assembly.
+    inner_bending : {"paper", "kern"}
+        "paper": uncoupled form for rectangles. "kern": elastic edge stress for all faces. Faces that are no rectangles
+        always have the kern form.
+
+    Returns
+    -------
+    SpatialYield
+        Yield sets.
+
+    Raises
+    ------
+    InputError
+        A dry compressive strength is given for a face that is no rectangle.
     """
     faces, strengths = assembly.interfaces, assembly.strengths
     point = np.array([len(polygon) == 1 for polygon in faces.polygon], dtype=bool)
@@ -217,7 +271,27 @@ def spatial_yield(assembly: Assembly, scaling: Scaling, inner_bending: InnerBend
 
 
 def yield_set(assembly: Assembly, scaling: Scaling, inner_bending: InnerBending = "paper") -> FrictionSet:
-    """The yield sets of an assembly's faces, planar or spatial. inner_bending: of spatial ones."""
+    """Make the yield sets of all faces of a planar or spatial assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        A planar or spatial structure.
+    scaling : Scaling
+        Scales of the assembly.
+    inner_bending : {"paper", "kern"}
+        Bending form of inner faces in space (see `spatial_yield`); ignored in the plane.
+
+    Returns
+    -------
+    FrictionSet
+        `PlanarYield` or `SpatialYield`.
+
+    Raises
+    ------
+    InputError
+        A dry compressive strength is given for a spatial face that is no rectangle.
+    """
     if assembly.dimension == 2:
         return planar_yield(assembly, scaling)
     return spatial_yield(assembly, scaling, inner_bending)

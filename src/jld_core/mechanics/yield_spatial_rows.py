@@ -1,7 +1,7 @@
-"""The solver's rows of spatial yield sets: linear rows, then second-order cones, one pattern for both labels.
+"""Solver rows of spatial yield sets: linear rows, then cones, in one pattern for both labels.
 
-A row that a label does not use keeps its place; where it holds variables that nothing else would hold under
-that label it keeps their coefficients with right-hand side one, so that no direction is left free.
+A row that a label does not use keeps its place. Some rows hold variables that no other row would hold under that label.
+They keep their coefficients with right-hand side one, so that no direction is unbounded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Coefficient = tuple[Ints, Floats, Floats]
 
 @dataclass
 class _Sheet:
-    """Collects families of rows, each one row per entry of an array of faces."""
+    """Collector of families of rows, each with one row per entry of an array of faces."""
 
     faces: int
     rows: int = 0
@@ -32,10 +32,11 @@ class _Sheet:
     capacity: list[Ints] = field(default_factory=list)
 
     def column(self, face: Ints, resultant: int) -> Ints:
+        """Return the columns of one resultant of faces."""
         return 6 * face + resultant
 
     def fresh(self, count: int) -> Ints:
-        """Columns of `count` new variables beyond the resultants."""
+        """Return the columns of `count` new variables beyond the resultants."""
         columns = 6 * self.faces + self.extra + np.arange(count)
         self.extra += count
         return columns
@@ -50,7 +51,7 @@ class _Sheet:
         *,
         limits_shear: bool = False,
     ) -> None:
-        """Rows of one family; place: where they stand, else one after another at the end.
+        """Add the rows of one family at the positions `place`, by default at the end.
 
         limits_shear: the first of the coefficients is −μ.
         """
@@ -68,7 +69,10 @@ class _Sheet:
     def cones(
         self, face: Ints, rows: list[tuple[list[Coefficient], Floats, Floats]], *, limits_shear: bool = False
     ) -> int:
-        """A cone per face with one row per entry of `rows`. Returns how many. limits_shear: its head is μN."""
+        """Add one cone per face, with one row per entry of `rows`, and return the number of cones.
+
+        limits_shear: the first row of the cone is μN.
+        """
         size = len(rows)
         for offset, (coefficients, h_dry, h_inner) in enumerate(rows):
             place, limits = self.rows + size * np.arange(len(face)) + offset, limits_shear and offset == 0
@@ -77,6 +81,7 @@ class _Sheet:
         return len(face)
 
     def pattern(self, linear: int, cones: tuple[int, ...]) -> RowPattern:
+        """Return the rows collected as a pattern."""
         row, column, face, dry, inner = (np.concatenate(part) for part in zip(*self.entries, strict=True))
         sides = np.concatenate([side for side, _, _ in self.sides])
         order = np.argsort(np.concatenate([place for _, place, _ in self.sides]))
@@ -98,12 +103,15 @@ class _Sheet:
 
 
 def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """Rows of m spatial faces, columns as in A_eq, then the extra variables.
+    """Build the rows of m spatial faces; columns are those of A_eq, then the extra variables.
 
-    sets: scaled; point, bending: as in SpatialYield. Extra columns: t per face with moments, a bound on shear; then
-    p, q, a, b per face with a dry compressive strength. Linear rows: bending per hull edge; t ± mT against c + μN of
-    either label; inner σc per hull edge; p, q ≤ N ∓ m. Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N,
-    N² ≤ √N_c a b, which say N³ ≤ N_c p q. Source: docs/method.md (2.8), (2.12).
+    sets: scaled strengths. point, bending: as in SpatialYield.
+
+    Extra columns: t, a bound on shear, per face with moments; then p, q, a, b per face with a dry compressive strength.
+
+    Linear rows: bending per hull edge; t ± mT against c + μN of either label; inner σc per hull edge; p, q ≤ N ∓ m.
+    Cones: |V| ≤ t (or μN at a point); a² ≤ pq, b² ≤ N, N² ≤ √N_c a b, which together mean N³ ≤ N_c p q. Source:
+    docs/method.md (2.8), (2.12).
     """
     sheet = _Sheet(len(sets.friction))
     crushed = np.flatnonzero(np.isfinite(sets.crush_dry))
@@ -121,11 +129,11 @@ def spatial_rows(sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
 
 
 def without_crushing(pattern: RowPattern, sets: Strengths, point: Bools, bending: Bending) -> RowPattern:
-    """The same rows, in which dry faces do not crush, but for a limit on N that encloses either label once N has been
-    moved by −σtA, as `hull_rows` does.
+    """Return the rows without crushing of dry faces, with a limit on N of either label.
 
-    Bending is held by the rows that the effective rectangle implies; its variables are left as an inner face leaves
-    them; N ≤ max(N_c, σcA) stands in the rows of inner σc, where a face has those.
+    The limit encloses both labels once `hull_rows` has moved N by −σtA. Bending is limited by the rows that the
+    effective rectangle implies; the variables of that rectangle keep their inner rows. N ≤ max(N_c, σcA) stands in the
+    rows of inner σc, where a face has those.
     """
     crushed = np.isfinite(sets.crush_dry)
     data, rhs = pattern.dry.copy(), pattern.h_dry.copy()
@@ -165,9 +173,10 @@ class _Crush:
 
 
 def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bools, bending: Bending) -> None:
+    """Add the bending rows c·m ≤ N and c·m ≤ N + σtA of all hull edges."""
     face = bending.face
     size = np.maximum(1.0, tension / 3.0)[face]
-    # the effective rectangle of a crushed face implies them, and a point is dry under either label
+    # The effective rectangle of a crushed face implies these rows. A point is dry under either label.
     used = np.where(np.isfinite(crush_dry), 0.0, 1.0)[face]
     third = np.where(point[face], 1.0, 1.0 / (3.0 * size))
     coefficients = [(sheet.column(face, 0), -used, -third)]
@@ -178,11 +187,11 @@ def _bending_rows(sheet: _Sheet, tension: Floats, crush_dry: Floats, point: Bool
 def _torsion_rows(
     sheet: _Sheet, face: Ints, bound: Ints, of_dry: tuple[Floats, Floats], of_inner: tuple[Floats, Floats]
 ) -> None:
-    """t ± mT ≤ c + μN. of_dry, of_inner: friction and cohesion of either label."""
+    """Add t ± mT ≤ c + μN; of_dry, of_inner: friction and cohesion of either label."""
     (mu, stuck), (inner_mu, cap) = ((friction[face], cohesion[face]) for friction, cohesion in (of_dry, of_inner))
     size_v, size_s = np.maximum(np.maximum(1.0, mu), stuck), np.maximum(np.maximum(1.0, cap), inner_mu)
-    # where a label has no shear resistance V and MT are dropped from equilibrium, and these rows only hold
-    # them
+    # Where a label has no shear resistance V and MT are dropped from equilibrium; these rows then only bound
+    # the variables.
     h_dry = np.where(mu + stuck > 0.0, stuck / size_v, 1.0)
     h_inner = np.where(cap + inner_mu > 0.0, cap / size_s, 1.0)
     for sign in (1.0, -1.0):
@@ -195,6 +204,7 @@ def _torsion_rows(
 
 
 def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
+    """Add the bending rows of inner faces with a compressive strength, against σcA − N."""
     rows = np.flatnonzero(np.isin(bending.face, bending.crushed))
     face = bending.face[rows]
     nothing = np.zeros(len(rows))
@@ -205,6 +215,7 @@ def _inner_crush_rows(sheet: _Sheet, crush: Floats, bending: Bending) -> None:
 
 
 def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
+    """Add p ≤ N ∓ m1 and q ≤ N ∓ m2 of dry faces that crush."""
     one, nothing = np.ones(len(crush.face)), np.zeros(len(crush.face))
     for variable, moment in ((crush.p, 3), (crush.q, 4)):
         for sign in (1.0, -1.0):
@@ -219,7 +230,10 @@ def _effective_rows(sheet: _Sheet, crush: _Crush) -> None:
 def _shear_cones(
     sheet: _Sheet, plane: Ints, bound: Ints, points: Ints, friction: Floats, cohesion: Floats, inner: Floats
 ) -> int:
-    """inner: more than zero where an inner face resists shear."""
+    """Add the shear cones |V| ≤ t, at points |V| ≤ μN, and return their number.
+
+    inner: (m,) positive where an inner face resists shear.
+    """
     one, nothing = np.ones(len(plane)), np.zeros(len(plane))
     held = friction[plane] + cohesion[plane]
     idle = np.where(held > 0.0, 0.0, 1.0), np.where(inner[plane] > 0.0, 0.0, 1.0)
@@ -235,7 +249,10 @@ def _shear_cones(
 
 
 def _crush_cones(sheet: _Sheet, crush: _Crush, crush_dry: Floats) -> int:
-    """x² ≤ y z as ‖(2x, y − z)‖ ≤ y + z. Under inner, N is out of them and p, q, b are bounded by one."""
+    """Add the cones (2.12) of dry faces that crush, and return their number.
+
+    x² ≤ y z is written as ‖(2x, y − z)‖ ≤ y + z. Under inner, N has no entries in them, and p, q, b are bounded by one.
+    """
     face = crush.face
     one, nothing = np.ones(len(face)), np.zeros(len(face))
     normal = sheet.column(face, 0)

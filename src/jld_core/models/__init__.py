@@ -1,24 +1,24 @@
-"""What is modelled, and the one policy how.
+"""Solve one labelling of an assembly under the modelling options of the user.
 
-- `FALLBACKS_BY_FRICTION`: what is tried, in order, by `SolveOptions.condense`
-- `CostEstimate`: what one labelling takes
-- `ProximalOptions`: how a solution without dilation is sought
-- `Sensitivity`: the rate of λ by one number
-- `SolveOptions`: what is modelled, as on the command line
-- `areas_under`: effective areas under given forces
-- `change`: how far effective areas moved between two iterates
-- `cost_estimate`: what one labelling is expected to take
-- `frozen_areas`: a template with effective areas frozen
-- `limit_analysis`: the analysis behind `solve_labelling`, for many labellings
-- `point_contact_assembly`: the assembly of concave contact
-- `prove_condensed`: proof by rigid blocks, cracked on demand
-- `require_memory`: refuses what there is not the memory for
-- `require_model`: refuses options that do not go with an assembly
-- `rigid_blocks`: elements joined through inner faces
-- `sensitivities`: how λ changes with strengths and weight
-- `solve`: λ of one labelling, with a two-sided bracket
-- `solve_labelling`: proof of one labelling under the options asked for
-- `worth_condensing`: whether blocks are better taken as rigid
+- `FALLBACKS_BY_FRICTION`: the fallbacks tried in order, by the value of `SolveOptions.condense`
+- `CostEstimate`: expected time and memory to evaluate one labelling
+- `ProximalOptions`: parameters of the fixed-point search for a non-dilatant solution
+- `Sensitivity`: rate of change of λ with one parameter
+- `SolveOptions`: modelling options, the same as on the command line
+- `areas_under`: compute the effective areas under given forces
+- `change`: compute the largest change of effective areas between two iterates
+- `cost_estimate`: estimate time and memory to evaluate one labelling
+- `frozen_areas`: build a program template whose effective areas are fixed
+- `limit_analysis`: build the analysis that `solve_labelling` needs, for one labelling or many
+- `point_contact_assembly`: build the assembly of concave contact, with point contacts at corners
+- `prove_condensed`: prove the load factor with rigid blocks, taken apart where needed
+- `require_memory`: raise InputError if one labelling needs more memory than there is
+- `require_model`: raise InputError if the options do not support an assembly
+- `rigid_blocks`: join elements through inner faces into rigid blocks
+- `sensitivities`: compute the rates of λ with strengths and weight
+- `solve`: compute λ of one labelling, with a two-sided bracket
+- `solve_labelling`: prove the load factor of one labelling under given options
+- `worth_condensing`: return True if inner faces are strong enough that rigid blocks save time
 """
 
 from __future__ import annotations

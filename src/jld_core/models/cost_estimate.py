@@ -1,7 +1,7 @@
-"""What one labelling costs, from the size of its assembly: said before it is begun, refused where it cannot be done.
+"""Estimate time and memory of one labelling from the size of its assembly.
 
-Measured by benchmarks/growth.py and benchmarks/scale.py on one core. By the labelling it is a fifth (walls, all dry) or
-several times of that (random blocks of strong material).
+The estimates were measured by benchmarks/growth.py and benchmarks/scale.py on one core. A single labelling may take
+a fifth of the estimate (walls, all dry) or several times as much (random blocks of strong material).
 """
 
 from __future__ import annotations
@@ -14,28 +14,43 @@ from jld_core.errors import InputError
 from jld_core.memory import memory_limit
 
 _FACES: Final = 2e4
-"""Faces of the assembly that `_COSTS` speaks of."""
+"""Number of faces at which the times in `_COSTS` were measured."""
 
 _COSTS: Final = {2: (40.0, 1.35, 1.5e4), 3: (100.0, 1.5, 3.5e4)}
-"""By dimension: seconds at `_FACES` faces, exponent of the number of faces, bytes of a face."""
+"""Cost by dimension: seconds at `_FACES` faces, exponent of the number of faces, bytes per face."""
 
 _BASE: Final = 1.5e8
-"""Bytes of Python and its libraries."""
+"""Memory of Python and its libraries, in bytes."""
 
 LONG: Final = 5.0
-"""Seconds of one evaluation from which they are said beforehand."""
+"""Time of one evaluation in seconds above which the user is warned in advance."""
 
 
 @dataclass(frozen=True)
 class CostEstimate:
-    """What one labelling takes. seconds: of one core; memory: bytes of one process."""
+    """Expected time and memory to evaluate one labelling.
+
+    Parameters
+    ----------
+    seconds : float
+        Time on one core, in seconds.
+    memory : float
+        Memory of one process, in bytes.
+
+    Attributes
+    ----------
+    seconds : float
+        Time on one core, in seconds.
+    memory : float
+        Memory of one process, in bytes.
+    """
 
     seconds: float
     memory: float
 
     @property
     def long(self) -> str | None:
-        """What is said beforehand, where a labelling takes long; else None."""
+        """Return a sentence with the expected time if it exceeds `LONG`, else None."""
         if self.seconds <= LONG:
             return None
         few = f"{self.seconds:.0f} s" if self.seconds < 100.0 else f"{self.seconds / 60.0:.0f} min"
@@ -43,14 +58,41 @@ class CostEstimate:
 
 
 def cost_estimate(assembly: Assembly) -> CostEstimate:
-    """What one labelling of an assembly is expected to take, all its load cases together."""
+    """Estimate time and memory to evaluate one labelling under all load cases.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar or spatial assembly, with or without load cases.
+
+    Returns
+    -------
+    CostEstimate
+        Seconds on one core for all load cases together, and bytes of one process.
+    """
     seconds, power, each = _COSTS[assembly.dimension]
     faces = len(assembly.interfaces)
     return CostEstimate(len(assembly.by_case) * seconds * (faces / _FACES) ** power, _BASE + each * faces)
 
 
 def require_memory(assembly: Assembly) -> CostEstimate:
-    """What one labelling is expected to take. Raises InputError where there is less memory than that."""
+    """Raise InputError if one labelling needs more memory than there is; return the estimate.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar or spatial assembly, with or without load cases.
+
+    Returns
+    -------
+    CostEstimate
+        Expected time and memory to evaluate one labelling.
+
+    Raises
+    ------
+    InputError
+        If the estimated memory exceeds the memory limit of the process.
+    """
     effort, most = cost_estimate(assembly), memory_limit()
     if effort.memory > most:
         raise InputError(

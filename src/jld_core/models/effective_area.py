@@ -1,8 +1,8 @@
-"""Torsion about the effective area of dry rectangles, by iteration (Iannuzzo et al. 2024, eq. 5 and 8).
+"""Resist torsion on the effective area of dry rectangles, by fixed-point iteration.
 
-A rectangle pressed at x is taken as the largest rectangle about x: sides l_i − 2|x_i|, c_T of that, and MT about
-x. The set is not convex; x is frozen from the iterate before, until it no longer changes. What is proven is
-proven for the frozen problem.
+A rectangle with centre of pressure x is replaced by the largest rectangle centred at x: sides l_i − 2|x_i|, torsion
+length c_T of that rectangle, torsion MT about x. This yield set is not convex, so x is frozen at the previous iterate
+until it no longer changes. Proofs hold for the problem with x frozen. Source: Iannuzzo et al. 2024, eq. (5) and (8).
 """
 
 from __future__ import annotations
@@ -24,16 +24,24 @@ from jld_core.mechanics import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
 
-_FAINT = 1e-5  # scaled N below which x goes to zero, as the MN / (N² + this²) that stands for M / N
-_STEPS = 5  # steps towards larger λ before the forces are held
-_SLACK = 1e-8  # asked of a state so that it fits the effective areas of its own forces, five times it at most
-_NARROW = 1e-6  # least side of an effective rectangle, relative to the face
+_FAINT = 1e-5
+"""Scaled N below which x tends to zero: M / N is computed as M N / (N² + _FAINT²)."""
+
+_STEPS = 5
+"""Number of steps towards larger λ before the forces are held by the proximal term `HOLD`."""
+
+_SLACK = 1e-8
+"""Limit of the scaled slack requested of the next state; the limit grows to five times this value."""
+
+_NARROW = 1e-6
+"""Least side of an effective rectangle, relative to the side of the face."""
+
 HOLD: Final = 30.0
-"""Weight of the proximal term that holds the forces while effective areas settle."""
+"""Weight of the proximal term that holds the forces while effective areas converge."""
 
 
 def require_rectangles(assembly: Assembly, labels: Bits) -> None:
-    """Raise InputError for effective areas on planar scenes, without any dry rectangle, or with cohesion."""
+    """Raise InputError for a planar scene, dry faces without any rectangle, or dry cohesion."""
     if assembly.dimension == 2:
         raise InputError("--effective-area", "the scene is planar", "a spatial scene")
     odd = np.flatnonzero(labels & ~assembly.interfaces.rectangle)
@@ -47,11 +55,30 @@ def require_rectangles(assembly: Assembly, labels: Bits) -> None:
 
 
 def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAreas:
-    """Effective areas under scaled forces (m, 6); inner faces, those without pressure and those that are no rectangles
-    keep the whole face."""
+    """Compute the effective areas of dry rectangles under given forces.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Spatial assembly.
+    forces : (m, 6) float array
+        Scaled forces N, V1, V2, M1, M2, MT.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    EffectiveAreas
+        Ratio c_T / c_T,e and arm x / c_T of each face. Inner faces, faces without compression and faces that are
+        not rectangles keep the whole face.
+
+    Notes
+    -----
+    Source: docs/method.md (2.14), (2.15).
+    """
     faces = assembly.interfaces
     labels = labels & faces.rectangle
-    # M1 is scaled by l2 / 2 and M2 by l1 / 2, so these are x2 / (l2 / 2) and x1 / (l1 / 2)
+    # M1 is scaled by l2 / 2 and M2 by l1 / 2, so x1 and x2 below are relative to l1 / 2 and l2 / 2.
     share = np.where(labels, forces[:, 0] / (forces[:, 0] ** 2 + _FAINT**2), 0.0)
     x1 = np.clip(-forces[:, 4] * share, -1.0, 1.0)
     x2 = np.clip(forces[:, 3] * share, -1.0, 1.0)
@@ -63,22 +90,49 @@ def areas_under(assembly: Assembly, forces: Floats, labels: Bits) -> EffectiveAr
 
 
 def change(old: EffectiveAreas, new: EffectiveAreas) -> float:
-    """Largest change of c_T,e / c_T and of a = x / c_T between two iterates."""
+    """Compute the largest change of effective areas between two iterates.
+
+    Parameters
+    ----------
+    old : EffectiveAreas
+        Previous iterate.
+    new : EffectiveAreas
+        Current iterate.
+
+    Returns
+    -------
+    float
+        Largest change of c_T,e / c_T and of a = x / c_T over all faces.
+    """
     ratio = np.abs(1.0 / old.ratio - 1.0 / new.ratio).max(initial=0.0)
     return float(max(ratio, np.abs(old.arm - new.arm).max(initial=0.0)))
 
 
 def frozen_areas(template: Template, areas: EffectiveAreas) -> Template:
-    """The template of associative friction with torsion about given effective areas."""
+    """Build the template of associative friction with torsion about given effective areas.
+
+    Parameters
+    ----------
+    template : Template
+        Template of the assembly with whole faces.
+    areas : EffectiveAreas
+        Effective areas to freeze.
+
+    Returns
+    -------
+    Template
+        Template with the same equilibrium, and yield sets with the effective areas.
+    """
     base = template.yield_set.associative
     none = np.zeros(len(template.assembly.interfaces))
     return template.renumbered(PrescribedFriction(base, 1.0, none, areas))
 
 
 def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, EffectiveAreas, Prover]:
-    """A state as its own forces have it: judged under the effective areas that these ask for.
+    """Evaluate a state under the effective areas of its own forces.
 
-    prover: of any template of the assembly. Returns that state, the areas, and a prover with these areas frozen.
+    prover: of any template of the assembly. Return the state, the effective areas, and a prover with these areas
+    frozen.
     """
     areas = areas_under(prover.template.assembly, state.forces, labels)
     frozen = prover.under(frozen_areas(prover.template, areas))
@@ -86,10 +140,10 @@ def under_own_areas(prover: Prover, state: State, labels: Bits) -> tuple[State, 
 
 
 def slack_to_ask(own: State, margin: float, tries: int) -> float:
-    """Slack to ask of the next state, after one that lacked some under its own areas: twice that, within limits.
+    """Compute the slack to request of the next state, after a state of insufficient slack.
 
-    What one set of areas lets through the next may not. margin: the least. tries: states so far; the limit grows with
-    them where that does not end.
+    own: the state under the effective areas of its own forces. margin: least slack. tries: number of states so far; the
+    limit of the slack grows with this number. The result is twice the violation, within these limits.
     """
     return min(max(margin, -2.0 * own.slack), _SLACK * min(1 + tries // 5, 5))
 
@@ -97,14 +151,17 @@ def slack_to_ask(own: State, margin: float, tries: int) -> float:
 def prove_effective_area(
     analysis: LimitAnalysis, labels: Bits, *, stands: bool = False, most: int = 60, weight: float = 1e-2
 ) -> Proof:
-    """Proof of associative friction with effective areas, at a fixed point of x and c_T,e.
+    """Prove the load factor with effective areas, at a fixed point of x and c_T,e.
 
-    analysis: of a spatial assembly with dry rectangles. labels: (m,) True dry. stands: decide λ = 0
-    too (without effective areas). most: programs solved at most. weight: of the proximal term that keeps x from
-    jumping between equally good states. The forces lie within the effective areas that they themselves ask for
-    (`extra["effective_area"]["fixed_point"]` is the change left), and the bracket is that of the problem with
-    those areas frozen. A change above 1e-8 leaves the result uncertified.
-    Raises InputError: planar scene, or no dry face is a rectangle.
+    analysis: of a spatial assembly with dry rectangles. labels: (m,) True dry. stands: also decide λ = 0 (with whole
+    faces). most: maximum number of programs solved. weight: of the proximal term that keeps x from jumping between
+    equally good states.
+
+    The forces lie within the effective areas that result from them; `extra["effective_area"]["fixed_point"]` is the
+    remaining change. The bracket is that of the problem with those areas frozen. A change above 1e-8 leaves the
+    result uncertified.
+
+    Raise InputError for planar scenes, without any dry rectangle, or with cohesion on a dry face.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
@@ -134,7 +191,7 @@ def prove_effective_area(
 
 
 def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:
-    """Sentences: which faces keep their whole area, and by how much λ is above that of whole faces."""
+    """Write sentences on faces that keep their whole area, and on the increase of λ."""
     found = []
     odd = int(np.count_nonzero(labels & ~analysis.assembly.interfaces.rectangle))
     if odd:
@@ -152,9 +209,9 @@ def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) ->
 def _iterate(
     analysis: LimitAnalysis, labels: Bits, forces: Floats, most: int, weight: float
 ) -> tuple[State, Proof, float, int]:
-    """Steps to better forces while areas change much, then steps that hold the forces until areas and forces agree.
+    """Iterate on forces and areas until they agree: `_STEPS` free steps, then held steps.
 
-    Returns a state, the proof with the areas frozen, the change of areas still asked for, and programs solved.
+    Return a state, the proof with the areas frozen, the remaining change of areas, and the number of programs solved.
     """
     template, count = analysis.template, analysis.template.matrix.shape[1]
     margin, residual = template.precision.margin, template.precision.residual

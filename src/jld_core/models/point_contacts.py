@@ -1,4 +1,4 @@
-"""Concave contact: dry faces that touch at the corners of their hull alone, each with a Coulomb cone of its own."""
+"""Concave contact: dry faces touch only at hull corners, with Coulomb friction there."""
 
 from __future__ import annotations
 
@@ -14,13 +14,32 @@ from jld_core.mechanics import local_hulls
 
 
 def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, Ints]:
-    """The assembly of concave contact: every dry face becomes one point face per corner of its hull.
+    """Build the assembly of concave contact: one point face per hull corner of a dry face.
 
-    labels: (m,) True dry. Returns the assembly, whose own labels say dry for the points and inner for the
-    rest, and the face each of its faces comes from, sorted. Point faces have no area and no moments, a
-    polygon of one point, and the sizes of their parent (scales of moments that are never used).
-    Corners within the hull add nothing: their cones are sums of those of the hull's corners.
-    Raises InputError: a compressive strength or cohesion on a dry face, since a point has no area.
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly with whole faces.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    expanded : Assembly
+        Assembly with m' faces. Its labels are dry for point faces and inner for all others. A point face has no
+        area, no moments and a polygon of one point. Its sizes are those of its parent face; they only scale
+        moments, which a point face does not have.
+    parent : (m',) int array
+        Face of `assembly` from which each face of `expanded` comes, sorted.
+
+    Raises
+    ------
+    InputError
+        If a dry face has a compressive strength or cohesion, since a point has no area.
+
+    Notes
+    -----
+    Corners inside the hull are omitted: their cones are sums of the cones of the hull corners.
     Source: Livesley 1992; docs/method.md (2.13).
     """
     faces = assembly.interfaces
@@ -56,14 +75,30 @@ def point_contact_assembly(assembly: Assembly, labels: Bits) -> tuple[Assembly, 
 
 
 def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, proof: Proof) -> Proof:
-    """A proof about the assembly of concave contact as one about whole faces, scaled as in the full analysis.
+    """Convert a proof about point contacts into a proof about whole faces.
 
-    parent: (m',) face of each face of the points' analysis.
+    Parameters
+    ----------
+    full : LimitAnalysis
+        Analysis of the assembly with whole faces.
+    points : LimitAnalysis
+        Analysis of the assembly with point contacts.
+    parent : (m',) int array
+        Face of `full` for each face of `points`.
+    proof : Proof
+        Proof about `points`, in the scaled units of `points`.
+
+    Returns
+    -------
+    Proof
+        The same bounds for whole faces, in the scaled units of `full`. The ray of unbounded forces and the collapse
+        below zero are dropped.
     """
     one, other = full.template.scaling, points.template.scaling
     unit = other.load / one.load
 
     def state(found: State | None) -> State | None:
+        """Convert a state of the point assembly, None if there is none."""
         if found is None:
             return None
         forces = resultants_of_faces(full.assembly, points.assembly, parent, found.forces * other.face) / one.face
@@ -88,13 +123,13 @@ def proof_of_faces(full: LimitAnalysis, points: LimitAnalysis, parent: Ints, pro
 
 
 def resultants_of_faces(assembly: Assembly, points: Assembly, parent: Ints, forces: Floats) -> Floats:
-    """Resultants (m, 6) about the centroids of the faces, from those of the faces of the point assembly."""
+    """Compute the resultants (m, 6) of whole faces about their centroids from point forces."""
     faces = assembly.interfaces
     arm = points.interfaces.origin - faces.origin[parent]
     x1 = np.einsum("ij,ij->i", arm, faces.e1[parent])
     x2 = np.einsum("ij,ij->i", arm, faces.e2[parent])
     n, v1, v2 = forces[:, 0], forces[:, 1], forces[:, 2]
-    # moment of n·N + e1·V1 + e2·V2 at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n
+    # Moment of n·N + e1·V1 + e2·V2 acting at x1 e1 + x2 e2, in the frame (e1, e2, n) with e1 × e2 = n.
     moved = forces.copy()
     moved[:, 3] += x2 * n
     moved[:, 4] -= x1 * n

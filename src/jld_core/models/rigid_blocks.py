@@ -1,11 +1,12 @@
-"""Crack on demand: blocks whose inner faces need not yield are solved as rigid bodies (docs/method.md (7.2)).
+"""Solve blocks whose inner faces need not yield as rigid bodies (docs/method.md (7.2)).
 
-A block glued by inner faces that stay below yield moves as one body: its elements' equilibrium is summed and
-its inner faces, and slits within it, drop out. The rigid λ is an upper bound, and its mechanism is one of the full
-model, inner jumps being zero by construction. Where admissible inner forces exist in every block under the
-boundary forces found, the rigid λ is exact: the full model has a state with the same λ. Where they do not, that
-proves nothing, since boundary forces are not unique: those blocks are taken apart, and everything is solved and
-checked again.
+A block glued by inner faces that stay below yield moves as one body. The equilibrium equations of its elements are
+summed. Its inner faces, and slits inside the block, are removed. The rigid λ is an upper bound: its mechanism is also a
+mechanism of the full model, where all inner jumps are zero by construction.
+
+The rigid λ is exact if every block has admissible inner forces under the boundary forces found: the full model then has
+a state with the same λ. A failed check proves nothing, because boundary forces are not unique. Blocks that fail are
+taken apart into their elements, and everything is solved and checked again.
 """
 
 from __future__ import annotations
@@ -22,17 +23,28 @@ from jld_core.limit import LimitAnalysis, Motion, Proof, Status, element_velocit
 from jld_core.program import Template, beginnings, pack
 from jld_core.solvers import ClarabelSolver, is_large
 
-_STRONG = 300.0  # strength over force scale above which blocks count as rigid until shown otherwise
-_STRONG_LARGE = 4.0  # the same for assemblies that are large for their solver (measured on 2 025 faces)
-_ROUNDS = 4  # rounds of taking blocks apart before the full model is the shorter way
+_STRONG = 300.0
+"""Weakest inner strength over the force scale above which blocks are first solved as rigid."""
+
+_STRONG_LARGE = 4.0
+"""The value of `_STRONG` for assemblies that are large for their solver (measured on 2 025 faces)."""
+
+_ROUNDS = 4
+"""Maximum number of rounds of taking blocks apart; beyond that the full model is faster."""
 
 
 @dataclass(frozen=True)
 class RigidBlocks:
-    """An assembly whose elements are blocks.
+    """Assembly of rigid blocks, with its relation to the full assembly.
 
-    assembly: the condensed one; element k holds the elements with group == k. group: (n,). face: (m',) the
-    full assembly's interface of each of its interfaces.
+    Attributes
+    ----------
+    assembly : Assembly
+        Condensed assembly. Its element k contains the elements of the full assembly with group == k.
+    group : (n,) int array
+        Rigid block of each element of the full assembly.
+    face : (m',) int array
+        Interface of the full assembly for each interface of the condensed one.
     """
 
     assembly: Assembly
@@ -41,10 +53,24 @@ class RigidBlocks:
 
 
 def worth_condensing(template: Template, labels: Bits) -> bool:
-    """Are the inner faces so strong that they are better left out? Measured in benchmarks/condensation.py.
+    """Return True if the inner faces are strong enough that rigid blocks save time.
 
-    With strengths of the order of the loads most blocks fail some check and are taken apart, which costs more
-    than it saves; far above them the full program is slow and badly scaled, and rigid blocks are exact at once.
+    If strengths are of the order of the loads, most blocks fail a check and are taken apart, which costs more than
+    rigid blocks save. If strengths are far above the loads, the full program is slow and badly scaled, and rigid
+    blocks are exact in the first round. Measured in benchmarks/condensation.py.
+
+    Parameters
+    ----------
+    template : Template
+        Program template of the full assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    bool
+        True if the weakest inner face is stronger than a threshold, relative to the force scale. False if there
+        are no inner faces.
     """
     strengths, area = template.assembly.strengths, template.assembly.interfaces.area
     inner = ~labels
@@ -55,9 +81,21 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
 
 
 def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
-    """Join elements through inner faces, except within blocks that are taken apart.
+    """Join elements through inner faces into rigid blocks, except for elements in `apart`.
 
-    labels: (m,) True dry. apart: elements that stand for themselves. A block glued to a support is support.
+    Parameters
+    ----------
+    assembly : Assembly
+        Full assembly.
+    labels : (m,) bool array
+        Labels, True = dry.
+    apart : (k,) int array
+        Elements that remain separate bodies.
+
+    Returns
+    -------
+    RigidBlocks
+        Condensed assembly. A block glued to a support is itself a support.
     """
     elements, faces = assembly.elements, assembly.interfaces
     alone = np.zeros(len(elements), dtype=bool)
@@ -71,6 +109,7 @@ def rigid_blocks(assembly: Assembly, labels: Bits, apart: Ints) -> RigidBlocks:
 
 
 def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: Ints) -> Assembly:
+    """Build the condensed assembly: sum loads and weights per block, keep given interfaces."""
     elements, faces, s, d = assembly.elements, assembly.interfaces, assembly.strengths, assembly.dimension
     number = len(support)
     size = np.bincount(group, minlength=number)
@@ -92,7 +131,7 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
     volume = np.bincount(group, weights=elements.volume, minlength=number).astype(float)
     order = np.argsort(group, kind="stable")
     starts = np.concatenate([[0], np.cumsum(size)])
-    # corners are kept for the radius of the block only
+    # Only the radius of a block is computed from its corners.
     shape = tuple(np.concatenate([elements.shape[k] for k in order[starts[g] : starts[g + 1]]]) for g in range(number))
     blocks = Elements(
         ids=tuple(f"block {g}" for g in range(number)),
@@ -119,10 +158,24 @@ def _joined(assembly: Assembly, labels: Bits, group: Ints, support: Bits, kept: 
 
 
 def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
-    """Proof by rigid blocks, cracked on demand; None where the full model is the way to go.
+    """Prove the load factor with rigid blocks, taking apart blocks that fail a check.
 
-    full: of the full model. labels: (m,) True dry. The proof is one of the full model: the lower end is a state of
-    it, checked as such, and the mechanism moves each element with its block.
+    Parameters
+    ----------
+    full : LimitAnalysis
+        Analysis of the full model.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    Proof or None
+        Proof about the full model: its lower bound is a state checked in the full model, and its mechanism moves
+        each element with its block. The status may also be unstable, without bounds. None where the full model must
+        be solved instead.
+
+    Notes
+    -----
     Source: docs/method.md (7.1), (7.2).
     """
     assembly, own = full.assembly, full.options
@@ -142,7 +195,7 @@ def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
         solves += proof.solves
         route += [f"rigid: {step}" for step in proof.route]
         if proof.status is Status.UNSTABLE:
-            # rigid blocks that cannot stand cannot stand if they may crack besides
+            # If the assembly of rigid blocks is unstable, the full model is too: cracks only add mechanisms.
             return Proof(status=Status.UNSTABLE, route=route, solves=solves)
         if proof.status is not Status.COLLAPSE or proof.state is None or proof.motion is None:
             return None
@@ -170,10 +223,11 @@ def prove_condensed(full: LimitAnalysis, labels: Bits) -> Proof | None:
 def _inner_forces(
     template: Template, labels: Bits, rigid: RigidBlocks, boundary: Floats, load: float
 ) -> tuple[Floats, Ints] | None:
-    """Scaled forces on all faces, and the blocks for which no admissible inner forces were found.
+    """Compute scaled forces on all faces, and the blocks without admissible inner forces.
 
-    boundary: (m', q) forces on the faces between blocks, scene units; load: λ, scene units. Each block looks
-    for the state of largest slack of its own; blocks decouple once boundary forces and λ are given.
+    boundary: (m', q) forces on the faces between blocks, scene units. load: λ, scene units. Blocks are independent
+    of each other once boundary forces and λ are given: each maximises its own least slack. Return None where the
+    solver returns no finite forces.
     """
     scale, q, sets = template.scaling, template.assembly.freedoms, template.yield_set
     count = len(labels)
@@ -183,7 +237,7 @@ def _inner_forces(
     within = np.ones(count, dtype=bool)
     within[rigid.face] = False
     support = rigid.assembly.elements.support[rigid.group]
-    within &= ~(support[faces.a] & support[faces.b])  # between glued supports nothing is asked for
+    within &= ~(support[faces.a] & support[faces.b])  # Faces between supports need no forces.
     inside = np.flatnonzero(within)
     if inside.size == 0:
         return forces, inside
@@ -194,7 +248,7 @@ def _inner_forces(
     columns = (q * inside[:, None] + np.arange(q)).ravel()
     pattern = sets.pattern
     extra = np.arange(pattern.extra)
-    if pattern.extra:  # one bound on shear per face
+    if pattern.extra:  # Append the bound on shear of each face.
         columns = np.concatenate([columns, q * count + extra[np.isin(extra, inside)]])
     matrix = program.matrix.tocsr()
     target = -(template.dead + load / scale.load * template.live) - template.matrix @ forces.ravel()
@@ -226,13 +280,14 @@ def _inner_forces(
 
 
 def _cone_faces(row_face: Ints, linear: int, cones: tuple[int, ...]) -> Ints:
+    """Return the face of each second-order cone."""
     return np.asarray(row_face[linear + beginnings(cones)])
 
 
 def _of_elements(full: LimitAnalysis, rigid: RigidBlocks, inner: LimitAnalysis, motion: Motion) -> Motion:
-    """A motion of rigid blocks as one of the full model: each element moves with its block, no face within one jumps.
+    """Convert a motion of rigid blocks into a motion of the elements of the full model.
 
-    inner: the analysis of the rigid blocks.
+    Faces inside a block do not jump. inner: the analysis of the rigid blocks.
     """
     assembly, scale = full.assembly, full.template.scaling
     mechanism = element_velocities(inner.template, motion.velocity)[rigid.group]

@@ -1,17 +1,20 @@
-"""How λ changes with strengths and weight: from the multipliers of one program, one-sided where they differ.
+"""Compute how λ changes with strengths and weight, with one-sided rates where they differ.
 
-λ is the value of a program max λ, M(p) y + s = r(p). With optimal y and multipliers w, and Δ the derivative by p,
+λ is the value of a program max λ subject to M(p) y + s = r(p). With optimal y and multipliers w, and Δ the derivative
+by the parameter p,
 
     dλ/dp = w·(Δr − ΔM y)
 
-wherever both are unique. Else λ has a derivative to either side; in the plane each is the value of a linear program
-over all optimal y and the directions z in which they may move,
+where y and w are unique. Elsewhere λ has a derivative to either side. In the plane each side is the value of a linear
+program over all optimal y and the directions z in which y may move,
 
     λ'(p+) = max −q·z   subject to   M_E z = Δr_E − ΔM_E y,   M_B z ≤ Δr_B − ΔM_B y,   y optimal
 
-E the equations, B the rows that hold with equality in every optimal y. With cones (in space, and where joints crush)
-both sides come from programs solved two steps away, extrapolated. Source: Gal, Postoptimal analyses, parametric
-programming, and related topics (1995), chapter 2; Golshtein's theorem on the marginal values of convex programs.
+with E the equations and B the rows that hold with equality in every optimal y. Programs with cones (in space, and
+where joints crush) are solved at two steps to either side, and the rates are extrapolated.
+
+Source: Gal, Postoptimal analyses, parametric programming, and related topics (1995), chapter 2; Golshtein's theorem on
+the marginal values of convex programs.
 """
 
 from __future__ import annotations
@@ -32,30 +35,52 @@ from jld_core.solvers import ClarabelSolver, HighsSolver, RawStatus, is_large
 from jld_core.threads import one_thread
 
 _STEP: Final = 1e-7
-"""Step of parameters, relative to what they are, by which programs are differentiated."""
+"""Step of the finite difference of program data, relative to the parameter."""
 
 _FAR: Final = 1e-3
-"""Step at which programs with cones are solved again, relative to the parameter."""
+"""Larger step at which programs with cones are solved again, relative to the parameter."""
 
 _NEARER: Final = 0.1
-"""Second step of these over the first. Kinks stay as steps shrink, curvature (crushing, friction's circle) does not."""
+"""Ratio of the smaller step to `_FAR`. A kink stays as steps shrink; curvature (crushing, friction cone) vanishes."""
 
 _FAINT: Final = 1e-4
-"""Rate over λ/p below which programs with cones, solved to 1e-10, do not tell a kink by such steps."""
+"""Rate relative to λ/p below which no kink is reported for programs with cones, which are solved to 1e-10."""
 
 _SLACK: Final = 1e-7
-"""By how much rows may be missed where both sides are sought: optimal points are known to rounding."""
+"""Row tolerance of the programs for one-sided rates, as optimal points are known only to rounding."""
 
 _ALIKE: Final = 1e-3
+"""Relative difference of the two one-sided rates of a linear program below which they count as equal."""
+
 _BENT: Final = 1e-2
-"""Relative difference of the two sides below which they are one; where they are chords, λ bends between their ends."""
+"""Relative difference of the two chord slopes of a program with cones above which λ has a kink."""
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Rate of λ by one number. unit: what it is by. left, right: for less and for more of it, NaN where not known.
+    """Rate of change of λ with one parameter.
 
-    derivative: of both sides where they agree, else NaN: λ then has a kink at what the scene says.
+    Parameters
+    ----------
+    derivative : float
+        Two-sided rate, NaN where the two sides differ: λ then has a kink at the value in the scene.
+    left : float
+        Rate for a decrease of the parameter, NaN where unknown.
+    right : float
+        Rate for an increase of the parameter, NaN where unknown.
+    unit : str
+        Unit of the parameter, empty for a number without unit.
+
+    Attributes
+    ----------
+    derivative : float
+        Two-sided rate, NaN where the two sides differ.
+    left : float
+        Rate for a decrease of the parameter, NaN where unknown.
+    right : float
+        Rate for an increase of the parameter, NaN where unknown.
+    unit : str
+        Unit of the parameter.
     """
 
     derivative: float
@@ -64,18 +89,32 @@ class Sensitivity:
     unit: str
 
     def to_json(self) -> dict[str, float | str | None]:
-        """Plain numbers, None where there is none."""
+        """Return the fields as plain numbers, None for a rate that is not finite."""
         plain = {name: getattr(self, name) for name in ("derivative", "left", "right")}
         return {**{name: value if math.isfinite(value) else None for name, value in plain.items()}, "unit": self.unit}
 
 
 @one_thread()
 def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
-    """∂λ by friction, shear and tensile strength and weight, by name; empty where the result has no λ or no program.
+    """Compute the rates of λ with friction, shear strength, tensile strength and weight.
 
-    result: of convex contact and associative friction without effective areas. With load cases: of the governing
-    factor, by the case that governs. friction_coefficient: of all dry faces together; shear_strength, tensile_strength:
-    of all inner ones, by scene stress; weight: by a factor on self-weight, live loads left as they are.
+    Parameters
+    ----------
+    result : LimitAnalysisResult
+        Result under convex contact and associative friction, without effective areas. With load cases, the rates are
+        those of the governing factor, by the case that governs.
+
+    Returns
+    -------
+    dict of str to Sensitivity
+        Rates by name: `friction_coefficient` of all dry faces together; `shear_strength` and `tensile_strength` of all
+        inner faces together, per stress in units of the scene; `weight` by a factor on self-weight, with live loads
+        unchanged. Parameters that are zero or not used by the labelling are omitted. The dict is empty if the status is
+        not collapse, for other models (kern bending among them), and for programs that are large for their solver.
+
+    Notes
+    -----
+    The module docstring states the formulas.
     """
     if result.cases:
         names = [case.name for case in result.assembly.cases]
@@ -101,13 +140,17 @@ def sensitivities(result: LimitAnalysisResult) -> dict[str, Sensitivity]:
 
 @dataclass(frozen=True)
 class _Change:
-    """One number and what it is in an assembly. size: what steps are relative to."""
+    """One parameter of an assembly.
+
+    size: scale of the parameter, to which steps are relative: the least strength, or 1 for weight. strength: name of
+    the strength, empty for weight.
+    """
 
     size: float
     strength: str = ""
 
     def of(self, assembly: Assembly, step: float) -> Assembly:
-        """The assembly with more of it, by a step."""
+        """Return the assembly with the parameter increased by a step."""
         if self.strength:
             values = getattr(assembly.strengths, self.strength) + step
             return replace(assembly, strengths=replace(assembly.strengths, **{self.strength: values}))
@@ -118,7 +161,7 @@ class _Change:
 
 
 def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, str]]:
-    """What λ may be differentiated by: what the labelling has, and is not zero already."""
+    """List name, change and unit of each parameter that the labelling uses and is not zero."""
     stress = f"{assembly.units[1]}/{assembly.units[0]}²"
     found = []
     for name, strength, faces, unit in (
@@ -135,7 +178,7 @@ def _parameters(assembly: Assembly, labels: Bits) -> list[tuple[str, _Change, st
 
 
 class _Base:
-    """The program of one labelling, solved, and what changes of it do."""
+    """Solved program of one labelling, from which rates of λ are computed."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits) -> None:
         self._analysis, self._labels = analysis, labels
@@ -152,7 +195,7 @@ class _Base:
         self._held: Bools = held
 
     def sensitivity(self, change: _Change, unit: str) -> Sensitivity:
-        """The rate of λ by one number, scene units."""
+        """Compute the rate of λ with one parameter, in scene units."""
         step = _STEP * change.size
         more, less = self._moved(change, step), self._moved(change, -step)
         matrix = sp.csr_array((more.matrix - less.matrix) / (2.0 * step))
@@ -165,7 +208,7 @@ class _Base:
             right, left = -self._side(matrix, rhs), self._side(-matrix, -rhs)
             bent = abs(right - left)
         left, right, bent = scale * left, scale * right, scale * bent
-        # rates that do not change λ by more than rounding, whatever is done, are none
+        # Rates too small to change λ by more than rounding count as zero.
         cones = bool(self.program.structure.cones)
         faint = _FAINT if cones else tolerances.GAP
         least = faint * scale * max(abs(float(self.point[-1])), 1.0) / change.size
@@ -177,14 +220,15 @@ class _Base:
         return Sensitivity(value, value, value, unit) if cones else Sensitivity(value, left, right, unit)
 
     def _moved(self, change: _Change, step: float) -> ConicProgram:
-        """The program with more of a number, in the units of the first."""
+        """Build the program with the parameter changed by a step, in the original scaling."""
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self._labels)
 
     def _by_steps(self, change: _Change) -> tuple[float, float, float]:
-        """One-sided rates by chords of two steps, and by how much they differ beyond curvature and rounding.
+        """Compute left and right rates from chords at two steps, and the size of the kink.
 
-        A kink stays as steps shrink, curvature does not. Primal and dual values of a program say how well λ is known.
+        The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
+        the difference of primal and dual values.
         """
         here, noise = self._value(self.program)
         chords, kinks = [], []
@@ -200,13 +244,16 @@ class _Base:
         return left + share * (left - far_left), right + share * (right - far_right), bent
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
-        """λ of a program by the solver, and the difference of its primal and dual values."""
+        """Solve a program; return the mean and the difference of its primal and dual λ."""
         raw = self._solver.solve(program)
         primal, dual = float(raw.point[-1]), float(program.rhs @ raw.dual)
         return 0.5 * (primal + dual), abs(primal - dual)
 
     def _side(self, matrix: sp.csr_array, rhs: Floats) -> float:
-        """Rate of −λ to one side, scaled: matrix, rhs change at these rates; NaN where no program says so."""
+        """Compute the rate of −λ to one side, scaled; NaN where the linear program has no optimum.
+
+        matrix, rhs: rates of change of the program data.
+        """
         equal = np.arange(self._first)
         held = np.flatnonzero(self._held)
         loose = np.setdiff1d(np.arange(self._first, self._last), held)

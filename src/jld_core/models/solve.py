@@ -1,7 +1,7 @@
-"""How one labelling is solved: which model, by which rungs, and what becomes its result. Stated here alone.
+"""Solve one labelling: choose the model, the solution method and its fallbacks.
 
-Only what is asked for is modelled: point contacts, kern bending, effective areas and zero dilation each have
-their own module and cost nothing where they are not wanted.
+This module alone holds that choice. Point contacts, kern bending, effective areas and zero dilation each have
+their own module, which runs only where the options ask for the feature.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def _with_options(function: _Function) -> _Function:
-    """A function whose `**options` are the fields of `SolveOptions`: what `help` and notebooks then show of it."""
+    """Replace `**options` in a function signature by the fields of `SolveOptions`.
+
+    `help` and notebooks then show these fields.
+    """
     stated = inspect.signature(function)
     own = [one for one in stated.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
     more = [
@@ -56,11 +59,30 @@ def _with_options(function: _Function) -> _Function:
 @_with_options
 @one_thread()
 def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> LimitAnalysisResult:
-    """Collapse load factor of one labelling, with a two-sided bracket.
+    """Compute the collapse load factor of one labelling, with a two-sided bracket.
 
-    assembly: planar or spatial. labels: (m,) True dry; default the scene's own. All else: see `SolveOptions`.
-    Of a structure with load cases: the governing factor, and every case's own result in `cases`.
-    Raises InputError where a material that the labelling needs is missing, or an option has no such value.
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar or spatial assembly, with or without load cases.
+    labels : (m,) bool array, optional
+        Labels, True = dry. Default: the labels of the scene.
+    **options
+        Fields of `SolveOptions`, by keyword.
+
+    Returns
+    -------
+    LimitAnalysisResult
+        Result in scene units. For an assembly with load cases: the governing factor, with the result of each
+        case in `cases`.
+
+    Raises
+    ------
+    InputError
+        If a material that the labelling needs is missing, or an option has an invalid value.
+
+    Notes
+    -----
     Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (2.1), (3.3).
     """
     if assembly.cases:
@@ -84,15 +106,47 @@ def solve(assembly: Assembly, labels: Bits | None = None, **options: Any) -> Lim
 def limit_analysis(
     assembly: Assembly, options: SolveOptions, reference: Bits | None = None, *, single: bool = False
 ) -> LimitAnalysis:
-    """The limit analysis that `solve_labelling` asks for, for any number of labellings of an assembly, or for one."""
+    """Build the limit analysis that `solve_labelling` needs for the given options.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly without load cases, or one load case of an assembly.
+    options : SolveOptions
+        Options; only solver, gap and inner bending are used here.
+    reference : (m,) bool array, optional
+        Labelling on which solvers are set up, True = dry. Default: all faces dry.
+    single : bool, optional
+        True if only one labelling will be solved; the analysis is then set up for this labelling where that is faster.
+        Default: any number of labellings.
+
+    Returns
+    -------
+    LimitAnalysis
+        Analysis of the assembly under associative friction.
+    """
     solver, gap, bending = options.solver, options.gap, options.inner_bending
     return LimitAnalysis(assembly, solver=solver, gap=gap, inner_bending=bending, reference=reference, single=single)
 
 
 def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
-    """Raise InputError where options do not go with an assembly of which the faces (m,) `dry` may be dry.
+    """Raise InputError if the options do not support an assembly.
 
-    Asked before anything is begun, so that nothing is half done.
+    Call this function before any work starts.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly to be solved. The first load case stands for all of them.
+    options : SolveOptions
+        Options to check. Only effective areas and a solver other than "auto" can fail.
+    dry : (m,) bool array
+        Faces that may be dry in some labelling, True = may be dry.
+
+    Raises
+    ------
+    InputError
+        If effective areas do not apply, or the solver does not accept programs of this structure.
     """
     if options.effective_area:
         require_rectangles(assembly, dry)
@@ -108,10 +162,27 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
 def solve_labelling(
     analysis: LimitAnalysis, labels: Bits, options: SolveOptions, *, stands: bool = False, floor: float = -math.inf
 ) -> Proof:
-    """Proof of one labelling under the options asked for, about the analysis' own assembly and scaled as in it.
+    """Prove the load factor of one labelling under the given options.
 
-    analysis: of `limit_analysis`. labels: (m,) True dry. stands: also decide whether it stands at λ = 0. floor: λ,
-    scene units, at or below which a labelling does not matter (without dilation, see `prove_zero_dilation`).
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis returned by `limit_analysis` for the same options.
+    labels : (m,) bool array
+        Labels, True = dry.
+    options : SolveOptions
+        Modelling options.
+    stands : bool, optional
+        Also decide whether the structure stands at λ = 0.
+    floor : float, optional
+        λ in scene units at or below which the labelling is irrelevant. Only zero dilation uses this value, see
+        `prove_zero_dilation`.
+
+    Returns
+    -------
+    Proof
+        Proof about the assembly of `analysis`, in the scaled units of `analysis`. Under concave contact the
+        proof is transferred from points to whole faces.
     """
     if options.contact == "concave" and analysis.assembly.dimension == 3:
         points, parent = point_contact_assembly(analysis.assembly, labels)
@@ -122,7 +193,7 @@ def solve_labelling(
 
 
 def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands: bool, floor: float) -> Proof:
-    """The proof under convex contact."""
+    """Prove the load factor of one labelling, without the conversion to point contacts."""
     if options.friction == "zero-dilation":
         scheme = ProximalOptions(effective_area=options.effective_area)
         seconds = options.floor_seconds if options.range else None
@@ -132,28 +203,33 @@ def _proof(analysis: LimitAnalysis, labels: Bits, options: SolveOptions, stands:
     return analysis.prove(labels, FALLBACKS_BY_FRICTION[options.condense], stands=stands)
 
 
-# --- the ladder with rigid blocks ---------------------------------------------------------------------------
+# --- fallbacks with rigid blocks ----------------------------------------------------------------------------
 
 
 def _rigid_blocks(climb: ProofAttempt) -> None:
+    """Try the proof with rigid blocks and record its result, if any, in the attempt."""
     found = prove_condensed(cast(LimitAnalysis, climb.analysis), climb.labels)
     if found is not None:
         climb.take(found)
 
 
 def _strong(climb: ProofAttempt) -> bool:
+    """Return True if the inner faces are strong enough to start with rigid blocks."""
     return worth_condensing(climb.template, climb.labels)
 
 
 def _large(climb: ProofAttempt) -> bool:
+    """Return True if an open attempt with inner faces is large for its solver."""
     return climb.open and not climb.labels.all() and is_large(climb.template.structure)
 
 
 def _left(climb: ProofAttempt) -> bool:
+    """Return True if an open attempt with inner faces is not large for its solver."""
     return climb.open and not climb.labels.all() and not is_large(climb.template.structure)
 
 
 _OFFER: Final = "both sides by blocks that are rigid until shown otherwise: no rounding is left in their cracks"
+"""Description of the rigid-block fallback, shared by all entries of `FALLBACKS_BY_FRICTION`."""
 
 FALLBACKS_BY_FRICTION: Final[dict[str, tuple[Fallback, ...]]] = {
     "off": FALLBACKS,
@@ -166,4 +242,4 @@ FALLBACKS_BY_FRICTION: Final[dict[str, tuple[Fallback, ...]]] = {
         Fallback("rigid blocks: strengths far above some loads", _left, _rigid_blocks, _OFFER),
     ),
 }
-"""What is tried, in order, by `SolveOptions.condense`."""
+"""Fallbacks tried in order, by the value of `SolveOptions.condense` ("off", "on", "auto")."""

@@ -1,11 +1,11 @@
-"""The conic program of one labelling, and what a relabelling changes in it.
+"""Conic program of one labelling, and the template that a relabelling changes.
 
-- `Beside`: one equation beside equilibrium, scaled: row·F + dead + λ live = 0
-- `ConicProgram`: the numbers of one program
-- `Structure`: what all programs of one template share
-- `Template`: what does not depend on the labelling, scaled
-- `beginnings`: where each of some cones begins among their rows
-- `pack`: a program from sparse rows
+- `Beside`: one scaled equation in addition to equilibrium, row·F + dead + λ live = 0
+- `ConicProgram`: numbers of one conic program
+- `Structure`: sparsity and cones that all programs of one template share
+- `Template`: scaled data of an assembly that do not depend on the labelling
+- `beginnings`: return the first row of each cone
+- `pack`: make a conic program from sparse rows
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A conic program: its structure, and its numbers.
+"""Conic program: its structure and its numbers.
 
 minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones
 """
@@ -18,11 +18,23 @@ from jld_core.arrays import Floats, Ints
 
 @dataclass(frozen=True)
 class Structure:
-    """What all programs of one template share: sparsity of M (csc) and the cones.
+    """Sparsity of M (compressed columns) and cones that all programs of one template share.
 
-    shape: (rows, columns) of M. equalities: rows with s = 0. linear: rows with s ≥ 0 that follow. cones:
-    sizes of the second-order cones that follow. places: (equalities, d) where the element of each equation is,
-    a hint for orders of elimination; None where the equations are not those of elements.
+    Attributes
+    ----------
+    indices, indptr : int arrays
+        Row indices and column starts of M.
+    shape : (int, int)
+        Rows and columns of M.
+    equalities : int
+        Number of rows with s = 0; they come first.
+    linear : int
+        Number of rows with s ≥ 0; they follow.
+    cones : tuple of int
+        Sizes of the second-order cones, which come last.
+    places : (equalities, d) array or None
+        Coordinates of the element of each equation, a hint for the elimination order; None if equations have no
+        elements.
     """
 
     indices: Ints
@@ -35,12 +47,23 @@ class Structure:
 
     @property
     def heads(self) -> Ints:
-        """(cones,) the first row of each cone."""
+        """First row (cones,) of each cone."""
         return self.equalities + self.linear + beginnings(self.cones)
 
 
 def beginnings(sizes: Sequence[int]) -> Ints:
-    """(k,) where each of some cones begins among their rows, one after the other."""
+    """Return the first row of each of several cones whose rows follow one another.
+
+    Parameters
+    ----------
+    sizes : sequence of int
+        Number of rows of each cone.
+
+    Returns
+    -------
+    (k,) int array
+        First row of each cone; the first cone starts at 0.
+    """
     return np.cumsum([0, *sizes], dtype=np.int64)[:-1]
 
 
@@ -53,7 +76,28 @@ def pack(
     cones: tuple[int, ...],
     places: Floats | None = None,
 ) -> ConicProgram:
-    """A program of its own structure from sparse rows: equations, then inequalities, then cones."""
+    """Make a conic program with a structure of its own from sparse rows.
+
+    Parameters
+    ----------
+    rows : (rows, columns) sparse matrix
+        M: equations, then inequalities, then cones.
+    rhs : (rows,) array
+        Right-hand side r.
+    objective : (columns,) array
+        Objective q.
+    equalities, linear : int
+        Number of equations and of inequalities.
+    cones : tuple of int
+        Sizes of the second-order cones.
+    places : (equalities, d) array, optional
+        Coordinates of the element of each equation (see `Structure`).
+
+    Returns
+    -------
+    ConicProgram
+        The program.
+    """
     matrix = sp.csc_array(rows)
     matrix.sort_indices()
     shape = (int(matrix.shape[0]), int(matrix.shape[1]))
@@ -64,7 +108,19 @@ def pack(
 
 @dataclass(frozen=True)
 class ConicProgram:
-    """Numbers of one program: M's data in the structure's order, right-hand side r, objective q."""
+    """Numbers of one conic program.
+
+    Attributes
+    ----------
+    structure : Structure
+        Sparsity and cones.
+    data : (nnz,) array
+        Values of M in the order of the structure.
+    rhs : (rows,) array
+        Right-hand side r.
+    objective : (columns,) array
+        Objective q.
+    """
 
     structure: Structure
     data: Floats

@@ -1,10 +1,10 @@
-"""The conic program of one labelling, and what a relabelling changes in it.
+"""Template of the conic programs of one assembly: the data that do not depend on the labelling.
 
 minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order cones,   y = (F, extra, λ)
 
-The rows are equilibrium, then λ ≥ −c (which keeps the program feasible near zero and gives proofs of
-instability the right sign), then the yield rows. Structure is built once per assembly; a labelling only
-chooses, entry by entry, between two arrays of numbers.
+The rows are equilibrium, then λ ≥ −c, then the yield rows. The row λ ≥ −c keeps the program feasible near zero and
+gives proofs of instability the right sign. The structure is built once per assembly. A labelling chooses, entry by
+entry, between two arrays of numbers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,15 @@ from jld_core.tolerances import Precision
 
 @dataclass(frozen=True)
 class Beside:
-    """One equation beside equilibrium, scaled: row·F + dead + λ live = 0. row: (q·m,) of the resultants."""
+    """One scaled equation in addition to equilibrium: row·F + dead + λ live = 0.
+
+    Attributes
+    ----------
+    row : (q·m,) array
+        Coefficients of the resultants.
+    dead, live : float
+        Constant term and coefficient of λ.
+    """
 
     row: Floats
     dead: float
@@ -41,12 +49,36 @@ class Beside:
 
 
 class Template:
-    """Everything about an assembly that does not depend on the labelling, scaled.
+    """Scaled data of an assembly that do not depend on the labelling.
 
-    beside: one more equation, whose multiplier is the last velocity.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with one load case.
+    scaling : Scaling, optional
+        Default: `scaling_of(assembly)`.
+    sets : YieldSet, optional
+        Default: `yield_set(assembly, scaling)`.
+    beside : Beside, optional
+        One more equation, whose multiplier is the last velocity.
 
-    Attributes: assembly, scaling, yield_set; matrix A_eq (scaled, all resultants active), dead and live (the
-    scaled right-hand sides), floor (λ ≥ −floor, scaled), structure.
+    Attributes
+    ----------
+    assembly, scaling, yield_set, beside
+        As above.
+    matrix : sparse array
+        Scaled A_eq with all resultants active, and the row of `beside`.
+    dead, live : (q·free,) arrays
+        Scaled load vectors, one entry longer with `beside`.
+    floor : float
+        Lower limit of the program on scaled λ: λ ≥ −floor.
+    structure : Structure
+        Structure of all programs.
+
+    Raises
+    ------
+    ValueError
+        The assembly has load cases; make one template for each of `Assembly.by_case`.
     """
 
     def __init__(
@@ -73,14 +105,14 @@ class Template:
             self.dead = np.append(self.dead, beside.dead)
             self.live = np.append(np.zeros(len(self.live)), beside.live)
         self.matrix.sort_indices()
-        # a fraction of the weight, and not a round one: live loads that mirror the dead ones would otherwise
-        # make λ = −floor the edge of admissibility itself
+        # A fraction other than one of the weight: a live load that mirrors the dead load would otherwise put
+        # λ = −floor on the boundary of the admissible range.
         self.floor = 0.3 * (assembly.total_dead / self.scaling.force or 1.0)
         self._lay_out(self.yield_set)
 
     @property
     def precision(self) -> Precision:
-        """What to ask of an interior-point route on these programs."""
+        """Residual and margin that an interior-point method should use on these programs."""
         if not self.structure.cones:
             return tolerances.LINEAR
         strengths = self.assembly.strengths
@@ -88,13 +120,19 @@ class Template:
         return tolerances.CRUSHING if crushing else tolerances.FRICTION_CONES
 
     def renumbered(self, sets: YieldSet) -> Template:
-        """This template with another yield set, sharing all else; the structure too if its sparsity is the same."""
+        """Return this template with another yield set; everything else is shared.
+
+        The structure is shared too if the sparsity is the same.
+        """
         other = self.with_rows(sets)
         other.yield_set = sets
         return other
 
     def with_rows(self, rows: Rows) -> Template:
-        """This template with the rows of other sets in its programs; the structure too if their sparsity differs."""
+        """Return this template with rows of other yield sets; its `yield_set` stays.
+
+        The structure is shared if the sparsity is the same.
+        """
         other = copy.copy(self)
         other._lay_out(rows)
         old, new = self.structure, other.structure
@@ -105,10 +143,11 @@ class Template:
 
     @property
     def columns(self) -> int:
-        """Columns of the program: resultants, extra ones, λ."""
+        """Number of columns of the program (resultants, extra variables, λ)."""
         return self.structure.shape[1]
 
     def _lay_out(self, sets: Rows) -> None:
+        """Build the structure and the numbers under either label from the rows of yield sets."""
         pattern, matrix, q = sets.pattern, self.matrix, self.assembly.freedoms
         equalities, resultants = matrix.shape
         every = np.ones(len(self.assembly.interfaces), dtype=bool)
@@ -149,7 +188,7 @@ class Template:
         self._pressure[np.arange(0, resultants, q)] = -1.0
 
     def _places(self) -> Floats:
-        """(equations, d) where each equation is, for the order of elimination."""
+        """Return coordinates (equations, d) of each equation, for the elimination order."""
         elements = self.assembly.elements
         places = np.repeat(elements.centroid[elements.free], self.assembly.freedoms, axis=0)
         return places if self.beside is None else np.vstack([places, places.mean(axis=0)])
@@ -157,11 +196,24 @@ class Template:
     def program(
         self, labels: Bits, margin: float = 0.0, *, other: Template | None = None, taken: Bools | None = None
     ) -> ConicProgram:
-        """The program of one labelling: max λ over admissible forces.
+        """Return the program of one labelling: maximise λ over admissible forces.
 
-        labels: (m,) True dry. margin: every yield row keeps this slack and every normal force earns this
-        much, so that forces come out inside the yield sets and jumps come out opening (both scaled).
-        other: a template of the same structure, whose dry rows the faces `taken` (m,) have.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            True = dry.
+        margin : float
+            Scaled slack that every yield row keeps, and reward per unit of normal force. With it forces end inside the
+            yield sets and jumps end opening.
+        other : Template, optional
+            Template of the same structure whose dry rows apply to the faces `taken`.
+        taken : (m,) bool array, optional
+            Faces with the rows of `other`.
+
+        Returns
+        -------
+        ConicProgram
+            The program.
         """
         data = np.where(labels[self._face], self._dry, self._inner)
         rhs = np.where(labels[self._row_face], self._rhs_dry, self._rhs_inner)

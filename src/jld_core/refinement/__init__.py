@@ -1,7 +1,7 @@
-"""Elements split into cells, so that any structure becomes a grid of candidate faces.
+"""Refinement of elements into cells, which makes any structure a grid of candidate faces.
 
-- `KINDS`: what `jld new` makes, by name
-- `Refined`: A refined scene, the element each of its elements was cut from, by id, and what had to be given up
+- `KINDS`: names of the kinds of cells
+- `Refined`: refined scene, with the original element of each piece and notes
 - `refine`: split every free element of a scene into cells
 """
 

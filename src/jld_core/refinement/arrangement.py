@@ -1,4 +1,7 @@
-"""Planar elements cut by cells in one arrangement of lines, so that neighbours share their corners exactly."""
+"""Cutting of planar elements by cells in one arrangement of lines.
+
+Neighbouring parts share their corners exactly.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +17,19 @@ from jld_core.errors import InputError
 from jld_core.geometry import merge_points
 
 _GRID: Final = 1e-13
-"""Grid on which lines are cut, relative to the structure: near the rounding of its coordinates."""
+"""Grid width for cutting lines, relative to the structure: near the rounding of its coordinates."""
 
 _ON: Final = 1e-10
 """Distance, relative to the structure, within which a node lies on an outline."""
 
 _ONE: Final = 1e-6
-"""Distance, relative to a cell, within which nodes are one: a line that passes so near to a corner meets it."""
+"""Distance, relative to a cell, within which nodes merge, so that a line that nearly passes a corner meets it."""
 
 _LOST: Final = 1e-6
-"""Share of an element's area that may be lost or won where nodes become one."""
+"""Share of an element's area by which its parts may differ from it after nodes merge."""
 
 _Edge = tuple[tuple[float, ...], tuple[float, ...]]
+"""Edge of a polygon: two points."""
 
 
 def split_by_cells(
@@ -40,11 +44,11 @@ def split_by_cells(
     Parameters
     ----------
     ids : (n,) sequence of str
-        Names of the elements, for complaints.
+        Names of the elements, for error messages.
     outlines : sequence of (k, 2) arrays
         Elements that are cut.
     fixed : sequence of (k, 2) arrays
-        Elements that stay whole and whose corners nodes near them fall on.
+        Elements that stay whole; nodes near their corners merge with these.
     cells : sequence of shapely polygons
         Cells that cover all elements.
     size : float
@@ -86,7 +90,7 @@ def _faces(
     extent: float,
     size: float,
 ) -> list[shapely.Polygon]:
-    """Faces of the arrangement of all outlines and boundaries of cells."""
+    """Return the faces of the arrangement of all outlines and cell boundaries."""
     rings = [shapely.LinearRing(outline - origin) for outline in outlines]
     borders = shapely.transform(shapely.boundary(np.array(list(cells))), lambda points: points - origin)
     pieces = shapely.get_parts(shapely.union_all([*rings, *borders], grid_size=_GRID * extent))
@@ -102,9 +106,9 @@ def _faces(
 def _nodes(
     points: Floats, corners: Floats, rings: Sequence[shapely.LinearRing], extent: float, size: float
 ) -> tuple[Ints, Floats]:
-    """(k,) row of the place of each point, and places: corners as they are, then points.
+    """Return the row (k,) of each point in a table of places: unchanged corners, then points.
 
-    A node on an outline is never moved off it: points join corners first, then points on outlines, then others.
+    A node on an outline stays on it: points merge with corners first, then with points on outlines, then with others.
     """
     near = shapely.STRtree(list(rings)).query(shapely.points(points), predicate="dwithin", distance=_ON * extent)[0]
     on = np.zeros(len(points), dtype=bool)
@@ -112,7 +116,7 @@ def _nodes(
     order = np.argsort(~on, kind="stable")
     every = np.concatenate([corners, points[order]])
     merged = merge_points(every, _ONE * size)
-    # the first point of each node has its place
+    # the first point of each node gives its place
     first = np.full(int(merged.max()) + 1, len(every), dtype=np.int64)
     np.minimum.at(first, merged, np.arange(len(every)))
     node = np.empty(len(points), dtype=np.int64)
@@ -121,9 +125,9 @@ def _nodes(
 
 
 def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polygon]:
-    """Join parts smaller than an area to the neighbour they share most with; parts share their corners exactly.
+    """Join parts smaller than an area to the neighbour with the longest common boundary.
 
-    A part stays as it is where every neighbour would have a hole with it, or would be two.
+    Parts share their corners exactly. A part stays separate where every union would have a hole or two components.
     """
     parts, stuck = list(parts), set[bytes]()
     while len(parts) > 1:
@@ -143,7 +147,7 @@ def join_small(parts: list[shapely.Polygon], least: float) -> list[shapely.Polyg
 
 
 def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, shapely.Polygon] | None:
-    """Return the neighbour that a part shares the longest edges with, and both together; None where there is none."""
+    """Return the neighbour with the longest common boundary and the union of both, or None."""
     edges = _edges(part)
     lengths = [sum(float(np.hypot(*np.subtract(*edge))) for edge in edges & _edges(other)) for other in others]
     for index in sorted(range(len(others)), key=lambda k: -lengths[k]):
@@ -155,5 +159,6 @@ def _joined(part: shapely.Polygon, others: list[shapely.Polygon]) -> tuple[int, 
 
 
 def _edges(part: shapely.Polygon) -> set[_Edge]:
+    """Return the edges of a part's outer boundary, each with ordered ends."""
     points = [tuple(point) for point in shapely.get_coordinates(part.exterior).tolist()]
     return {(min(a, b), max(a, b)) for a, b in pairwise(points)}

@@ -1,4 +1,4 @@
-"""Elements split into cells, so that any structure becomes a grid of candidate faces."""
+"""Refinement of a scene: split elements into cells and transfer loads, labels and search."""
 
 from __future__ import annotations
 
@@ -18,14 +18,28 @@ from jld_core.refinement.tessellation import MOST, convex, cut, sectors, squares
 from jld_core.scene import Scene, parse_scene
 
 KINDS: Final = ("grid", "voronoi", "radial")
+"""Names of the kinds of cells; the last two are planar only."""
+
 BY: Final = ("block", "material")
+"""Names of the groups of old joints that a search must keep, for the parameter `by` of `refine`."""
+
 _LEAST: Final = 0.05
 """Share of a cell's area below which a piece joins its neighbour."""
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A refined scene, the element each of its elements was cut from, by id, and what had to be given up."""
+    """Refined scene, with the origin of its elements.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene of the pieces.
+    parent : dict of str to str
+        Id of the original element of each piece.
+    notes : tuple of str
+        Data of the original scene that could not be kept.
+    """
 
     scene: Scene
     parent: dict[str, str]
@@ -43,13 +57,35 @@ def refine(
 ) -> Refined:
     """Split every free element of a scene into cells; supports stay whole.
 
-    cell: sizes of a cell along the axes; one is enough. kind: "grid", "voronoi" (planar; about as large, from a seed)
-    or "radial" (planar; thickness of rings, and degrees of sectors, about a centre). by: what of the old joints the
-    search may not touch: "block", all faces between old blocks keep their label; "material", those between elements of
-    different density stay dry; None, none of them. The scene's own labelling stays what it was: pieces of an element
-    are joined by inner faces, and old faces keep their labels. Loads go to the pieces they act on, weights are shared
-    out by volume.
-    Raises InputError: sizes or kinds that do not fit the scene, an element that cannot be cut, or no inner material.
+    The scene's own labelling stays the same: inner faces join the pieces of an element, and old faces keep their
+    labels. Loads act on the piece at their point of application. Weights are distributed by volume.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with inner material, without stated interfaces and without "materials.faces".
+    cell : tuple of float
+        Sizes of a cell along the axes, length; one size suffices. "radial": ring thickness, and sector angle in
+        degrees.
+    kind : {"grid", "voronoi", "radial"}
+        Kind of cells. "voronoi" (planar): random cells of about this size. "radial" (planar): sectors of rings.
+    by : {"block", "material"} or None
+        Old joints that a search must keep. "block": all faces between old blocks keep their label. "material": faces
+        between elements of different density stay dry. None: no joints are kept.
+    centre : (float, float), optional
+        Centre of radial cells.
+    seed : int
+        Seed of the random numbers for Voronoi cells.
+
+    Returns
+    -------
+    Refined
+        Scene of the pieces, and the original element of each.
+
+    Raises
+    ------
+    InputError
+        Sizes or kinds do not fit the scene, an element cannot be cut, or the inner material is missing.
     """
     _check(scene, cell, kind, by, centre)
     assembly = build_assembly(scene)
@@ -70,6 +106,7 @@ def refine(
 
 
 def _check(scene: Scene, cell: tuple[float, ...], kind: str, by: str | None, centre: Any) -> None:
+    """Raise InputError for arguments that do not fit the scene."""
     if kind not in KINDS:
         raise InputError("--kind", f"no cells are named {kind!r}", "one of " + ", ".join(KINDS))
     if by is not None and by not in BY:
@@ -95,7 +132,7 @@ def _check(scene: Scene, cell: tuple[float, ...], kind: str, by: str | None, cen
 
 @dataclass(frozen=True)
 class _Piece:
-    """A part of an element: its geometry as a scene has it, and its share of the volume."""
+    """Part of an element: geometry keys of the scene, share of the volume, and shape."""
 
     keys: dict[str, Any]
     share: float
@@ -105,6 +142,7 @@ class _Piece:
 def _planar(
     assembly: Assembly, cell: tuple[float, ...], kind: str, centre: tuple[float, float] | None, seed: int
 ) -> list[list[_Piece]]:
+    """Cut all free planar elements into pieces."""
     elements = assembly.elements
     free = elements.free
     lower, upper = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
@@ -134,11 +172,15 @@ def _planar(
 
 
 def _width(kind: str, sizes: tuple[float, float]) -> float:
-    """Return the size of a cell that is a length: the second one of radial cells is an angle."""
+    """Return the second cell size that is a length.
+
+    Of radial cells this is the ring thickness, because their second size is an angle.
+    """
     return sizes[0] if kind == "radial" else sizes[1]
 
 
 def _spatial(assembly: Assembly, cell: tuple[float, ...]) -> list[list[_Piece]]:
+    """Cut all free spatial elements into pieces by planes along the axes."""
     elements = assembly.elements
     sizes = (cell[0], cell[min(1, len(cell) - 1)], cell[-1])
     lower = elements.lower[elements.free].min(axis=0)
@@ -169,6 +211,7 @@ def _spatial(assembly: Assembly, cell: tuple[float, ...]) -> list[list[_Piece]]:
 
 
 def _volume(vertices: Floats, faces: Faces) -> float:
+    """Compute the volume of a polyhedron."""
     total = 0.0
     for loop in faces:
         corners = vertices[list(loop)] - vertices[0]
@@ -181,6 +224,7 @@ def _volume(vertices: Floats, faces: Faces) -> float:
 def _elements(
     scene: Scene, assembly: Assembly, cut_up: list[list[_Piece]]
 ) -> tuple[list[dict[str, Any]], dict[str, str], list[str]]:
+    """Return scene entries of all pieces, the original element of each, and notes."""
     elements = assembly.elements
     given = {e.id: e.model_dump(mode="json", exclude_defaults=True) for e in scene.elements or []}
     entries, parent = [], {}
@@ -214,9 +258,10 @@ def _elements(
 
 
 def _loads(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[_Piece]]) -> dict[str, Any]:
-    """Loads with those on elements put on the piece where they act."""
+    """Transfer loads on elements to the pieces at their points of application."""
 
     def moved(entry: dict[str, Any]) -> dict[str, Any]:
+        """Return a load entry that refers to a piece."""
         if "element" not in entry:
             return entry
         k = assembly.elements.index[entry["element"]]
@@ -237,7 +282,7 @@ def _loads(loads: dict[str, Any], assembly: Assembly, cut_up: list[list[_Piece]]
 
 
 def _nearest(parts: list[_Piece], at: Floats) -> int:
-    """The piece that holds a place, or is nearest to it."""
+    """Return the piece that contains a place, or is nearest to it."""
     if len(at) == 2:
         away = [part.shape.distance(shapely.Point(at)) for part in parts]
         return int(np.argmin(np.round(away, 12)))
@@ -249,7 +294,7 @@ def _nearest(parts: list[_Piece], at: Floats) -> int:
 
 
 def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
-    """Faces between each pair of elements, by their names in order."""
+    """Return the faces between each pair of elements, by the sorted ids."""
     ids, faces = assembly.elements.ids, assembly.interfaces
     found: dict[tuple[str, str], list[int]] = {}
     for k, (a, b) in enumerate(zip(faces.a.tolist(), faces.b.tolist(), strict=True)):
@@ -258,7 +303,10 @@ def _old_faces(assembly: Assembly) -> dict[tuple[str, str], list[int]]:
 
 
 def _labels(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, list[list[str]]]:
-    """Labels by which every face is what it was; those that blocks say already are left out."""
+    """Return the label lists that preserve the label of every face.
+
+    Faces whose label already follows from blocks are left out.
+    """
     known = _old_faces(old)
     ids, faces = new.elements.ids, new.interfaces
     lists: dict[str, list[list[str]]] = {"inner": [], "dry": []}
@@ -277,7 +325,7 @@ def _labels(old: Assembly, new: Assembly, parent: dict[str, str]) -> dict[str, l
 def _search(
     search: dict[str, Any], scene: Scene, old: Assembly, new: Assembly, parent: dict[str, str], by: str | None
 ) -> dict[str, Any]:
-    """The search with its pairs told by pieces, and old joints kept as asked."""
+    """Transfer the search to the pieces, and keep old joints as `by` requires."""
     ids, faces = new.elements.ids, new.interfaces
     couples = [(ids[a], ids[b]) for a, b in zip(faces.a.tolist(), faces.b.tolist(), strict=True)]
     by_parents: dict[tuple[str, str], list[list[str]]] = {}
@@ -286,6 +334,7 @@ def _search(
         by_parents.setdefault((one, two), []).append([a, b])
 
     def pieces_of(pairs: list[list[str]]) -> list[list[str]]:
+        """Return the pairs of pieces that touch between pairs of original elements."""
         return [pair for one, two in pairs for pair in by_parents.get((min(one, two), max(one, two)), [])]
 
     if isinstance(search.get("candidates"), list):
@@ -309,7 +358,7 @@ def _search(
 
 
 def _densities(scene: Scene, assembly: Assembly) -> dict[str, float]:
-    """Weight over volume of each element, by name; supports without weight as nan-free zero."""
+    """Compute weight over volume of each element by id; 0 for supports without weight."""
     weight = np.linalg.norm(assembly.elements.weight, axis=1)
     rate = weight / np.where(assembly.elements.volume > 0.0, assembly.elements.volume, 1.0)
     return dict(zip(assembly.elements.ids, rate.tolist(), strict=True))

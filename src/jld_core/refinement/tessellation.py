@@ -1,4 +1,4 @@
-"""Cells that cover a region: squares, Voronoi cells, sectors of rings; and convex polyhedra cut by planes."""
+"""Cells that cover a region (rectangles, Voronoi, sectors), and cuts of convex polyhedra."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from jld_core.errors import InputError
 from jld_core.geometry import Faces, facets_of
 
 MOST: Final = 100_000
-"""Cells that a refinement may make."""
+"""Largest number of cells of a refinement."""
 
 _ROUNDS: Final = 3
-"""Rounds of moving seeds to the middles of their cells, which makes Voronoi cells alike."""
+"""Number of Lloyd iterations (seeds move to the centroids of their cells), which equalise Voronoi cells."""
 
 _ON: Final = 1e-9
-"""Distance from a plane, relative to a solid, at which a corner lies in it."""
+"""Distance from a plane, relative to a solid, up to which a corner lies in the plane."""
 
 
 def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[shapely.Polygon]:
-    """Rectangles of a size from the lower left corner on, row by row."""
+    """Cover a box with rectangles of a given size, row by row from the lower left corner."""
     counts = [
         max(1, int(np.ceil((high - low) / size - 1e-9))) for low, high, size in zip(lower, upper, cell, strict=True)
     ]
@@ -33,7 +33,10 @@ def squares(lower: Floats, upper: Floats, cell: tuple[float, float]) -> list[sha
 
 
 def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> list[shapely.Polygon]:
-    """Voronoi cells of about a size, of seeds drawn at random in a region and spread out."""
+    """Cover a region with Voronoi cells of about a given size.
+
+    Seeds are drawn at random in the region and spread by Lloyd iterations.
+    """
     count = max(2, round(region.area / (cell[0] * cell[1])))
     _refuse(count)
     rng = np.random.default_rng(seed)
@@ -56,16 +59,16 @@ def voronoi(region: shapely.Geometry, cell: tuple[float, float], seed: int) -> l
 def sectors(
     lower: Floats, upper: Floats, cell: tuple[float, float], centre: tuple[float, float]
 ) -> list[shapely.Polygon]:
-    """Sectors of rings about a centre: as thick as the first size, as wide as the second, in degrees; chords for arcs.
+    """Cover a box with sectors of rings about a centre, with chords for arcs.
 
-    Raises InputError for an angle that does not go round.
+    cell: ring thickness, length, and sector angle, degrees. Raises InputError for an angle above 120 degrees.
     """
     thick, angle = cell
     if not angle <= 120.0:
         raise InputError("--cell", f"sectors of {angle:g} degrees are no sectors", "at most 120 degrees")
     corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
     turns = max(3, round(360.0 / angle))
-    # chords lie inside their circle, so the last ring is further out
+    # chords lie inside their circle, so that the last ring must be larger
     far = float(np.linalg.norm(corners - centre, axis=1).max()) / np.cos(np.pi / turns)
     rings = max(1, int(np.ceil(far / thick)))
     _refuse(rings * turns)
@@ -82,12 +85,16 @@ def sectors(
 
 
 def _refuse(count: float) -> None:
+    """Raise InputError for too many cells."""
     if count > MOST:
         raise InputError("--cell", f"that makes {count:.3g} cells", f"at most {MOST}")
 
 
 def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[tuple[Floats, Faces]]:
-    """A convex polyhedron on either side of the plane n·x = offset; itself where the plane does not cross it."""
+    """Cut a convex polyhedron by the plane n·x = offset.
+
+    Returns both parts, or the polyhedron itself where the plane does not cross it.
+    """
     height = vertices @ normal - offset
     size = float(np.ptp(vertices, axis=0).max())
     height = np.where(np.abs(height) <= _ON * size, 0.0, height)
@@ -97,11 +104,15 @@ def cut(vertices: Floats, faces: Faces, normal: Floats, offset: float) -> list[t
 
 
 def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tuple[Floats, Faces]:
-    """What lies above a plane, with the cut as a face."""
+    """Return the part of a polyhedron above a plane, with the cut as a face.
+
+    height: (k,) of the vertices above the plane. normal: (3,) upward.
+    """
     points: list[Floats] = []
     place: dict[tuple[int, int], int] = {}
 
     def number(key: tuple[int, int], point: Floats) -> int:
+        """Return the index of a new vertex, adding it at first use."""
         if key not in place:
             place[key] = len(points)
             points.append(point)
@@ -118,7 +129,7 @@ def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tup
                 if height[a] == 0.0:
                     rim.add(index)
             if height[a] * height[b] < 0.0:
-                # from the lower number to the higher, so that both sides find the same point
+                # interpolate from the lower to the higher vertex number, so that both parts get the same point
                 i, j = min(a, b), max(a, b)
                 share = height[i] / (height[i] - height[j])
                 index = number((i, j), vertices[i] + share * (vertices[j] - vertices[i]))
@@ -133,13 +144,13 @@ def _half(vertices: Floats, faces: Faces, height: Floats, normal: Floats) -> tup
     e1 /= np.linalg.norm(e1)
     e2 = np.cross(normal, e1)
     angle = np.arctan2((table[around] - middle) @ e2, (table[around] - middle) @ e1)
-    # seen from below, against the normal, so that the face looks out
+    # clockwise about the normal, so that the face is outward
     loops.append(tuple(around[k] for k in np.argsort(-angle, kind="stable").tolist()))
     return table, tuple(loops)
 
 
 def convex(vertices: Floats, faces: Faces) -> bool:
-    """Whether a polyhedron lies behind each of its own faces."""
+    """Return True if a polyhedron lies behind each of its own faces."""
     facets = facets_of([vertices], [faces])
     size = float(np.ptp(vertices, axis=0).max())
     over = np.einsum("fd,fvd->fv", facets.normal, vertices[None] - facets.origin[:, None])

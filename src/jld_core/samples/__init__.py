@@ -1,15 +1,15 @@
-"""Parametric structures of use to anyone, by name: `jld new NAME` and the same in Python.
+"""Parametric sample structures, for `jld new NAME` and for Python.
 
-- `KINDS`: what `jld new` makes, by name
+- `KINDS`: functions that make samples, by name
 - `Stone`: material of a sample
-- `arch`: an arch of voussoirs in rings
-- `box`: a spatial element between two corners
-- `buttress`: a buttress under a thrust
-- `dome`: a faceted dome
-- `flat_arch`: a flat arch of wedges
-- `grid`: a rectangle of equal cells
-- `vault`: a vault over a semicircle
-- `wall`: a wall of courses in a bond
+- `arch`: make a circular arch of voussoirs in rings
+- `box`: make a spatial box element between two corners
+- `buttress`: make a buttress under a thrust
+- `dome`: make a faceted dome
+- `flat_arch`: make a flat arch of wedges
+- `grid`: make a rectangle of equal cells
+- `vault`: make a barrel vault or a cross vault
+- `wall`: make a wall of courses in a bond
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KINDS: Final[dict[str, Callable[..., Scene]]] = {
     "buttress": buttress,
     "grid": grid,
 }
-"""What `jld new` makes, by name."""
+"""Functions that make samples, by the name used in `jld new`."""
 
 __all__ = [
     "KINDS",

@@ -1,4 +1,4 @@
-"""Bonds: where the joints of a course stand, course by course."""
+"""Masonry bonds: positions of the head joints, course by course."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ from jld_core.arrays import Floats
 from jld_core.errors import InputError
 
 BONDS: Final = ("running", "third", "stack", "english", "flemish")
-"""running: half a stretcher on in every second course; third: a third on, then two; stack: all joints in line;
-english: a course of stretchers, a course of headers; flemish: stretcher and header by turns in each course, headers
-over the middle of stretchers."""
+"""Names of the bonds.
+
+running: every second course shifted by half a stretcher. third: courses shifted by 0, 1/3 and 2/3 of a stretcher.
+stack: all head joints in line. english: courses of stretchers and of headers alternate. flemish: stretchers and headers
+alternate in each course, headers over the middle of stretchers.
+"""
 
 _SLIVER: Final = 0.25
 """Shortest piece at the end of a course, in stretchers; a shorter one joins its neighbour."""
 
 
 def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
-    """(k + 1,) ends of the stones of one course, from 0 to its length, ascending.
+    """Return the ends (k + 1,) of the stones of one course, ascending from 0 to its length.
 
-    bond: one of BONDS. number: of the course, from 0. length, stretcher: lengths.
-    Raises InputError for an unknown bond.
+    bond: one of BONDS. number: of the course, from 0. length, stretcher: lengths. Raises InputError for an unknown
+    bond.
     """
     if bond not in BONDS:
         raise InputError("--bond", f"no bond is named {bond!r}", "one of " + ", ".join(BONDS))
@@ -43,7 +46,10 @@ def course(bond: str, number: int, length: float, stretcher: float) -> Floats:
 
 
 def without(pieces: list[tuple[float, float]], left: float, right: float, least: float) -> list[tuple[float, float]]:
-    """Stones of a course less [left, right]; a stump shorter than `least` joins the stone beside it."""
+    """Remove the interval [left, right] from the stones of a course.
+
+    A remainder shorter than `least` joins the adjacent stone.
+    """
     before = [(float(a), float(min(b, left))) for a, b in pieces if a < left - 1e-12]
     after = [(float(max(a, right)), float(b)) for a, b in pieces if b > right + 1e-12]
     if len(before) > 1 and before[-1][1] - before[-1][0] < least:

@@ -1,4 +1,4 @@
-"""Candidate grids in the plane, by name: arches, flat arches, buttresses, walls in their bonds, plain grids."""
+"""Planar samples: arches, flat arches, buttresses, walls in bonds, and grids."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from jld_core.samples.stone import Stone, cap, check, choose, count, materials, 
 from jld_core.scene import Scene, parse_scene
 
 _RINGS: Final = ("stack", "running")
+"""Names of the bonds of an arch."""
 
 
 def arch(
@@ -27,16 +28,29 @@ def arch(
     load: str = "push",
     stone: Stone | None = None,
 ) -> Scene:
-    """A circular arch of voussoirs in rings, between two springers that are supports.
+    """Make a circular arch of voussoirs in rings, between two springers that are supports.
 
-    radius: of the centreline.
-    thickness: of all rings together.
+    Parameters
+    ----------
+    radius: radius of the centreline, m.
+    thickness: thickness of all rings together, m.
     embrace: angle from springing to springing, degrees; 180 is a semicircle.
-    voussoirs: cells along the arch.
-    rings: cells across it; ring 0 is the innermost.
-    depth: out of plane.
-    bond: stack (joints of all rings in line) or running (every second ring half a voussoir on).
-    load: push (horizontal body load), crown or quarter (1 N downwards there).
+    voussoirs: number of cells along the arch.
+    rings: number of cells across the arch; ring 0 is the innermost.
+    depth: out-of-plane depth, m.
+    bond: stack (joints of all rings in line) or running (every second ring shifted by half a voussoir).
+    load: push (horizontal body load), crown or quarter (1 N downwards at that place).
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension, count or name is invalid.
     """
     check(radius=radius, thickness=thickness, depth=depth)
     count(1, voussoirs=voussoirs, rings=rings)
@@ -67,6 +81,7 @@ def arch(
 
 
 def _on_circle(radius: float, angles: Floats) -> Floats:
+    """Return the points (k, 2) at angles (k,) on a circle about the origin."""
     return float(radius) * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
@@ -80,15 +95,28 @@ def flat_arch(
     load: str = "crown",
     stone: Stone | None = None,
 ) -> Scene:
-    """A flat arch of wedges whose joints run towards one point below, between two raked springers.
+    """Make a flat arch of wedges between raked springers, with joints directed to one point.
 
-    span: clear, at the soffit.
-    height: of the arch.
-    voussoirs: wedges.
-    rings: layers of cells over the height.
-    focus: how far below the soffit the joints would meet.
-    depth: out of plane.
-    load: push, crown or quarter.
+    Parameters
+    ----------
+    span: clear span at the soffit, m.
+    height: height of the arch, m.
+    voussoirs: number of wedges.
+    rings: number of layers of cells over the height.
+    focus: distance below the soffit of the point where the joints would meet, m.
+    depth: out-of-plane depth, m.
+    load: push (horizontal body load), crown or quarter (1 N downwards at that place).
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension, count or name is invalid.
     """
     check(span=span, height=height, focus=focus, depth=depth)
     count(1, voussoirs=voussoirs, rings=rings)
@@ -97,6 +125,7 @@ def flat_arch(
     soffit = np.linspace(-span / 2.0, span / 2.0, voussoirs + 1)
 
     def at(x: float, y: float) -> list[float]:
+        """Return the point at height y on the joint line through x at the soffit."""
         return [float(x * (focus + y) / focus), float(y)]
 
     elements: list[dict[str, Any]] = [
@@ -123,16 +152,29 @@ def buttress(
     depth: float = 1.0,
     stone: Stone | None = None,
 ) -> Scene:
-    """A buttress with a battered back on a footing, under a thrust on its upright face.
+    """Make a buttress with a battered back on a footing, under a thrust on its upright face.
 
-    height: above the footing.
-    base: width at the foot.
-    top: width at the top.
-    courses: rows of cells.
-    columns: cells in a row.
+    Parameters
+    ----------
+    height: height above the footing, m.
+    base: width at the foot, m.
+    top: width at the top, m.
+    courses: number of rows of cells.
+    columns: number of cells in a row.
     thrust: height of the thrust, as a share of the height.
-    rise: slope of the thrust, vertical over horizontal, downwards.
-    depth: out of plane.
+    rise: slope of the thrust, vertical over horizontal, positive downwards.
+    depth: out-of-plane depth, m.
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension or count is invalid.
     """
     check(height=height, base=base, top=top, depth=depth)
     count(1, courses=courses, columns=columns)
@@ -143,6 +185,7 @@ def buttress(
     width = base + (top - base) * levels / height
 
     def at(level: int, column: int) -> list[float]:
+        """Return the corner at a level and a column."""
         return [float(width[level] * column / columns), float(levels[level])]
 
     elements: list[dict[str, Any]] = [
@@ -177,17 +220,30 @@ def wall(
     load: str = "push",
     stone: Stone | None = None,
 ) -> Scene:
-    """A wall of courses in a bond on a footing, with or without an opening under a lintel.
+    """Make a wall of courses in a bond on a footing, optionally with an opening and lintel.
 
-    courses: from bottom to top.
-    length: of the wall.
-    brick: length of a stretcher; a header is half as long.
-    height: of a course.
+    Parameters
+    ----------
+    courses: number of courses, from bottom to top.
+    length: length of the wall, m.
+    brick: length of a stretcher, m; a header is half as long.
+    height: height of a course, m.
     bond: running, third, stack, english or flemish.
-    depth: out of plane.
-    opening: x,y,width,height of its lower left corner and size; it reaches from bed joint to bed joint.
-    bearing: how far the lintel reaches into the wall on either side.
-    load: push, crown or quarter.
+    depth: out-of-plane depth, m.
+    opening: x,y,width,height: lower left corner and size, m; rounded to whole courses.
+    bearing: length by which the lintel extends into the wall on either side, m.
+    load: push (horizontal body load), crown or quarter (1 N downwards at that place).
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension, count or name is invalid, or the opening does not fit.
     """
     check(length=length, brick=brick, height=height, depth=depth, bearing=bearing)
     count(1, courses=courses)
@@ -215,7 +271,7 @@ def wall(
 
 
 def _opening(text: str, courses: int, height: float, length: float) -> tuple[float, float, int, int]:
-    """Left, right, first course and the one of the lintel of an opening given as x,y,width,height."""
+    """Return left, right, first course and lintel course of an opening x,y,width,height."""
     try:
         x, y, wide, tall = (float(part) for part in text.split(","))
     except ValueError:
@@ -239,16 +295,29 @@ def grid(
     load: str = "push",
     stone: Stone | None = None,
 ) -> Scene:
-    """A rectangle of equal cells.
+    """Make a rectangle of equal cells.
 
-    columns: cells in a row.
-    rows: of cells.
-    cell: width of a cell.
-    height: of a cell, default its width.
-    depth: out of plane.
+    Parameters
+    ----------
+    columns: number of cells in a row.
+    rows: number of rows of cells.
+    cell: width of a cell, m.
+    height: height of a cell, m; default its width.
+    depth: out-of-plane depth, m.
     support: bottom (a row below), ends (a column at either side), or bearings (one cell below either end).
-    block: cells of a row that make a block of the scene's own labelling.
-    load: push, crown or quarter.
+    block: number of consecutive cells of a row that form a block of the scene's own labelling.
+    load: push (horizontal body load), crown or quarter (1 N downwards at that place).
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension, count or name is invalid.
     """
     tall = cell if height is None else height
     check(cell=cell, height=tall, depth=depth)

@@ -1,4 +1,4 @@
-"""What all samples share: what they are made of, how they are loaded, and how a cell of a ring is put together."""
+"""Common parts of all samples: material, loads, checks of options, and swept elements."""
 
 from __future__ import annotations
 
@@ -15,7 +15,19 @@ from jld_core.scene import Scene, parse_scene
 
 @dataclass(frozen=True)
 class Stone:
-    """Material of a sample: kg/m³, coefficient, and σt and τ of inner faces in Pa."""
+    """Material of a sample.
+
+    Attributes
+    ----------
+    density : float
+        Density, kg/m³.
+    friction : float
+        Friction coefficient of dry joints.
+    tension : float
+        Tensile strength σt of inner faces, Pa.
+    shear : float
+        Shear strength τ of inner faces, Pa.
+    """
 
     density: float = 2000.0
     friction: float = 0.6
@@ -24,34 +36,37 @@ class Stone:
 
 
 MOST: Final = 100_000
-"""Elements that a sample may have."""
+"""Largest number of elements of a sample."""
 
 LOADS: Final = ("push", "crown", "quarter")
-"""push: a horizontal body load; crown, quarter: 1 N downwards on what lies highest there, on its upper side."""
+"""Names of the live loads.
+
+push: horizontal body load. crown, quarter: 1 N downwards on the upper side of the highest element at that place.
+"""
 
 
 def check(**values: float) -> None:
-    """Raise InputError for a measure that is not above 0, by the name of its option."""
+    """Raise InputError for a dimension that is not above 0, named by its option."""
     for name, value in values.items():
         if not (value > 0.0 and np.isfinite(value)):
             raise InputError(f"--{name.replace('_', '-')}", f"{value:g} is wrong", "a number above 0")
 
 
 def count(least: int, **values: int) -> None:
-    """Raise InputError for a number of parts that is too small or past all reason."""
+    """Raise InputError for a number of parts below `least` or above `MOST`."""
     for name, value in values.items():
         if not least <= value <= MOST:
             raise InputError(f"--{name.replace('_', '-')}", f"{value} is wrong", f"a number from {least} to {MOST}")
 
 
 def cap(elements: float) -> None:
-    """Raise InputError for more elements than any search or solve is for, before they are made."""
+    """Raise InputError for more than `MOST` elements, before they are made."""
     if elements > MOST:
         raise InputError("jld new", f"that would be {elements:.3g} elements", f"at most {MOST}")
 
 
 def choose(option: str, value: str, allowed: Sequence[str]) -> None:
-    """Raise InputError for a word that is none of those allowed."""
+    """Raise InputError for a name that is not allowed."""
     if value not in allowed:
         raise InputError(f"--{option}", f"{value!r} is unknown", "one of " + ", ".join(allowed))
 
@@ -59,9 +74,9 @@ def choose(option: str, value: str, allowed: Sequence[str]) -> None:
 def scene_of(
     name: str, elements: list[dict[str, Any]], stone: Stone, load: str, *, depth: float | None = None
 ) -> Scene:
-    """A scene of these elements, all of their faces between free ones open to a search.
+    """Return a scene of elements with material and live load.
 
-    depth: out of plane, planar elements. load: one of LOADS. Raises InputError for another load.
+    depth: out-of-plane depth of planar elements. load: one of LOADS. Raises InputError for another load.
     """
     choose("load", load, LOADS)
     spatial = "vertices" in elements[0]
@@ -77,7 +92,7 @@ def scene_of(
 
 
 def materials(stone: Stone) -> dict[str, Any]:
-    """The "materials" of a scene."""
+    """Return the "materials" of a scene."""
     return {
         "density": stone.density,
         "dry": {"friction_coefficient": stone.friction},
@@ -86,6 +101,7 @@ def materials(stone: Stone) -> dict[str, Any]:
 
 
 def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict[str, Any]]:
+    """Return the "live" loads of a scene."""
     if load == "push":
         return [{"body": [1.0, 0.0, 0.0] if spatial else [1.0, 0.0]}]
     shapes = [np.array(e["vertices" if spatial else "polygon"]) for e in elements]
@@ -96,8 +112,9 @@ def _live(elements: list[dict[str, Any]], load: str, spatial: bool) -> list[dict
     x = middle[0] if load == "crown" else low[0] + 0.25 * (high[0] - low[0])
     place = np.array([x, *middle[1:]])
 
-    # in the plane of the arch first, then as high as there is
+    # planar: the highest element at x; spatial: the element nearest to the place in plan, then the highest
     def worth(k: int) -> tuple[float, float]:
+        """Return the distance of an element from the place in plan, and its negative height."""
         aside = np.abs(shapes[k].mean(axis=0) - place)[:-1].max()
         return round(float(aside), 9), -float(shapes[k][:, -1].max())
 
@@ -127,7 +144,22 @@ def _top_at(outline: Floats, x: float) -> float:
 
 
 def box(name: str, low: Sequence[float], high: Sequence[float], **keys: Any) -> dict[str, Any]:
-    """A spatial element between two corners of a box."""
+    """Make a spatial box element between two corners.
+
+    Parameters
+    ----------
+    name : str
+        Id of the element.
+    low, high : (3,) sequence of float
+        Corners, scene units.
+    **keys : Any
+        Further keys of the element, such as `support`.
+
+    Returns
+    -------
+    dict
+        Entry of "elements" in a scene.
+    """
     ends = (low, high)
     corners = [[ends[i][0], ends[j][1], ends[k][2]] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
     faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
@@ -135,7 +167,7 @@ def box(name: str, low: Sequence[float], high: Sequence[float], **keys: Any) -> 
 
 
 def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
-    """A spatial element through plane four-cornered sections, one after the other.
+    """Make a spatial element through consecutive plane four-cornered sections.
 
     sections: (k, 4, 3), k ≥ 2, corners in the same order; each side between two sections must be plane.
     """
@@ -148,8 +180,10 @@ def swept(name: str, sections: Floats, **keys: Any) -> dict[str, Any]:
 
 
 def steps(parts: int, offset: bool) -> list[tuple[int, ...]]:
-    """Stations 0 … 2·parts that each part of a ring runs through: two half steps, beginning half a part later in a
-    ring that is offset, whose ends are halves."""
+    """Return the stations 0 … 2·parts that each part of a ring spans, two half steps each.
+
+    In a ring with offset, parts begin half a part later and both ends are half parts.
+    """
     if not offset:
         return [(2 * k, 2 * k + 1, 2 * k + 2) for k in range(parts)]
     return [(0, 1), *((2 * k - 1, 2 * k, 2 * k + 1) for k in range(1, parts)), (2 * parts - 1, 2 * parts)]

@@ -1,4 +1,4 @@
-"""Candidate grids in space, by name: barrel and cross vaults, faceted domes."""
+"""Spatial samples: barrel and cross vaults, faceted domes."""
 
 from __future__ import annotations
 
@@ -23,17 +23,30 @@ def vault(
     load: str = "push",
     stone: Stone | None = None,
 ) -> Scene:
-    """A vault over a semicircle: a barrel along y, or two barrels that cross over a square bay.
+    """Make a semicircular vault: a barrel along y, or two barrels crossing over a square bay.
 
+    Parameters
+    ----------
     kind: barrel or cross.
-    radius: of the centreline.
-    thickness: of the shell.
-    length: of the barrel; cross: how far each web reaches beyond the outside of the springing, on either side.
-    voussoirs: cells of the arch from springing to springing; cross: even, half of them in each half web.
-    courses: cells along the barrel, or along each half web from the groin outwards.
-    springing: angle at which the vault begins, degrees above the horizontal; below is support.
-    bond: stack, or running (barrel: every second course half a voussoir on).
-    load: push, crown or quarter.
+    radius: radius of the centreline, m.
+    thickness: thickness of the shell, m.
+    length: length of the barrel, m; cross: extension of each web beyond the outside of the springing, on either side.
+    voussoirs: number of cells from springing to springing; cross: even, half of them in each half web.
+    courses: number of cells along the barrel, or along each half web from the groin outwards.
+    springing: angle at which the vault begins, degrees above the horizontal; supports lie below.
+    bond: stack, or running (barrel: every second course shifted by half a voussoir).
+    load: push (horizontal body load), crown or quarter (1 N downwards at that place).
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension, count or name is invalid.
     """
     check(radius=radius, thickness=thickness, length=length)
     count(1, voussoirs=voussoirs, courses=courses)
@@ -57,12 +70,14 @@ def vault(
 def _barrel(
     inner: float, outer: float, length: float, voussoirs: int, courses: int, first: float, running: bool
 ) -> list[dict[str, Any]]:
+    """Return the elements of a barrel vault along y."""
     fine = 2 if running else 1
     angles = np.linspace(np.pi - first, first, fine * voussoirs + 1)
     spread = float(angles[0] - angles[fine])
     places = np.linspace(0.0, length, courses + 1)
 
     def cell(name: str, at: np.ndarray[Any, Any], y0: float, y1: float, **keys: Any) -> dict[str, Any]:
+        """Return one voussoir through the given angles, from y0 to y1."""
         corners = ((inner, y0), (outer, y0), (outer, y1), (inner, y1))
         sections = np.array([[[r * np.cos(a), y, r * np.sin(a)] for r, y in corners] for a in at])
         return swept(name, sections, **keys)
@@ -77,13 +92,16 @@ def _barrel(
 
 
 def _cross(inner: float, outer: float, reach: float, half: int, courses: int, first: float) -> list[dict[str, Any]]:
-    """Eight half webs, from groin to end; in each the cells of the lowest row stand on supports of their own."""
+    """Return the elements of a cross vault: eight half webs, from groin to end.
+
+    The lowest cells of each half web stand on separate supports.
+    """
     end = outer + reach
     angles = np.linspace(first, np.pi / 2.0, half + 1)
     spread = float(angles[1] - angles[0])
     shares = np.linspace(0.0, 1.0, courses + 1)
     elements = []
-    # along: the axis of the barrel; side: which half of the web; way: towards which end
+    # along: axis of the barrel; side: half of the web; way: direction of its end
     for along in (0, 1):
         for way in (1, -1):
             for side in (1, -1):
@@ -92,7 +110,7 @@ def _cross(inner: float, outer: float, reach: float, half: int, courses: int, fi
                     angle: float, radius: float, share: float, along: int = along, way: int = way, side: int = side
                 ) -> list[float]:
                     across = radius * np.cos(angle)
-                    # on the groin both barrels are equally far from the middle
+                    # at the groin both barrels have the same distance from the middle
                     run = share * end + (1.0 - share) * across
                     place = [way * run, side * across] if along == 0 else [side * across, way * run]
                     return [float(place[0]), float(place[1]), float(radius * np.sin(angle))]
@@ -123,16 +141,31 @@ def dome(
     load: str = "push",
     stone: Stone | None = None,
 ) -> Scene:
-    """A faceted dome of cells between meridians and parallels, open at the top, on a ring of supports.
+    """Make a faceted dome of cells between meridians and parallels, with an oculus.
 
-    radius: of the middle surface.
-    thickness: of the shell.
-    meridians: cells in a ring.
-    parallels: rings of cells.
+    Its lowest ring stands on a ring of supports.
+
+    Parameters
+    ----------
+    radius: radius of the middle surface, m.
+    thickness: thickness of the shell, m.
+    meridians: number of cells in a ring.
+    parallels: number of rings of cells.
     springing: angle at which the dome begins, degrees above the horizontal.
     oculus: half angle of the opening at the top, degrees from the vertical.
-    bond: stack, or running (every second ring half a cell on).
-    load: push, crown or quarter.
+    bond: stack, or running (every second ring shifted by half a cell).
+    load: push (horizontal body load), crown or quarter (1 N downwards at that place).
+    stone: material; None for the default of `Stone`.
+
+    Returns
+    -------
+    Scene
+        Validated scene in m and N.
+
+    Raises
+    ------
+    InputError
+        A dimension, count or name is invalid.
     """
     check(radius=radius, thickness=thickness, oculus=oculus)
     count(3, meridians=meridians)
@@ -152,6 +185,7 @@ def dome(
     spread = float(heights[1] - heights[0])
 
     def cell(name: str, at: list[int], low: float, high: float, **keys: Any) -> dict[str, Any]:
+        """Return one cell between two heights, through the given meridians."""
         corners = ((inner, low), (inner, high), (outer, high), (outer, low))
         sections = [
             [[r * np.cos(h) * np.cos(t), r * np.cos(h) * np.sin(t), r * np.sin(h)] for r, h in corners]

@@ -1,22 +1,22 @@
-"""The scene file: its keys, how it is read, and what is said of a wrong one.
+"""Scene files: keys, reading, validation and error messages.
 
-- `BodyLoad`: weight times a vector on all elements
-- `Contact`: an interface given by hand
-- `Dry`: material of joints
-- `DryFace`: its values for the faces between two elements
-- `Element`: one rigid element
+- `BodyLoad`: load on all free elements, as a multiple of their weight
+- `Contact`: interface stated in the scene
+- `Dry`: material of dry joints
+- `DryFace`: joint values for the faces between two elements
+- `Element`: rigid element
 - `FaceMaterial`: material of the faces between two elements
-- `Grid`: planar cells
-- `Inner`: material of crack planes
-- `InnerFace`: its values for the faces between two elements
+- `Grid`: planar grid of cells
+- `Inner`: material of inner faces (potential cracks)
+- `InnerFace`: inner-face values for the faces between two elements
 - `Materials`: weights and strengths
-- `PointLoad`: a force on one element
-- `Scene`: a scene file, validated
-- `Search`: what may be relabelled
-- `at_low`: the scene with the low values of its materials
-- `lies_within_apex`: refuse a tensile strength that friction cuts off
-- `load_scene`: file → Scene
-- `parse_scene`: dictionary → Scene
+- `PointLoad`: force and moment on one element
+- `Scene`: validated scene file
+- `Search`: candidates, limits and objectives of a search
+- `at_low`: return the scene with the low values of its materials
+- `lies_within_apex`: refuse a tensile strength beyond the apex of the friction cone
+- `load_scene`: read and validate a scene file
+- `parse_scene`: validate a scene given as a dictionary
 """
 
 from __future__ import annotations

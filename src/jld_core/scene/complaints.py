@@ -1,4 +1,4 @@
-"""A wrong key → one line: which, what is wrong, what is expected."""
+"""Conversion of pydantic errors to one-line messages: key, problem, expected value."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ _EXPECTED = {
     "dict_type": "an object",
     "model_type": "an object",
 }
+"""Expected values in words, by type of pydantic error."""
 
 
 def first_complaint(error: ValidationError, model: type[BaseModel], known: Iterable[str] = ()) -> InputError:
-    """The complaint that says most, with its key path.
+    """Return the most informative validation error as an InputError with its key path.
 
-    model: what was validated; known: more keys that its top level may have.
-    Where a value may have several forms pydantic complains once for each; the deepest path is the form
-    the writer had in mind, the names of the forms are taken out of it, and where no form fits any better
-    than the others all are named.
+    model: the validated model; known: further keys that its top level may have. Where a value may have several forms,
+    pydantic reports one error for each. The deepest path belongs to the form that was probably meant, and names of
+    forms are removed from it. Where no form fits better than the others, the message names all of them.
     """
     complaints = error.errors(include_url=False)
 
     def weight(complaint: ErrorDetails) -> tuple[int, bool, bool]:
+        """Return the sort key of an error: path length, unknown key, content before type."""
         kind = complaint["type"]
         return len(_keys(complaint)), kind == "extra_forbidden", not _is_of_form(kind)
 
@@ -72,11 +73,12 @@ def first_complaint(error: ValidationError, model: type[BaseModel], known: Itera
 
 
 def _is_of_form(kind: str) -> bool:
-    """Whether a complaint says that a value is of another kind altogether."""
+    """Return True if an error says that a value has the wrong type or is no allowed literal."""
     return kind.endswith("_type") or kind == "literal_error"
 
 
 def _wanted(complaint: ErrorDetails) -> str:
+    """Return the expected value of an error in words."""
     kind, context = complaint["type"], complaint.get("ctx", {})
     bounds = {
         "greater_than": ("a number above", "gt"),
@@ -92,16 +94,16 @@ def _wanted(complaint: ErrorDetails) -> str:
 
 
 def _keys(complaint: ErrorDetails) -> list[int | str]:
-    """Path of a complaint without the names of forms."""
+    """Return the path of an error without the names of forms."""
     forms = re.compile(r"[\[\(]|^(float|str|int|bool|list|dict)$")
     loc = complaint["loc"]
     last = len(loc) - 1 if complaint["type"] == "extra_forbidden" else len(loc)
-    # an unknown key may be called anything, like a form too
+    # an unknown key may have any name, also that of a form
     return [key for n, key in enumerate(loc) if n == last or isinstance(key, int) or not forms.search(key)]
 
 
 def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
-    """The model that the last key of a path belongs to."""
+    """Return the model that the last key of a path belongs to."""
     for key in keys[:-1]:
         if isinstance(key, str) and key in model.model_fields:
             model = _model_in(model.model_fields[key].annotation) or model
@@ -109,11 +111,12 @@ def _owner(model: type[BaseModel], keys: list[int | str]) -> type[BaseModel]:
 
 
 def _spelled(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Fields by the keys that a file has for them."""
+    """Return the fields of a model by their keys in the file."""
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the first pydantic model within a type annotation, or None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     found = (_model_in(inner) for inner in get_args(annotation))
@@ -121,10 +124,11 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def plain(key: str) -> str:
-    """A key as it stands if it is a word, else quoted, so that it cannot break the line it is shown on."""
+    """Return a key unchanged if it is an identifier, else quoted so that it stays on one line."""
     return key if key.isidentifier() else shown(key)
 
 
 def shown(value: object) -> str:
+    """Return a value as JSON, shortened to 40 characters."""
     text = json.dumps(value, default=str, skipkeys=True)
     return text if len(text) <= 40 else text[:37] + "..."

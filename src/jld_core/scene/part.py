@@ -1,4 +1,4 @@
-"""What the parts of a scene file share: strictness, and the kinds of values."""
+"""Base class and value types shared by the parts of a scene file."""
 
 from __future__ import annotations
 
@@ -9,17 +9,31 @@ from pydantic import BaseModel, ConfigDict, Field
 from jld_core.scene.spread import MaySpread
 
 LabelName = Literal["dry", "inner"]
+"""Name of a label."""
+
 Pair = Annotated[list[str], Field(min_length=2, max_length=2)]
+"""Ids of two elements."""
+
 Vector = Annotated[list[float], Field(min_length=2, max_length=3)]
+"""Planar or spatial vector."""
+
 Positive = Annotated[float, Field(gt=0)]
+"""Number above 0."""
+
 NonNegative = Annotated[float, Field(ge=0)]
+"""Number of at least 0."""
+
 Value = Annotated[float, Field(ge=0), MaySpread()]
+"""Material value of at least 0: a number, or an object with nominal and low value."""
+
 PositiveValue = Annotated[float, Field(gt=0), MaySpread()]
+"""Material value above 0: a number, or an object with nominal and low value."""
+
 Angle = Annotated[float, Field(ge=0, lt=90), MaySpread()]
-"""Material values: a number, or a nominal one with a low one."""
+"""Angle of friction, degrees: a number, or an object with nominal and low value."""
 
 
 class Part(BaseModel):
-    """A part of the scene: unknown keys, NaN and infinities are errors, and nothing changes after reading."""
+    """Base class of the parts of a scene: immutable, without unknown keys, NaN or infinities."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)

@@ -1,4 +1,4 @@
-"""A file → a document → a Scene: read key by key, before anything is computed from it."""
+"""Reading and validation of scene files, before any computation."""
 
 from __future__ import annotations
 
@@ -17,8 +17,20 @@ from jld_core.scene.spread import lowered
 def load_scene(path: str | Path) -> Scene:
     """Read and validate a scene file.
 
-    path: a JSON file. Returns the validated scene, in the file's own units.
-    Raises InputError: no such file, not UTF-8, not JSON, or a key that is unknown, missing or wrong.
+    Parameters
+    ----------
+    path : str or Path
+        JSON file in UTF-8.
+
+    Returns
+    -------
+    Scene
+        Validated scene, in the file's own units.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is not UTF-8 or not JSON, or has an unknown, missing or wrong key.
     """
     path = Path(path)
     try:
@@ -41,22 +53,36 @@ def load_scene(path: str | Path) -> Scene:
         raise InputError(str(path), "it is nested too deeply", f"at most {_DEPTH} levels") from None
     except InputError as error:
         raise error.within(str(path)) from None
-    except ValueError:  # Python's own limit on the digits of a whole number
+    except ValueError:  # Python limits the number of digits of an integer
         raise InputError(str(path), "it holds a number of thousands of digits", _NUMBERS) from None
     return parse_scene(document, str(path))
 
 
 def parse_scene(document: object, file: str = "scene") -> Scene:
-    """Validate a scene that is already a Python object.
+    """Validate a scene given as a Python object.
 
-    document: nested dicts and lists as in the scene file; file: the name used in complaints.
-    Raises InputError, one line naming the key or element and what was expected.
+    Parameters
+    ----------
+    document : object
+        Nested dicts and lists as in the scene file.
+    file : str
+        Name used in error messages.
+
+    Returns
+    -------
+    Scene
+        Validated scene.
+
+    Raises
+    ------
+    InputError
+        One line that names the key or element and what is expected.
     """
     if not isinstance(document, dict):
         raise InputError(file, f"it holds {shown(document)}", "one JSON object")
     try:
         _refuse_extremes(document)
-        document = {key: value for key, value in document.items() if key != "$schema"}  # for editors
+        document = {key: value for key, value in document.items() if key != "$schema"}  # only used by editors
         return Scene.model_validate(document)
     except InputError as error:
         raise error.within(file) from None
@@ -65,9 +91,22 @@ def parse_scene(document: object, file: str = "scene") -> Scene:
 
 
 def at_low(scene: Scene) -> Scene:
-    """The scene with the low value of every material value that has one.
+    """Return the scene with the low value of every material value that has one.
 
-    Raises InputError where none has, and where the low values do not go together.
+    Parameters
+    ----------
+    scene : Scene
+        Scene with at least one low value.
+
+    Returns
+    -------
+    Scene
+        Scene at its low values.
+
+    Raises
+    ------
+    InputError
+        No material value has a low value, or the low values contradict one another.
     """
     document = scene.model_dump(mode="json", exclude_defaults=True)
     low = document | {key: lowered(document[key]) for key in ("materials", "interfaces") if key in document}
@@ -78,17 +117,20 @@ def at_low(scene: Scene) -> Scene:
 
 
 def _refuse_constant(name: str) -> float:
+    """Raise InputError for NaN and infinities in the JSON text."""
     raise InputError("", f"it holds the number {name}", "finite numbers only")
 
 
 def _float(text: str) -> float:
+    """Convert a JSON number; raise InputError for a non-zero number too small for a double."""
     value = float(text)
-    if value == 0.0 and text.lower().partition("e")[0].strip("-0."):  # too small for a double, and no zero
+    if value == 0.0 and text.lower().partition("e")[0].strip("-0."):  # underflow of a non-zero number
         raise InputError("", f"it holds the number {text[:24]}", _NUMBERS)
     return value
 
 
 def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object's pairs as a dict; raise InputError for a repeated key."""
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
@@ -98,12 +140,20 @@ def _refuse_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 _DEPTH = 64
+"""Largest depth of nesting of a scene file."""
+
 _LEAST, _MOST = 1e-30, 1e30
+"""Limits of the magnitude of non-zero numbers."""
+
 _NUMBERS = f"0 or a magnitude from {_LEAST:g} to {_MOST:g}"
+"""Expected numbers, for error messages."""
 
 
 def _refuse_extremes(document: object) -> None:
-    """Refuse what is JSON and yet cannot be computed with or written again: depth, size, half characters."""
+    """Refuse JSON values that cannot be computed with or written again.
+
+    These are excessive depth, numbers outside `_LEAST` to `_MOST`, and unpaired surrogates.
+    """
     pending: list[tuple[str, object, int]] = [("", document, 0)]
     while pending:
         where, value, depth = pending.pop()
@@ -124,5 +174,6 @@ def _refuse_extremes(document: object) -> None:
 
 
 def _refuse_surrogates(where: str, text: object) -> None:
+    """Raise InputError for a text with unpaired surrogates."""
     if isinstance(text, str) and any("\ud800" <= letter <= "\udfff" for letter in text):
         raise InputError(where.lstrip("."), f"{text!a} holds half a character", "text in UTF-8")

@@ -1,4 +1,4 @@
-"""The keys of a scene file, each with its type and its default."""
+"""Keys of a scene file, with types and defaults."""
 
 from __future__ import annotations
 
@@ -16,14 +16,24 @@ from jld_core.scene.search import Labels, Search
 
 
 class Units(Part):
-    """Words for tables and axes; the numbers are whatever the file says, consistently."""
+    """Names of the units for tables and axes; the numbers must be consistent with them."""
 
     length: str = "m"
     force: str = "N"
 
 
 class Grid(Part):
-    """Planar cells: row 0 is the top row, '.' no cell, '#' a support, equal joined letters one block."""
+    """Planar cells, given as rows of letters.
+
+    Attributes
+    ----------
+    cell : [float, float]
+        Width and height of a cell, length.
+    thickness : float
+        Out-of-plane depth, length.
+    rows : list of str
+        Rows from top to bottom: '.' no cell, '#' a support, connected equal letters one block.
+    """
 
     cell: Annotated[list[Positive], Field(min_length=2, max_length=2, description="[width, height] of a cell")]
     thickness: Positive = 1.0
@@ -32,6 +42,7 @@ class Grid(Part):
     @field_validator("rows")
     @classmethod
     def _rows_are_a_rectangle(cls, rows: list[str]) -> list[str]:
+        """Check that rows have equal length, valid characters and a free cell."""
         for index, row in enumerate(rows):
             if len(row) != len(rows[0]):
                 raise InputError("", f"row {index} has {len(row)} cells", f"{len(rows[0])} as in row 0")
@@ -43,7 +54,31 @@ class Grid(Part):
 
 
 class Element(Part):
-    """One rigid element: a polygon (planar), or vertices and faces (spatial)."""
+    """Rigid element: a polygon (planar), or vertices and faces (spatial).
+
+    Attributes
+    ----------
+    id : str
+        Unique name.
+    polygon : list of [x, y] or None
+        Corners of a planar element, length.
+    vertices : list of [x, y, z] or None
+        Vertices of a spatial element, length.
+    faces : list of lists of int or None
+        Faces of a spatial element as loops of vertex indices from 0.
+    weight : float or None
+        Weight as a force; overrides densities.
+    density : float or None
+        Density; overrides that of the materials.
+    volume : float or None
+        Volume used instead of the computed one.
+    centroid : list of float or None
+        Centroid used instead of the computed one.
+    block : str or None
+        Block name; elements of equal name form one block.
+    support : bool
+        True for a fixed element.
+    """
 
     id: Annotated[str, Field(min_length=1, description="a name of its own")]
     polygon: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=3)] | None = (
@@ -62,6 +97,7 @@ class Element(Part):
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
+        """Check that exactly one form of geometry is given, with valid indices and dimensions."""
         if (self.polygon is None) == (self.vertices is None):
             how = "both are" if self.polygon is not None else "neither is"
             wanted = '"polygon", or "vertices" with "faces"'
@@ -84,7 +120,29 @@ class Element(Part):
 
 
 class Contact(Part):
-    """An interface given by hand, used as it is; material keys override "materials" for this face."""
+    """Interface stated in the scene, used without contact detection.
+
+    Strengths and friction override "materials" for this interface.
+
+    Attributes
+    ----------
+    elements : [str, str]
+        Ids of the two elements.
+    polygon : list of points
+        Two points [x, y], or the corners of a spatial polygon in order, length.
+    label : {"dry", "inner"} or None
+        Label of the interface.
+    friction_coefficient, friction_angle : float or None
+        Friction of the dry joint, as a coefficient or an angle in degrees.
+    tensile_strength, shear_strength : float or None
+        Strengths of the inner face, stress.
+    compressive_strength : float or None
+        Compressive strength under either label, stress.
+    cohesion : float or None
+        Cohesion of the dry joint, stress.
+    inner_friction_coefficient, inner_friction_angle : float or None
+        Friction of the inner face, as a coefficient or an angle in degrees.
+    """
 
     elements: Annotated[Pair, Field(description="[id, id] of the two elements")]
     polygon: Annotated[list[Vector], Field(min_length=2, description="two points [x, y], or a spatial polygon")]
@@ -100,6 +158,7 @@ class Contact(Part):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
+        """Check that no friction is given both as angle and as coefficient."""
         for name in ("friction", "inner_friction"):
             if getattr(self, f"{name}_angle") is not None and getattr(self, f"{name}_coefficient") is not None:
                 raise InputError("", "friction is given twice", f'"{name}_angle" or "{name}_coefficient"')
@@ -107,7 +166,17 @@ class Contact(Part):
 
 
 class Dry(Part):
-    """A joint between blocks: no tension, Mohr–Coulomb friction, cohesion if any."""
+    """Material of dry joints: no tension, Mohr–Coulomb friction, optional cohesion.
+
+    Attributes
+    ----------
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; exactly one is given.
+    compressive_strength : float or None
+        Compressive strength, stress; None for unlimited.
+    cohesion : float
+        Cohesion, stress.
+    """
 
     friction_angle: Angle | None = None
     friction_coefficient: Value | None = None
@@ -116,6 +185,7 @@ class Dry(Part):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
+        """Check that friction is given exactly once."""
         if (self.friction_angle is None) == (self.friction_coefficient is None):
             how = "friction is missing" if self.friction_angle is None else "friction is given twice"
             raise InputError("", how, 'exactly one of "friction_angle" and "friction_coefficient"')
@@ -123,7 +193,22 @@ class Dry(Part):
 
 
 def lies_within_apex(tension: float | None, shear: float | None, friction: float | None, where: str = "") -> None:
-    """Raise InputError where a tensile strength is more than the cone of friction leaves, shear strength over μ."""
+    """Refuse a tensile strength beyond the apex of the friction cone, shear strength over μ.
+
+    Parameters
+    ----------
+    tension, shear : float or None
+        Tensile and shear strength, stress.
+    friction : float or None
+        Friction coefficient μ; without friction there is no apex.
+    where : str
+        Key for the error message.
+
+    Raises
+    ------
+    InputError
+        tension × μ exceeds the shear strength.
+    """
     if tension is not None and shear is not None and friction and tension * friction > shear * (1.0 + 1e-12):
         raise InputError(
             where,
@@ -133,7 +218,17 @@ def lies_within_apex(tension: float | None, shear: float | None, friction: float
 
 
 class Inner(Part):
-    """A crack plane inside a block: finite tensile and shear strength, friction if any."""
+    """Material of inner faces (potential cracks): tensile and shear strength, friction.
+
+    Attributes
+    ----------
+    tensile_strength, shear_strength : float
+        Strengths, stress.
+    compressive_strength : float or None
+        Compressive strength, stress; None for unlimited.
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; at most one is given.
+    """
 
     tensile_strength: Annotated[Value, Field(description="a stress of at least 0")]
     shear_strength: Annotated[Value, Field(description="a stress of at least 0")]
@@ -143,6 +238,7 @@ class Inner(Part):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
+        """Check that friction is given at most once and its apex allows the tensile strength."""
         if self.friction_angle is not None and self.friction_coefficient is not None:
             raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
         angle, coefficient = self.friction_angle, self.friction_coefficient
@@ -152,7 +248,15 @@ class Inner(Part):
 
 
 class DryFace(Part):
-    """Values of a joint that override "materials.dry" for the faces between two elements."""
+    """Joint values that override "materials.dry" for the faces between two elements.
+
+    Attributes
+    ----------
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; at most one is given.
+    compressive_strength, cohesion : float or None
+        Strengths, stress.
+    """
 
     friction_angle: Angle | None = None
     friction_coefficient: Value | None = None
@@ -161,12 +265,21 @@ class DryFace(Part):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
+        """Check that friction is given at most once."""
         _at_most_one_friction(self.friction_angle, self.friction_coefficient)
         return self
 
 
 class InnerFace(Part):
-    """Values of a crack plane that override "materials.inner" for the faces between two elements."""
+    """Inner-face values that override "materials.inner" for the faces between two elements.
+
+    Attributes
+    ----------
+    tensile_strength, shear_strength, compressive_strength : float or None
+        Strengths, stress.
+    friction_angle, friction_coefficient : float or None
+        Friction, as an angle in degrees or a coefficient; at most one is given.
+    """
 
     tensile_strength: Value | None = None
     shear_strength: Value | None = None
@@ -176,17 +289,29 @@ class InnerFace(Part):
 
     @model_validator(mode="after")
     def _one_friction(self) -> Self:
+        """Check that friction is given at most once."""
         _at_most_one_friction(self.friction_angle, self.friction_coefficient)
         return self
 
 
 def _at_most_one_friction(angle: float | None, coefficient: float | None) -> None:
+    """Raise InputError if both angle and coefficient are given."""
     if angle is not None and coefficient is not None:
         raise InputError("", "friction is given twice", '"friction_angle" or "friction_coefficient"')
 
 
 class FaceMaterial(Part):
-    """Material of all faces between two elements; what is left out is that of "materials"."""
+    """Material of all faces between two elements; absent values are those of "materials".
+
+    Attributes
+    ----------
+    between : [str, str]
+        Ids of two elements that touch.
+    dry : DryFace or None
+        Values of dry joints.
+    inner : InnerFace or None
+        Values of inner faces.
+    """
 
     between: Annotated[Pair, Field(description="[id, id] of two elements that touch")]
     dry: DryFace | None = None
@@ -194,12 +319,29 @@ class FaceMaterial(Part):
 
     @model_validator(mode="after")
     def _something(self) -> Self:
+        """Check that at least one material is given."""
         if self.dry is None and self.inner is None:
             raise InputError("", "it states no value", '"dry", "inner" or both')
         return self
 
 
 class Materials(Part):
+    """Weights and strengths of all elements and faces.
+
+    Attributes
+    ----------
+    density : float or None
+        Density of elements that state none.
+    gravity : float or list of float
+        Magnitude, acting downwards, or a vector.
+    dry : Dry or None
+        Material of dry joints.
+    inner : Inner or None
+        Material of inner faces.
+    faces : list of FaceMaterial
+        Materials of the faces between pairs of elements.
+    """
+
     density: NonNegative | None = None
     gravity: Annotated[float | Vector, Field(description="a number or a vector")] = 9.81
     dry: Dry | None = None
@@ -208,7 +350,19 @@ class Materials(Part):
 
 
 class PointLoad(Part):
-    """A force on one element, at its centroid unless "at" says where, and a moment."""
+    """Force and moment on one free element.
+
+    Attributes
+    ----------
+    element : str
+        Id of a free element.
+    force : list of float or None
+        Force vector.
+    at : list of float or None
+        Point of application in the scene; None for the element's centroid.
+    moment : float or list of float
+        Moment, planar a number, spatial a vector.
+    """
 
     element: Annotated[str, Field(description='the id of a free element, or "body" for a load on all')]
     force: Annotated[Vector | None, Field(description="a vector")] = None
@@ -220,6 +374,7 @@ class PointLoad(Part):
 
     @model_validator(mode="after")
     def _something(self) -> Self:
+        """Check that a force or moment is given, and a force if "at" is given."""
         if self.force is None and "moment" not in self.model_fields_set:
             raise InputError("", "it does nothing", '"force" or "moment"')
         if self.at is not None and self.force is None:
@@ -228,13 +383,22 @@ class PointLoad(Part):
 
 
 class BodyLoad(Part):
-    """Weight, as a positive magnitude, times this vector on every free element."""
+    """Load on every free element: the magnitude of its weight times a vector.
+
+    Attributes
+    ----------
+    body : list of float
+        Vector, dimensionless.
+    """
 
     body: Annotated[Vector, Field(description="a vector")]
 
 
 def _tell_the_kinds_apart(entries: Any) -> Any:
-    """Body loads and point loads by their keys, so that a complaint speaks of the one that was meant."""
+    """Validate load entries as body loads or point loads, chosen by their keys.
+
+    Error messages then refer to the kind of load that was meant.
+    """
     if not isinstance(entries, list):
         return entries
     kinds: list[Any] = []
@@ -258,16 +422,18 @@ def _tell_the_kinds_apart(entries: Any) -> Any:
 
 
 _Entries = list[PointLoad | BodyLoad]
+"""Load entries of a scene."""
 
 
 def _names_of_their_own(key: str, names: list[str]) -> None:
+    """Raise InputError for a name used twice."""
     for position, name in enumerate(names):
         if name in names[:position]:
             raise InputError(f"{key}[{position}].name", f"{name!r} is used twice", "a name of its own for each")
 
 
 class Case(Part):
-    """One load case: what it adds to the common dead load, what is multiplied by λ, and the factor it must reach."""
+    """Load case: further dead loads, live loads multiplied by λ, and the required factor."""
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     live: Annotated[_Entries, Field(description="a list of loads that are multiplied by λ")]
@@ -278,6 +444,8 @@ class Case(Part):
 
 
 class Loads(Part):
+    """Dead loads, and either live loads or load cases."""
+
     dead: _Entries = []
     live: Annotated[_Entries | None, Field(description="a list of loads that are multiplied by λ")] = None
     cases: Annotated[list[Case] | None, Field(min_length=1)] = None
@@ -286,6 +454,7 @@ class Loads(Part):
 
     @model_validator(mode="after")
     def _one_or_several(self) -> Self:
+        """Check that exactly one of live loads and load cases is given."""
         if self.live is None and self.cases is None:
             raise InputError(".live", "missing", 'a list of loads that are multiplied by λ, or "cases"')
         if self.live is not None and self.cases is not None:
@@ -295,7 +464,7 @@ class Loads(Part):
 
 
 class Moved(Part):
-    """Supports that move together, and how."""
+    """Supports that move together: translation, rotation and its centre."""
 
     elements: Annotated[str | list[str], Field(description="the id of a support, or a list of them")]
     move: Annotated[Vector | None, Field(description="a vector")] = None
@@ -307,7 +476,7 @@ class Moved(Part):
 
 
 class Settling(Part):
-    """A movement of supports whose direction is known: a foundation that sinks, spreads or tilts."""
+    """Movement of supports in a known direction: a foundation that sinks, spreads or tilts."""
 
     name: Annotated[str, Field(min_length=1, description="a name of its own")]
     supports: Annotated[list[Moved], Field(min_length=1)]
@@ -315,7 +484,37 @@ class Settling(Part):
 
 
 class Scene(Part):
-    """A whole scene file, validated; geometry is one of two forms, "grid" or "elements"."""
+    """Validated scene file; geometry is given as either "grid" or "elements".
+
+    Attributes
+    ----------
+    name : str
+        Heading of tables and figures.
+    units : Units
+        Names of the units of length and force.
+    source, notes, expected : str, str, dict
+        Free content that no computation reads.
+    grid : Grid or None
+        Planar cells.
+    elements : list of Element or None
+        Elements, all planar or all spatial.
+    thickness : float or None
+        Out-of-plane depth of planar elements; 1 where absent.
+    tolerance : float or None
+        Length up to which gaps and overlaps are closed; None for the default.
+    interfaces : list of Contact or None
+        Stated interfaces; None to detect contacts.
+    materials : Materials
+        Weights and strengths.
+    loads : Loads
+        Dead and live loads, or load cases.
+    settlements : list of Settling
+        Movements of supports.
+    labels : Labels
+        The scene's own labelling.
+    search : Search
+        Candidates, limits and objectives of a search.
+    """
 
     name: Annotated[str, Field(min_length=1)] = "scene"
     units: Units = Units()
@@ -335,6 +534,10 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _one_geometry(self) -> Self:
+        """Check that the geometry is given once and has one dimension.
+
+        Also check that names of settlements are unique.
+        """
         if (self.grid is None) == (self.elements is None):
             how = "missing" if self.grid is None else "given twice"
             raise InputError("", f"the geometry is {how}", 'exactly one of "grid" and "elements"')
@@ -358,11 +561,14 @@ class Scene(Part):
 
     @property
     def dimension(self) -> Literal[2, 3]:
-        """2 for a planar scene, 3 for a spatial one."""
+        """Return 2 for a planar scene, 3 for a spatial one."""
         return 3 if self.elements is not None and self.elements[0].polygon is None else 2
 
     @property
     def fingerprint(self) -> str:
-        """Hex digest of everything the numbers depend on (name, source, notes and expected left out)."""
+        """Return a hex digest of all keys that results depend on.
+
+        Name, source, notes and expected are left out.
+        """
         content = self.model_dump(mode="json", exclude={"name", "source", "notes", "expected"})
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""The keys of labels and of a search: what may be relabelled, under which limits, and what counts."""
+"""Keys of labels and of a search: candidates, limits and objectives."""
 
 from __future__ import annotations
 
@@ -12,17 +12,22 @@ from jld_core.scene.part import LabelName, NonNegative, Pair, Part, Positive
 
 
 class Labels(Part):
+    """The scene's own labelling: default label, and pairs of elements with dry or inner faces."""
+
     default: LabelName | None = None
     inner: list[Pair] = []
     dry: list[Pair] = []
 
 
 class Keep(Part):
+    """Pairs of elements whose faces keep the label dry or inner in a search."""
+
     dry: list[Pair] = []
     inner: list[Pair] = []
 
 
 def _ordered(bounds: list[Any]) -> list[Any]:
+    """Return bounds [least, most]; raise InputError if they are reversed."""
     low, high = bounds
     if low is not None and high is not None and low > high:
         raise InputError("", f"the least, {low:g}, is above the most, {high:g}", "[least, most]")
@@ -30,12 +35,17 @@ def _ordered(bounds: list[Any]) -> list[Any]:
 
 
 Counts = Annotated[list[Annotated[int, Field(ge=0)] | None], Field(min_length=2, max_length=2)]
+"""Bounds [least, most] of a count, None for no limit."""
+
 Sizes = Annotated[list[NonNegative | None], Field(min_length=2, max_length=2)]
+"""Bounds [least, most] of a measured quantity, None for no limit."""
+
 Sense = Literal["max", "min"]
+"""Better direction of a count."""
 
 
 class Front(Part):
-    """What λ is weighed against: one count, or two."""
+    """Objectives of a search beside λ: one count, or two, each to be maximised or minimised."""
 
     count: Annotated[str, Field(min_length=1)] = "dry_faces"
     counts: Annotated[list[str] | None, Field(min_length=2, max_length=2, description="two names of counts")] = None
@@ -44,12 +54,14 @@ class Front(Part):
     @model_validator(mode="before")
     @classmethod
     def _first_of_counts(cls, given: Any) -> Any:
+        """Set "count" to the first of "counts" where only "counts" is given."""
         if isinstance(given, dict) and isinstance(given.get("counts"), list) and given["counts"]:
             return {"count": given["counts"][0], **given}
         return given
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
+        """Check that count, counts and sense are consistent."""
         if self.counts is not None and self.count != self.counts[0]:
             raise InputError(".count", 'it stands beside "counts"', "one of them")
         if self.counts is not None and self.counts[0] == self.counts[1]:
@@ -60,39 +72,79 @@ class Front(Part):
 
     @property
     def axes(self) -> tuple[tuple[str, Sense], ...]:
-        """Every count with its better direction."""
+        """Return every count with its better direction."""
         names = self.counts or [self.count]
         senses = self.sense if isinstance(self.sense, list) else [self.sense] * len(names)
         return tuple(zip(names, senses, strict=True))
 
 
 class Require(Part):
-    """What layouts must carry; the best by the front's count is then looked for among those that do."""
+    """Required load factor; the search optimises the front's count among layouts that meet it."""
 
     load_factor: Positive
 
     @property
     def threshold(self) -> float:
-        """λ from which the requirement is met, rounding of what is proven allowed for."""
+        """Return the λ that meets the requirement, reduced by the tolerance of proven bounds."""
         return self.load_factor * (1.0 - tolerances.PROVEN)
 
 
 class Moulds(Part):
-    """What counts as one shape of block, beside being moved: being turned, being turned over."""
+    """Congruence of block shapes: translated copies, and rotated or mirrored ones if allowed."""
 
     rotate: bool = False
     flip: bool = False
 
 
 class VoidCells(Part):
-    """Cells that may be left out."""
+    """Cells that a search may leave out, and the largest share of them."""
 
     cells: Annotated[Literal["all"] | list[str], Field(description='"all" or a list of ids of free elements')] = "all"
     most: Annotated[float, Field(gt=0, lt=1)] = 0.5
 
 
 class Search(Part):
-    """What may be relabelled, and which labellings count."""
+    """Candidates, limits and objectives of a search over labellings.
+
+    Bounds are [least, most], None for no limit.
+
+    Attributes
+    ----------
+    candidates : str or list of pairs of ids
+        Faces that may be relabelled: "all", "all+supports", "inside-blocks", or faces between pairs.
+    keep : Keep
+        Faces that keep their label.
+    segmentation : bool
+        Require that every dry face separates two blocks (no slits).
+    block_cells : [int, int]
+        Bounds of the number of free elements per block.
+    block_weight, block_mass : [float, float]
+        Bounds of the weight and mass of each block.
+    block_extent : [float, float]
+        Bounds of the extent of each block along any axis, length.
+    block_aspect : [float, float]
+        Bounds of longest over shortest side of the smallest box around each block.
+    except_ : list of str
+        Ids of free elements whose blocks are exempt from the bounds on single blocks; key "except".
+    convex_blocks : bool or int
+        Require convex blocks, or (planar) limit the number of re-entrant corners of each.
+    blocks, dry_faces, shapes : [int, int]
+        Bounds of the number of blocks with a free element, of dry faces between free elements, and of block shapes.
+    moulds : Moulds
+        Congruence by which shapes are counted.
+    require : Require or None
+        Required load factor.
+    void : VoidCells or None
+        Cells that may be left out.
+    assemble : {"translation", "standing"} or None
+        Required assembly sequence.
+    assemble_out_of_plane : bool
+        Allow blocks of a planar wall to be laid out of its plane.
+    symmetry : {"auto", "none", "mirror-x"}
+        Symmetry under which labellings are equivalent.
+    front : Front
+        Objectives beside λ.
+    """
 
     model_config = ConfigDict(serialize_by_alias=True)
 

@@ -1,4 +1,4 @@
-"""A material value with a lower one to be reckoned with: `{"nominal": 0.7, "low": 0.5}` in the place of a number."""
+"""Material values with a nominal and a low value, such as `{"nominal": 0.7, "low": 0.5}`."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from pydantic_core import CoreSchema, core_schema
 from jld_core.errors import InputError
 
 _KEYS = ("nominal", "low")
+"""Keys of a value with a nominal and a low value."""
 
 
 class Spread(float):
-    """The nominal value, which is what it is as a number, and the low one."""
+    """Float of the nominal value that also holds the low value."""
 
     __slots__ = ("low",)
     low: float
@@ -30,7 +31,7 @@ class Spread(float):
 
 @dataclass(frozen=True)
 class MaySpread:
-    """Marks a number that may be given as a `Spread`."""
+    """Marker of a number that may be given as a `Spread`."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         written = core_schema.plain_serializer_function_ser_schema(_written)
@@ -48,6 +49,7 @@ class MaySpread:
 
 
 def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
+    """Validate a number, or an object with nominal and low value."""
     if isinstance(value, Spread) or not isinstance(value, dict):
         return value if isinstance(value, Spread) else number(value)
     if set(value) != set(_KEYS):
@@ -61,11 +63,12 @@ def _read(value: Any, number: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _written(value: Any) -> Any:
+    """Serialise a value, a `Spread` as an object."""
     return {"nominal": float(value), "low": value.low} if isinstance(value, Spread) else value
 
 
 def lowered(document: Any) -> Any:
-    """A document with the low value in the place of every spread one."""
+    """Return a document with every spread value replaced by its low value."""
     if isinstance(document, dict):
         if set(document) == set(_KEYS):
             return document["low"]

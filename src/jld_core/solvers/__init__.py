@@ -1,21 +1,23 @@
-"""Routes to a raw solution, behind one interface and chosen by name. Nothing here is believed.
+"""Solvers of conic and linear programs behind one interface, chosen by name.
 
-- `LARGE`: equations from which `schur` is the faster one
-- `SOLVERS`: names of solvers
-- `ClarabelSolver`: interior point, updated in place; with a proximal term on request
-- `HighsSolver`: simplex and interior point, linear programs
-- `LinearAnswer`: what a linear solver says of one program, not believed
-- `LinearRows`: a linear program that is minimised again and again
-- `RawSolution`: a solver's answer, not believed
-- `RawStatus`: what a solver says of it
-- `SchurSolver`: our interior point for large assemblies
-- `Solver`: one way to a raw solution
-- `auxiliary`: solve a program that is not a labelling's own
-- `highs_of`: HiGHS with a linear program, ready to run
-- `interior_point`: a linear program by HiGHS' interior point
-- `is_large`: whether a program goes to `schur` by default
-- `make_solver`: a solver by its name
-- `require_solver`: refuses a name that is none
+Every solution is a hint: bounds on λ are proven elsewhere, whatever a solver reports.
+
+- `LARGE`: number of equations from which `auto` chooses the solver `schur`
+- `SOLVERS`: names of the solvers
+- `ClarabelSolver`: Clarabel's interior-point method, updated in place, with an optional proximal term
+- `HighsSolver`: simplex and interior-point methods of HiGHS for linear programs
+- `LinearAnswer`: unverified solution of a linear program
+- `LinearRows`: linear program that is minimised for many objectives
+- `RawSolution`: unverified solution of a conic program
+- `RawStatus`: status that a solver reports
+- `SchurSolver`: the project's Schur-complement interior-point method for large assemblies
+- `Solver`: interface of a solver
+- `auxiliary`: solve a program other than that of a labelling
+- `highs_of`: make a HiGHS instance of a linear program, ready to run
+- `interior_point`: solve a linear program by HiGHS' interior-point method
+- `is_large`: test whether `auto` chooses `schur` for a structure
+- `make_solver`: make a solver by its name
+- `require_solver`: refuse an unknown solver name
 """
 
 from __future__ import annotations
@@ -31,23 +33,40 @@ from jld_core.solvers.linear import LinearAnswer, LinearRows, interior_point
 from jld_core.solvers.schur import SchurSolver
 
 SOLVERS = ("auto", "clarabel", "schur", "highs", "highs-ipm", "cvxpy")
+"""Names that `make_solver` takes."""
 
 LARGE: Final = {False: 2000, True: 600}
-"""Equations from which `schur` is the faster and more exact one, linear programs and those with cones
-(benchmarks/scale.py)."""
+"""Number of equations from which `schur` is faster and more accurate than Clarabel, without cones (False) and with
+cones (True). Source: measured in benchmarks/scale.py.
+"""
 
 
 def make_solver(
     name: str | Solver, threads: int = 1, tolerance: float | None = None, structure: Structure | None = None
 ) -> Solver:
-    """The route handed in, or a fresh one by name.
+    """Return the given solver, or make one by name.
 
-    Names: clarabel, schur (large assemblies), highs (dual simplex), highs-ipm, cvxpy (reference).
+    Parameters
+    ----------
+    name : str or Solver
+        "clarabel", "schur" (large assemblies), "highs" (dual simplex), "highs-ipm", "cvxpy" (reference), or "auto":
+        schur for structures from `LARGE` equations on, else clarabel. A `Solver` is returned as it is.
+    threads : int
+        Number of threads of clarabel and HiGHS.
+    tolerance : float, optional
+        Residual to reach, of clarabel and schur only; None: the precision of the kind of program.
+    structure : Structure, optional
+        Structure of the programs to come, for "auto"; None counts as small.
 
-    auto (default) takes clarabel, or schur for programs from `LARGE` equations on. tolerance: residual asked of
-    these two; None leaves it to the kind of program. structure: of the programs to come, for auto.
+    Returns
+    -------
+    Solver
+        The solver.
 
-    Raises InputError for an unknown name.
+    Raises
+    ------
+    InputError
+        No solver has this name.
     """
     if isinstance(name, Solver):
         return name
@@ -60,21 +79,44 @@ def make_solver(
         return ClarabelSolver(tolerance, threads=threads)
     if name in ("highs", "highs-ipm"):
         return HighsSolver(name, threads=threads)
-    from jld_core.solvers.cvxpy import CvxpySolver  # half a second that every other start would pay
+    from jld_core.solvers.cvxpy import CvxpySolver  # the import takes half a second, so only its users pay for it
 
     return CvxpySolver()
 
 
 def require_solver(name: str) -> None:
-    """Raise InputError for a name that is none of `SOLVERS`."""
+    """Raise InputError for an unknown solver name.
+
+    Parameters
+    ----------
+    name : str
+        Name to check against `SOLVERS`.
+
+    Raises
+    ------
+    InputError
+        `SOLVERS` does not contain the name.
+    """
     if name not in SOLVERS:
         raise InputError("--solver", f"no solver is named {name!r}", "one of " + ", ".join(SOLVERS))
 
 
 def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
-    """A raw solution of a program that is not a labelling's own: by schur where it is large, else by clarabel.
+    """Solve a program other than that of a labelling: by schur if large, else clarabel.
 
-    gap: relative duality gap that is enough, where schur is asked.
+    Clarabel also solves large programs on which schur fails.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        Any program.
+    gap : float
+        Relative duality gap to reach, of schur only.
+
+    Returns
+    -------
+    RawSolution
+        Unverified solution.
     """
     if is_large(program.structure):
         try:
@@ -87,7 +129,18 @@ def auxiliary(program: ConicProgram, gap: float = 1e-8) -> RawSolution:
 
 
 def is_large(structure: Structure) -> bool:
-    """Does a program of this structure go to `schur` by default?"""
+    """Return True if `auto` chooses `schur` for a structure.
+
+    Parameters
+    ----------
+    structure : Structure
+        Structure of a program.
+
+    Returns
+    -------
+    bool
+        True from `LARGE` equations on.
+    """
     return structure.equalities >= LARGE[bool(structure.cones)]
 
 

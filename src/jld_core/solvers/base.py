@@ -1,4 +1,4 @@
-"""The one shape in which every solver answers; its status is a hint, never a result."""
+"""Interface of all solvers and the form of their solutions; a solver's status is a hint, never a result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from jld_core.program import ConicProgram, Structure
 
 
 class RawStatus(StrEnum):
-    """What a solver says of its own answer; a hint for the order of proofs, never a result."""
+    """Status that a solver reports of its own solution, a hint and never a proof.
+
+    It orders the attempts at a proof.
+    """
 
     OPTIMAL = "optimal"
     ALMOST = "almost"
@@ -24,10 +27,23 @@ class RawStatus(StrEnum):
 
 @dataclass(frozen=True)
 class RawSolution:
-    """A route's answer to min q·y, M y + s = r.
+    """Unverified solution of the program: minimise q·y subject to M y + s = r, s in the cones.
 
-    point: (columns,) y, or a ray of it where the program is unbounded. dual: (rows,) multipliers w with
-    q + Mᵀw = 0, w in the dual cones, or an improving ray where it is infeasible. Both may be anything.
+    Attributes
+    ----------
+    status : RawStatus
+        Status that the solver reports.
+    point : (columns,) array
+        Solution y; a ray if the program is unbounded. Its values may be arbitrarily wrong.
+    dual : (rows,) array
+        Multipliers w with q + Mᵀw = 0, w in the dual cones; an improving ray if the program is infeasible. Its values
+        may be arbitrarily wrong.
+    iterations : int
+        Number of iterations.
+    seconds : float
+        Time, s.
+    note : str
+        The solver's own words on its status.
     """
 
     status: RawStatus
@@ -39,25 +55,55 @@ class RawSolution:
 
 
 class Solver(ABC):
-    """One way to a raw solution; derive from it to hand in a way of your own.
+    """Interface of a solver; derive from it to use a solver of your own.
 
-    It may keep state between calls, but its answer depends on its argument alone. name: as shown in routes.
+    A solver may keep state between calls, but its solution depends only on the program given.
+
+    Attributes
+    ----------
+    name : str
+        Name in the log of a solve.
     """
 
     name: str
 
     @abstractmethod
     def solve(self, program: ConicProgram) -> RawSolution:
-        """Solve; SolverError where this route does not take such a program."""
+        """Solve a program.
+
+        Parameters
+        ----------
+        program : ConicProgram
+            Program to solve.
+
+        Returns
+        -------
+        RawSolution
+            Unverified solution.
+
+        Raises
+        ------
+        SolverError
+            The solver does not support this program.
+        """
 
     def require(self, structure: Structure) -> None:
-        """Raise SolverError where this route takes no programs of a structure: asked before anything is begun."""
+        """Raise SolverError if the solver does not support programs of this structure.
+
+        Callers ask this before any work begins.
+        """
         return
 
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
-        """Make ready for programs of a structure; called before each.
+        """Prepare for programs of a structure; called before each solve.
 
-        reference: makes a program of that structure which is always the same one, for a set-up that looks at
-        numbers. Most routes have nothing to do here.
+        The default does nothing.
+
+        Parameters
+        ----------
+        structure : Structure
+            Structure of the programs to come.
+        reference : callable
+            Returns the same program of that structure at every call, for a set-up that depends on numbers.
         """
         return

@@ -1,4 +1,4 @@
-"""Clarabel called directly, set up once per structure and updated with new numbers; with a proximal term on request."""
+"""Clarabel, set up once per structure and updated with new numbers, with an optional proximal term."""
 
 from __future__ import annotations
 
@@ -25,18 +25,36 @@ _STATUS = {
     "MaxIterations": RawStatus.LIMIT,
     "MaxTime": RawStatus.LIMIT,
 }
+"""Status for each status that Clarabel reports; others count as failed."""
 
 
 class ClarabelSolver(Solver):
-    """Interior point on the program as it stands; updates and rebuilds are counted.
+    """Clarabel's interior-point method on the program as given.
 
-    The equilibration that a set-up computes stays in force under updates, so a set-up is always made on the
-    first program of a structure that this route is given (a template's reference): answers then do not depend
-    on what was solved in between.
+    The equilibration computed in a set-up stays in use under updates. `prepare` therefore sets up on the reference
+    program of a structure, so that solutions do not depend on the programs solved before.
 
-    tolerance: residual and gap, None for what the kind of program asks. proximal: (count, ε > 0) adds
-    (ε/2)‖F − F₀‖² to what is minimised, F the first `count` columns and of order one: it picks one solution where there
-    are many. options: further settings of Clarabel.
+    Parameters
+    ----------
+    tolerance : float, optional
+        Residual and gap to reach; None: the precision of the kind of program.
+    threads : int
+        Largest number of threads.
+    proximal : (int, float), optional
+        (count, ε > 0) adds (ε/2)‖F − F₀‖² to the objective, where F is the first `count` columns, of order one. The
+        term selects one of many solutions.
+    **options
+        Further settings of Clarabel.
+
+    Attributes
+    ----------
+    updates, rebuilds : int
+        Number of solves that updated the numbers, and number of set-ups.
+
+    Raises
+    ------
+    AttributeError
+        Clarabel has no setting of a name in `options`.
     """
 
     name = "clarabel"
@@ -53,12 +71,12 @@ class ClarabelSolver(Solver):
         choices = {
             "verbose": False,
             "max_threads": threads,
-            # `update` needs the program kept as it was given
+            # `update` requires that Clarabel keeps the program as given.
             "presolve_enable": False,
             "input_sparse_dropzeros": False,
             "chordal_decomposition_enable": False,
-            # measured on every kind of scene: without refining linear systems answers come in two thirds of the
-            # time, and are as often fit to be proven; what is left over the projection removes exactly
+            # Without iterative refinement solves take two thirds of the time, measured on every kind of scene. As many
+            # solutions can be proven, because the projection removes the residual exactly.
             "iterative_refinement_enable": proximal is not None,
             **options,
         }
@@ -71,12 +89,26 @@ class ClarabelSolver(Solver):
         self.updates = self.rebuilds = 0
 
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
+        """Set up on the reference program if the structure is new."""
         if self._structure is not structure:
             program = reference()
             self._set_up(program, program.objective)
 
     def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
-        """Solve; centre: F₀ (count,) of a proximal term, by default zero. Stationarity then holds up to ε(F − F₀)."""
+        """Solve a program, optionally with a proximal term about a centre.
+
+        Parameters
+        ----------
+        program : ConicProgram
+            Program to solve.
+        centre : (count,) array, optional
+            F₀ of the proximal term, by default zero. With this term stationarity holds up to ε(F − F₀).
+
+        Returns
+        -------
+        RawSolution
+            Unverified solution.
+        """
         start = time.perf_counter()
         objective = program.objective
         if self._proximal is not None and centre is not None:
@@ -91,6 +123,7 @@ class ClarabelSolver(Solver):
         return _raw_solution(self._solver.solve(), start)
 
     def _set_up(self, program: ConicProgram, objective: Floats) -> None:
+        """Make a new Clarabel instance for the structure of a program."""
         self.rebuilds += 1
         s = program.structure
         usual = tolerances.CRUSHING if s.cones else tolerances.LINEAR
@@ -106,13 +139,13 @@ class ClarabelSolver(Solver):
 
 
 def _cones(structure: Structure) -> list[Any]:
-    """The cones of a structure, in Clarabel's words."""
+    """Return the cones of a structure as Clarabel's types."""
     linear = [clarabel.ZeroConeT(structure.equalities), clarabel.NonnegativeConeT(structure.linear)]
     return linear + [clarabel.SecondOrderConeT(size) for size in structure.cones]
 
 
 def _raw_solution(answer: Any, start: float) -> RawSolution:
-    """Clarabel's answer in the shape of every route. start: clock reading when the solve began."""
+    """Convert Clarabel's solution; start: clock reading when the solve began, s."""
     name = str(answer.status)
     return RawSolution(
         status=_STATUS.get(name, RawStatus.FAILED),

@@ -1,4 +1,4 @@
-"""CVXPY: the slow reference route, kept for comparison."""
+"""CVXPY: a slow reference solver, kept for comparison."""
 
 from __future__ import annotations
 
@@ -21,10 +21,19 @@ _STATUS = {
     "unbounded_inaccurate": RawStatus.UNBOUNDED,
     "user_limit": RawStatus.LIMIT,
 }
+"""Status for each status that CVXPY reports; others count as failed."""
 
 
 class CvxpySolver(Solver):
-    """The program stated in CVXPY and given to the solver it is asked for, built anew each time."""
+    """Reference solver that states each program anew in CVXPY.
+
+    Parameters
+    ----------
+    solver : str
+        Name of the solver that CVXPY calls.
+    **options : float
+        Settings of that solver; default: tolerances of 1e-11 for CLARABEL.
+    """
 
     name = "cvxpy"
 
@@ -34,9 +43,10 @@ class CvxpySolver(Solver):
         self._options = options or (tight if solver == "CLARABEL" else {})
 
     def solve(self, program: ConicProgram) -> RawSolution:
+        """Solve a program, with a model built for this call."""
         start = time.perf_counter()
         s = program.structure
-        matrix: Any = program.matrix.tocsr()  # CVXPY's own operators are not typed
+        matrix: Any = program.matrix.tocsr()  # CVXPY's operators have no types
         y = cp.Variable(s.shape[1])
         edge = s.equalities + s.linear
         constraints = [
@@ -48,7 +58,7 @@ class CvxpySolver(Solver):
             constraints.append(cp.SOC(inside[0], inside[1:]))
         problem: Any = cp.Problem(cp.Minimize(program.objective @ y), constraints)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what is inaccurate is judged by its bounds
+            warnings.simplefilter("ignore")  # an inaccurate solution shows in the proven bounds
             problem.solve(solver=self._solver, **self._options)
         status = _STATUS.get(problem.status, RawStatus.FAILED)
         nothing = np.zeros(s.shape[1]), np.zeros(s.shape[0])

@@ -1,4 +1,4 @@
-"""HiGHS: the independent route for planar programs, by dual simplex or interior point with crossover."""
+"""HiGHS: solver of linear programs by dual simplex, or by an interior-point method with crossover."""
 
 from __future__ import annotations
 
@@ -23,10 +23,23 @@ _STATUS = {
     highspy.HighsModelStatus.kIterationLimit: RawStatus.LIMIT,
     highspy.HighsModelStatus.kTimeLimit: RawStatus.LIMIT,
 }
+"""Status for each status that HiGHS reports; others count as failed."""
 
 
 class HighsSolver(Solver):
-    """Linear programs only; a fresh model per program, so that answers do not depend on what went before."""
+    """HiGHS solver for linear programs, independent of Clarabel and schur.
+
+    Every program gets a fresh model, so that solutions do not depend on the programs solved before.
+
+    Parameters
+    ----------
+    name : str
+        "highs" (dual simplex) or "highs-ipm" (interior-point method with crossover).
+    threads : int
+        Number of threads.
+    tolerance : float
+        Primal and dual feasibility tolerance, and optimality tolerance of the interior-point method.
+    """
 
     def __init__(self, name: str = "highs", threads: int = 1, tolerance: float = 1e-10) -> None:
         self.name = name
@@ -36,15 +49,17 @@ class HighsSolver(Solver):
             "primal_feasibility_tolerance": tolerance,
             "dual_feasibility_tolerance": tolerance,
             "ipm_optimality_tolerance": tolerance,
-            # presolve hides the rays that prove `locked` and `unstable`
+            # Presolve would hide the rays that prove `locked` and `unstable`.
             "presolve": "off",
         }
 
     def require(self, structure: Structure) -> None:
+        """Raise SolverError if the structure has second-order cones."""
         if structure.cones:
             raise SolverError(f"{self.name} takes linear programs only; this scene needs second-order cones")
 
     def solve(self, program: ConicProgram) -> RawSolution:
+        """Solve a linear program; raise SolverError if it has second-order cones."""
         s = program.structure
         self.require(s)
         start = time.perf_counter()
@@ -63,7 +78,7 @@ class HighsSolver(Solver):
             point = np.array(ray) if has else point
         elif status is RawStatus.INFEASIBLE:
             _, has, ray = highs.getDualRay()
-            # HiGHS' dual ray improves Σ ray·rhs over the rows; ours must lie in the dual cones
+            # HiGHS' dual ray improves Σ ray·rhs over the rows; a ray in the dual cones must decrease the sum.
             dual = np.array(ray) if has else dual
             if program.rhs @ dual > 0.0:
                 dual = -dual
@@ -75,9 +90,27 @@ class HighsSolver(Solver):
 def highs_of(
     rows: Any, objective: Floats, low: Floats, high: Floats, least: Floats, most: Floats, options: Mapping[str, Any]
 ) -> Any:
-    """HiGHS with min objective·x under low ≤ R x ≤ high and least ≤ x ≤ most, ready to run, silent and in one thread.
+    """Make a silent, single-threaded HiGHS instance of a linear program, ready to run.
 
-    rows: R, a sparse table. Ends may be infinite. options: HiGHS' own, over these.
+    The program is: minimise objective·x subject to low ≤ R x ≤ high and least ≤ x ≤ most. Bounds may be infinite.
+
+    Parameters
+    ----------
+    rows : (rows, columns) sparse matrix
+        Matrix R.
+    objective : (columns,) array
+        Objective.
+    low, high : (rows,) arrays
+        Bounds on R x.
+    least, most : (columns,) arrays
+        Bounds on x.
+    options : mapping
+        HiGHS' own options; they override silence and the single thread.
+
+    Returns
+    -------
+    highspy.Highs
+        The instance.
     """
     matrix = sp.csc_array(rows)
     model = highspy.HighsLp()
@@ -97,5 +130,5 @@ def highs_of(
 
 
 def highs_ends(values: Floats) -> Floats:
-    """Ends of rows or columns, with HiGHS' own infinity."""
+    """Replace infinite bounds by HiGHS' own infinity."""
     return np.clip(values, -highspy.kHighsInf, highspy.kHighsInf)

@@ -1,6 +1,6 @@
-"""Linear programs of many objectives or rows over one set of columns, by HiGHS: what the search without dilation asks.
+"""Linear programs with many objectives or bounds over one set of columns, solved by HiGHS.
 
-Answers are hints as everywhere: what they prove is checked by whoever asked.
+The search for solutions without dilation uses them. Solutions are hints; callers verify what they prove.
 """
 
 from __future__ import annotations
@@ -14,15 +14,26 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.solvers.highs import highs_ends, highs_of
 
-_POLISHED: Final = 1e-8  # relative gap asked of the interior point, which ends without crossover
+_POLISHED: Final = 1e-8  # relative gap to reach by the interior-point method, which ends without crossover
 _FEASIBLE: Final[dict[str, Any]] = {"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9}
+"""Feasibility tolerances of all these programs."""
 
 
 @dataclass(frozen=True)
 class LinearAnswer:
-    """What a linear solver says of one program. found: it says optimal. value: of the objective. point: (columns,).
+    """Unverified solution of a linear program.
 
-    dual: (rows,) with objective = Rᵀ dual on free columns, ≥ 0 where the lower end of a row binds in a minimisation.
+    Attributes
+    ----------
+    found : bool
+        True if the solver reports an optimum.
+    value : float
+        Value of the objective.
+    point : (columns,) array
+        Solution x.
+    dual : (rows,) array
+        Multipliers with objective = Rᵀ dual on free columns; ≥ 0 where the lower bound of a row binds in a
+        minimisation.
     """
 
     found: bool
@@ -32,19 +43,50 @@ class LinearAnswer:
 
 
 class LinearRows:
-    """low ≤ R x ≤ high and ends on x, minimised again and again by the dual simplex method from where it stands."""
+    """Linear program low ≤ R x ≤ high, least ≤ x ≤ most, minimised for many objectives.
+
+    The dual simplex method starts from the solution of the previous objective.
+
+    Parameters
+    ----------
+    rows : (rows, columns) sparse matrix
+        Matrix R.
+    low, high : (rows,) arrays
+        Bounds on R x, ±inf for none.
+    least, most : (columns,) arrays
+        Bounds on x, ±inf for none.
+    """
 
     def __init__(self, rows: Any, low: Floats, high: Floats, least: Floats, most: Floats) -> None:
         self._highs = highs_of(rows, np.zeros(rows.shape[1]), low, high, least, most, _FEASIBLE)
         self._columns = np.arange(rows.shape[1], dtype=np.int32)
 
     def bound(self, rows: slice, low: Floats, high: Floats) -> None:
-        """Give rows other ends, ±inf where none."""
+        """Change the bounds of consecutive rows.
+
+        Parameters
+        ----------
+        rows : slice
+            Rows, as a slice with start and stop.
+        low, high : (k,) arrays
+            New bounds, ±inf for none.
+        """
         place = np.arange(rows.start, rows.stop, dtype=np.int32)
         self._highs.changeRowsBounds(len(place), place, highs_ends(low), highs_ends(high))
 
     def minimise(self, objective: Floats) -> LinearAnswer:
-        """The least of an objective (columns,)."""
+        """Minimise an objective over the present bounds.
+
+        Parameters
+        ----------
+        objective : (columns,) array
+            Objective.
+
+        Returns
+        -------
+        LinearAnswer
+            Unverified solution.
+        """
         self._highs.changeColsCost(len(self._columns), self._columns, np.ascontiguousarray(objective))
         return _run(self._highs)
 
@@ -58,10 +100,30 @@ def interior_point(
     threads: int = 1,
     presolve: bool = True,
 ) -> LinearAnswer:
-    """min objective·x over free x with low ≤ R x ≤ high, by HiGHS' interior point without crossover.
+    """Minimise objective·x over free x with low ≤ R x ≤ high, by HiGHS' interior-point method.
 
-    seconds: after which it is given up; the answer is then not found. presolve: False where rows repeat one another,
-    of which what it takes out can come back with a dual that fits no column.
+    No crossover follows.
+
+    Parameters
+    ----------
+    objective : (columns,) array
+        Objective.
+    rows : (rows, columns) sparse matrix
+        Matrix R.
+    low, high : (rows,) arrays
+        Bounds on R x, ±inf for none.
+    seconds : float
+        Time limit, s, at least 0.1; after it the solution is marked as not found.
+    threads : int
+        Number of threads.
+    presolve : bool
+        Give False if rows repeat one another: presolve removes such rows, and the dual that it restores can violate
+        columns.
+
+    Returns
+    -------
+    LinearAnswer
+        Unverified solution.
     """
     free = np.full(rows.shape[1], np.inf)
     options = {
@@ -78,6 +140,7 @@ def interior_point(
 
 
 def _run(highs: Any) -> LinearAnswer:
+    """Run HiGHS and collect its solution."""
     highs.run()
     solution = highs.getSolution()
     found = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal

@@ -1,7 +1,7 @@
-"""Assemblies and results, drawn and shown.
+"""Figures, tables and notebook representations of assemblies and results.
 
-- `facts_of_assembly`: what is modelled, by name
-- `facts_of_result`: what came out, by name
+- `facts_of_assembly`: describe an assembly by named facts
+- `facts_of_result`: describe a result by named facts
 """
 
 from jld_core.views.notebook import facts_of_assembly, facts_of_result

@@ -1,4 +1,4 @@
-"""What to do next about a result that is no load factor: what falls and how, what confines, which option narrows."""
+"""Advice on results without a load factor: causes, and the next option to try."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from jld_core.limit import LimitAnalysisResult, Status
 from jld_core.solvers import SOLVERS
 
 _NAMED: Final = 6
-"""Elements named before the others are counted."""
+"""Largest number of elements named; the others are counted."""
 
 _MOVES: Final = 0.05
-"""Share of the largest movement below which an element is not said to move."""
+"""Share of the largest movement below which an element is not reported as moving."""
 
 _CARRIES: Final = 1e-3
-"""Share of the largest force below which a support is not said to be pressed against."""
+"""Share of the largest force below which a face does not count as pressed."""
 
 
 def advice(result: LimitAnalysisResult) -> dict[str, str]:
-    """Facts by name; empty for a result that is certain, and for several load cases, which have their own."""
+    """Return advice by name; empty for a conclusive result and for several load cases."""
     if result.cases:
         return {}
     if result.status is Status.UNSTABLE:
@@ -33,6 +33,7 @@ def advice(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
+    """Describe the instability mechanism and a remedy."""
     found = {"next": "support what falls, or give its faces friction, cohesion or an inner label"}
     if result.falling is None:
         return {"falls": "it does under any λ ≥ 0; by which motion is not known", **found}
@@ -48,7 +49,7 @@ def _of_unstable(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _way(speed: Floats, turning: float) -> str:
-    """How a group moves, by its summed velocity (d,)."""
+    """Describe the movement of a group from its summed velocity (d,)."""
     length = float(np.linalg.norm(speed))
     if length < 0.1 * turning:
         return "turn"
@@ -56,6 +57,7 @@ def _way(speed: Floats, turning: float) -> str:
 
 
 def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
+    """Describe the supports between which forces are unbounded, and a remedy."""
     found = {"next": "a compressive_strength of dry and inner faces, which crushing then limits, gives a finite λ"}
     if result.growing is None:
         return found
@@ -70,6 +72,7 @@ def _of_locked(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
+    """Return the option that may narrow the bracket."""
     low, high = result.bracket
     used = {name.split(" ")[0] for name in result.route}
     others = [name for name in SOLVERS if name != "auto" and name not in used]
@@ -83,7 +86,7 @@ def _of_uncertified(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _listed(names: list[str]) -> str:
-    """Names in a row, the last of many only counted."""
+    """Join names, with only the number of those beyond `_NAMED`."""
     if len(names) <= _NAMED:
         return ", ".join(names)
     return f"{', '.join(names[:_NAMED])} and {len(names) - _NAMED} more"

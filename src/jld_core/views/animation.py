@@ -1,4 +1,4 @@
-"""A mechanism that moves: GIF by pillow, MP4 where ffmpeg is."""
+"""Animation of a mechanism: GIF by pillow, MP4 by ffmpeg."""
 
 from __future__ import annotations
 
@@ -15,15 +15,19 @@ from jld_core.views.figures import draw_mechanism, figure_of_mechanism
 from jld_core.views.writing import as_written
 
 FRAMES: Final = 24
-"""Pictures from rest to the drawn displacement and back: the other way blocks would pass through one another."""
+"""Number of frames from rest to the drawn displacement and back.
+
+The opposite displacement is not drawn, because blocks would penetrate one another.
+"""
 
 PER_SECOND: Final = 12
+"""Frames per second."""
 
 
 def save_animation(result: LimitAnalysisResult, path: str | Path) -> None:
-    """Write the mechanism of a result as .gif or .mp4, by the ending: there and back, made to be repeated.
+    """Write the mechanism of a result as a loop, .gif or .mp4 by the ending.
 
-    Raises InputError: another ending, .mp4 without ffmpeg, or a result without a mechanism.
+    Raises InputError for another ending, for .mp4 without ffmpeg, or for a result without a mechanism.
     """
     ending = Path(path).suffix.lower()
     if ending not in (".gif", ".mp4"):

@@ -1,4 +1,4 @@
-"""What surrounds the structure in a picture: loads, arrows, frame, triad, legends, and their styles."""
+"""Annotations of figures: loads, arrows, axes, triad, legends, and their styles."""
 
 from __future__ import annotations
 
@@ -36,23 +36,37 @@ from jld_core.views.quantities import MovementSign
 from jld_core.views.structure import DOTTED, Drawn, LineStyle, element_points, extent, projection_of
 
 USED: Final = LinearSegmentedColormap.from_list("used", list(USED_STOPS))
+"""Colour map of utilisation, 0 … 1."""
+
 TURN: Final[dict[str, Any]] = {"marker": r"$\circlearrowleft$", "linestyle": "none", "markeredgewidth": 0.2}
+"""Marker style of a counter-clockwise couple."""
+
 BACK: Final[dict[str, Any]] = {**TURN, "marker": r"$\circlearrowright$"}
+"""Marker style of a clockwise couple."""
+
 THRUST: Final[dict[str, Any]] = {"color": THRUST_COLOUR, "linewidth": 1.2, "linestyle": (0, THRUST_DASH)}
+"""Line style of the thrust line, for matplotlib."""
+
 YIELD: Final[dict[str, dict[str, Any]]] = {
     f"yield {kind}": {**mark.style, "markeredgewidth": 0.6 if kind == "dry" else 0.4} for kind, mark in YIELDS.items()
 }
+"""Marker styles of yielding faces, for matplotlib."""
+
 MOVES: Final[dict[MovementSign, dict[str, Any]]] = {kind: mark.style for kind, mark in MOVEMENTS.items()}
+"""Marker styles by kind of movement, for matplotlib."""
+
 MEANING: Final = {kind: mark.meaning for kind, mark in MOVEMENTS.items()}
+"""Legend texts by kind of movement."""
+
 FONT: Final = 7.5
-"""Size of the legends' letters, points."""
+"""Font size of legends, points."""
 
 
 def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
-    """Live loads, added to `drawn` as "live", "body", "couples"; those on points with their tips there, those
-    on all bodies as one arrow beside the structure.
+    """Draw the live loads and add them to `drawn` as "live", "body" and "couples".
 
-    Returns the points (k, 2) on paper that they and the structure cover.
+    Point loads have their tips at the points; the load on all bodies is one arrow beside the structure. Returns the
+    points (k, 2) on paper that loads and structure cover.
     """
     projection = projection_of(assembly)
     lower, upper = extent(assembly, projection)
@@ -71,7 +85,7 @@ def draw_loads(ax: Axes, assembly: Assembly, drawn: Drawn) -> list[Floats]:
         with np.errstate(divide="ignore"):
             leave = float(np.min(half / abs(along)))
         tip = middle - along * (leave + 0.04 * assembly.size)
-        # on small axes the head must leave some of the shaft
+        # on small axes, the head must leave part of the shaft visible
         width = min(3.2, 0.125 * element_points(ax, assembly) * length / quantities.typical(assembly))
         drawn["body"] = [arrows(ax, tip[None], length * along[None], "body", LOAD, "tip", width)]
         covered += [tip, tip - length * along]
@@ -99,9 +113,10 @@ def arrows(
     width: float,
     hollow: bool = False,
 ) -> Quiver:
-    """Arrows of vectors (k, 2), in data units, whose `pivot` ("tail", "mid", "tip") is at feet (k, 2).
+    """Draw arrows of vectors (k, 2), in data units, at points (k, 2).
 
-    width: of the shaft, points. hollow: white inside.
+    feet: positions of the `pivot` ("tail", "mid", "tip") of each arrow. width: of the shaft, points. hollow: white
+    inside.
     """
     look: dict[str, Any] = {"facecolor": "white" if hollow else colour, "edgecolor": colour}
     look |= {"linewidth": 0.8 if hollow else 0.0, "zorder": 4.0, "label": name}
@@ -111,8 +126,10 @@ def arrows(
 
 
 def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = False) -> None:
-    """Limits around the points (k, 2) that are covered, equal aspect, axes with units; bare: no axes at all.
-    Spatial views get the directions x, y, z instead of axes."""
+    """Set the limits around covered points (k, 2), equal aspect, and axes with units.
+
+    bare: no axes. Spatial views show the directions x, y, z instead of axes.
+    """
     points = np.vstack([np.atleast_2d(p) for p in covered])
     lower, upper = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * float(np.max(upper - lower))
@@ -124,7 +141,7 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
     if bare or assembly.dimension == 3:
         ax.set_axis_off()
         return
-    # a lone dollar sign in a unit would begin a formula
+    # parse_math=False, since a single dollar sign in a unit would begin a formula
     ax.set_xlabel(f"x [{assembly.units[0]}]", fontsize=9, labelpad=2.0, parse_math=False)
     ax.set_ylabel(f"y [{assembly.units[0]}]", fontsize=9, labelpad=4.0, parse_math=False)
     ax.tick_params(labelsize=8)
@@ -134,7 +151,10 @@ def frame(ax: Axes, assembly: Assembly, covered: list[Floats], bare: bool = Fals
 
 
 def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
-    """Directions x, y, z with a round length, left of the view; returns the lower corner that it needs."""
+    """Draw the directions x, y, z left of the view, with a rounded length.
+
+    Returns the lower corner (2,) that they need.
+    """
     size = assembly.size
     power = 10.0 ** math.floor(math.log10(0.18 * size))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 0.18 * size)
@@ -152,7 +172,10 @@ def _draw_triad(ax: Axes, assembly: Assembly, lower: Floats) -> Floats:
 
 
 def legend(ax: Axes, handles: list[Artist]) -> None:
-    """A legend below the axes, at a distance in points: it covers nothing, whatever the shape of the axes."""
+    """Add a legend below the axes.
+
+    Its distance is in points, so that it covers nothing for any shape of the axes.
+    """
     figure = ax.get_figure(root=True)
     if figure is None:
         return
@@ -166,12 +189,12 @@ def legend(ax: Axes, handles: list[Artist]) -> None:
 
 
 def _below(ax: Axes) -> float:
-    """Points below the axes that ticks and their label take."""
+    """Return the height of ticks and axis label below the axes, points."""
     return 34.0 if ax.axison else 8.0
 
 
 def legend_inches(ax: Axes) -> float:
-    """Height below the axes that ticks and the legend need, inches."""
+    """Return the height of ticks and legend below the axes, inches."""
     found = ax.get_legend()
     figure = ax.get_figure(root=True)
     if found is None or figure is None:
@@ -182,15 +205,17 @@ def legend_inches(ax: Axes) -> float:
 
 
 def _line(label: str, **style: Any) -> Line2D:
+    """Return a legend handle of a line."""
     return Line2D([], [], label=label, **style)
 
 
 def _mark(label: str, marker: str, size: float, **style: Any) -> Line2D:
+    """Return a legend handle of a marker."""
     return Line2D([], [], label=label, marker=marker, markersize=size, linestyle="none", **style)
 
 
 def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Artist]:
-    """Legend of dry and inner faces, as present, and of supports."""
+    """Return legend handles of the labels present (dry and inner faces) and of supports."""
     handles: list[Artist] = []
     for mask, name, dash in ((labels, "dry face", "solid"), (~labels, "inner face", DOTTED)):
         if mask.any():
@@ -202,14 +227,14 @@ def label_handles(assembly: Assembly, labels: Bits, ink: LineStyle) -> list[Arti
 
 
 def block_handle(assembly: Assembly, labels: Bits) -> Artist:
-    """Legend of the tints, with the number of blocks that hold a free element."""
+    """Return the legend handle of the tints, with the number of blocks with a free element."""
     count = len(np.unique(blocks_of(assembly, labels)[assembly.elements.free]))
     name = "1 block" if count == 1 else f"{count} blocks, by tint"
     return Patch(facecolor=TINTS[0], edgecolor=SOFT, linewidth=0.6, label=name)
 
 
 def load_handles(drawn: Drawn) -> list[Artist]:
-    """Legend of the live loads that were drawn."""
+    """Return legend handles of the live loads drawn."""
     known = {
         "live": _mark("live load, × λ", r"$\longrightarrow$", 15.0, color=LOAD, markeredgewidth=0.3),
         "body": _mark("live load on all bodies, × λ", r"$\Rightarrow$", 13.0, color=LOAD),
@@ -219,7 +244,10 @@ def load_handles(drawn: Drawn) -> list[Artist]:
 
 
 def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> list[Artist]:
-    """Legend of a picture of forces; thick: width of the widest face at rest, points."""
+    """Return legend handles of a figure of forces.
+
+    thick: width of the widest face at rest, points.
+    """
     assert result.forces is not None
     size = np.linalg.norm(quantities.face_vectors(result.assembly, result.forces), axis=1)
     largest = f"longest {float(size.max(initial=0.0)):.3g} {result.assembly.units[1]}"
@@ -240,7 +268,7 @@ def force_handles(result: LimitAnalysisResult, drawn: Drawn, thick: float) -> li
 
 
 def mechanism_handles(assembly: Assembly, labels: Bits, ink: LineStyle, drawn: Drawn) -> list[Artist]:
-    """Legend of a picture of a mechanism."""
+    """Return legend handles of a figure of a mechanism."""
     handles = label_handles(assembly, labels, ink)
     handles.append(_line("at rest", color=REST, linewidth=0.6))
     for kind, style in MOVES.items():

@@ -1,7 +1,7 @@
-"""Pictures of an assembly, its forces and its mechanism, on any matplotlib axes, without a display.
+"""Figures of an assembly, its forces and its mechanism, on any matplotlib axes.
 
-Nothing here holds pyplot state. Planar scenes are drawn as they are, spatial ones in an axonometric view,
-by the same functions. Each returns what it drew as a dict of artist lists, keyed by what they show.
+No function uses pyplot state or a display. The same functions draw planar scenes and, in an axonometric view, spatial
+ones. Each draw function returns a dict of artist lists by their meaning.
 """
 
 from __future__ import annotations
@@ -41,6 +41,8 @@ from jld_core.views.structure import (
 from jld_core.views.writing import as_written, write_forces, write_ids, write_loads
 
 FADED: Final = HATCH
+"""Colour of faces where forces or mechanism are missing."""
+
 NO_MECHANISM: Final = {
     Status.LOCKED: "none: no live load, however large, brings it down",
     Status.UNSTABLE: "none: it does not stand under any λ ≥ 0",
@@ -48,14 +50,16 @@ NO_MECHANISM: Final = {
     Status.FAILED: "none: the solve failed",
     Status.COLLAPSE: "not computed",
 }
+"""Texts by status for a missing mechanism."""
 
 
 def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, plain: bool = False) -> Drawn:
-    """Blocks in tints, dry faces thick and ticked, inner faces thin and dotted, supports hatched, live loads.
+    """Draw blocks in tints, dry and inner faces, supports and live loads.
 
-    labels: (m,) True dry, default the assembly's own. plain: no loads, axes or legend, for thumbnails.
-    Returns "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as present
-    (spatial: faces and elements are in "elements" and "supports", in the order in which they hide another).
+    Dry faces are thick with ticks, inner faces thin and dotted, supports hatched. labels: (m,) True = dry, default the
+    assembly's own. plain: no loads, axes or legend, for thumbnails.
+    Returns "elements", "supports", "outlines", "dry", "inner", "ticks", "live", "body", "couples", as present. Spatial:
+    faces and elements are in "elements" and "supports", in the order in which they are painted.
     Raises ValueError for labels of another length than the interfaces.
     """
     labels = _labels(assembly, labels)
@@ -72,13 +76,13 @@ def draw_assembly(ax: Axes, assembly: Assembly, labels: Bits | None = None, *, p
 
 
 def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
-    """The force on each face as an arrow at its centre of pressure, utilisation, yielding faces, thrust line.
+    """Draw face forces at centres of pressure, utilisation, yielding faces and thrust line.
 
-    Arrows show the force with the sign that runs down the load path; hollow ones are tension (N < 0). A face
-    whose resultant has no centre of pressure on it carries a turning arrow at its middle. Forces below 1 % of
-    the largest are left out.
-    Returns what `paint` returns, the loads, and "press", "tension", "couples on faces", "yield dry",
-    "yield inner", "thrust", as present.
+    Arrows have the sign that points along the load path; hollow arrows are tension (N < 0). A turning arrow at the
+    centroid marks a face whose resultant has no centre of pressure on the face. Forces below 1 % of the largest are
+    left out.
+    Returns the artists of `paint`, the loads, and "press", "tension", "couples on faces", "yield dry", "yield inner",
+    "thrust", as present.
     """
     assembly, labels = result.assembly, result.labels
     base = default_ink(ax, assembly, labels)
@@ -107,7 +111,7 @@ def draw_forces(ax: Axes, result: LimitAnalysisResult) -> Drawn:
 
 
 def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> list[Floats]:
-    """Arrows and couples, added to `drawn`; returns the points (k, 2) on paper that they cover."""
+    """Draw arrows and couples, add them to `drawn`, and return the points (k, 2) they cover."""
     assembly, forces, projection = result.assembly, result.forces, projection_of(result.assembly)
     assert forces is not None
     vectors = quantities.down_the_load_path(assembly, quantities.face_vectors(assembly, forces))
@@ -116,7 +120,7 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
     shown = size > quantities.SMALL * largest
     if not shown.any():
         return []
-    # a few large forces must not leave the ordinary ones without length
+    # cap the length of few large forces, so that ordinary ones remain visible
     longest = float(np.clip(0.35 * largest / np.median(size[shown]), 0.85, 2.0)) * quantities.typical(assembly)
     shaft = float(np.clip(0.045 * element_points(ax, assembly), 0.3, 1.3))
     at, on_face = quantities.pressure_points(assembly, forces)
@@ -144,6 +148,7 @@ def _draw_face_forces(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> li
 
 
 def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
+    """Draw the thrust line and add it to `drawn`."""
     assert result.forces is not None
     projection = projection_of(result.assembly)
     pieces = [projection(piece) for piece in quantities.thrust_segments(result.assembly, result.forces)]
@@ -154,7 +159,7 @@ def _draw_thrust(ax: Axes, result: LimitAnalysisResult, drawn: Drawn) -> None:
 
 
 def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: Drawn) -> None:
-    """Marks on yielding faces, on the side of the middle away from the arrow."""
+    """Mark yielding faces, on the half of the face opposite to the arrow."""
     assert result.forces is not None
     faces, labels = result.assembly.interfaces, result.labels
     size = float(np.clip(0.11 * element_points(ax, result.assembly), 2.0, 5.5))
@@ -169,14 +174,13 @@ def _draw_yielding(ax: Axes, result: LimitAnalysisResult, used: Floats, drawn: D
 
 
 def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) -> Drawn:
-    """Displaced elements over the thin outline at rest, and what each face does.
+    """Draw displaced elements over the outline at rest, with the movement of each face.
 
-    share: of the displacement that is drawn, 0 … 1, for animations.
-
-    The scale is automatic: the largest displacement is drawn as 12 % of the scene's size, or less where
-    rotations would come out above 0.35 rad. Displacements are linear in the velocities.
-    Returns what `paint` returns for the displaced state, "rest", and one entry ("hinge", "slide", "open",
-    "crack") for each kind of movement present. Without a mechanism: the structure at rest, and why.
+    share: part of the displacement that is drawn, 0 … 1, for animations. The scale is automatic: the largest
+    displacement is 12 % of the scene's size, or less where rotations would exceed 0.35 rad. Displacements are linear in
+    the velocities. An instability mechanism takes precedence over the collapse mechanism. Returns the artists of
+    `paint` for the displaced state, "rest", and one entry ("hinge", "slide", "open", "crack") for each kind of movement
+    present. Without a mechanism, the structure at rest is drawn, with the reason in the title.
     """
     assembly, labels, projection = result.assembly, result.labels, projection_of(result.assembly)
     ink, falls = default_ink(ax, assembly, labels), result.falling is not None
@@ -192,9 +196,11 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
     velocity, scale = result.mechanism, quantities.mechanism_scale(assembly, result.mechanism)
 
     def move(element: int, points: Floats) -> Floats:
+        """Return the points of an element displaced by the drawn share."""
         return np.asarray(points + share * scale * displacement(assembly, velocity, element, points))
 
     def fully(element: int, points: Floats) -> Floats:
+        """Return the points of an element at full displacement."""
         return np.asarray(points + scale * displacement(assembly, velocity, element, points))
 
     drawn = paint(ax, assembly, labels, _tints(assembly, labels), LineStyle(ink.colours, 0.8 * ink.widths), move)
@@ -216,7 +222,7 @@ def draw_mechanism(ax: Axes, result: LimitAnalysisResult, share: float = 1.0) ->
 
 
 def _draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """Thin outlines of the free elements at rest, as one line with gaps."""
+    """Draw thin outlines of the free elements at rest, as one line with gaps."""
     projection, rings = projection_of(assembly), []
     for k in assembly.elements.free:
         shape = projection(assembly.elements.shape[k])
@@ -229,9 +235,9 @@ def _draw_rest(ax: Axes, assembly: Assembly) -> list[Artist]:
 def figure_of_assembly(
     assembly: Assembly, labels: Bits | None = None, *, ids: bool = False, values: bool = False
 ) -> Figure:
-    """`draw_assembly` on a figure of its own, under the name of the scene. labels: (m,) True dry.
+    """Return a figure of an assembly under the name of the scene.
 
-    ids, values: also write the ids of elements and the values of live loads.
+    labels: (m,) True = dry. ids, values: also write the ids of elements and the values of live loads.
     """
     figure, axes = figure_for(assembly, 1)
     draw_assembly(axes[0], assembly, labels)
@@ -245,7 +251,7 @@ def figure_of_assembly(
 
 
 def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
-    """`draw_mechanism` on a figure of its own under name and λ, and its axes."""
+    """Return a figure of the mechanism under name, λ and status, and its axes."""
     figure, axes = figure_for(result.assembly, 1)
     draw_mechanism(axes[0], result)
     name = textwrap.shorten(result.assembly.name, 50, placeholder=" …")
@@ -254,10 +260,11 @@ def figure_of_mechanism(result: LimitAnalysisResult) -> tuple[Figure, Axes]:
 
 
 def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: bool = False) -> Figure:
-    """Labels, forces and mechanism of one result, side by side (very wide scenes: one above the other), under
-    a title with name, λ, its bracket and the status; of several load cases the one that governs.
+    """Return a figure of labels, forces and mechanism of one result.
 
-    ids, values: also write the ids of elements, and the values of live loads and forces.
+    The axes are side by side, or above one another for very wide scenes. The title has name, λ with its bracket, and
+    status. Of several load cases the governing one is drawn. ids, values: also write the ids of elements, and the
+    values of live loads and forces.
     """
     if result.governing is not None:
         result = result.cases[result.governing]
@@ -275,7 +282,10 @@ def figure_of_result(result: LimitAnalysisResult, *, ids: bool = False, values: 
 
 
 def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[str]) -> Figure:
-    """Layouts of one assembly side by side, labels above mechanisms. titles: a line over each."""
+    """Return a figure of layouts of one assembly side by side, labels above mechanisms.
+
+    titles: one per layout.
+    """
     count = len(results)
     figure, axes = figure_for(results[0].assembly, 2 * count, columns=count)
     for k, (result, title) in enumerate(zip(results, titles, strict=True)):
@@ -287,7 +297,10 @@ def figure_of_layouts(results: Sequence[LimitAnalysisResult], titles: Sequence[s
 
 
 def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tuple[Figure, list[Axes]]:
-    """A figure with axes of about the size that they will have, since line widths depend on it."""
+    """Return a figure with axes of about their final size, on which line widths depend.
+
+    count: number of axes. columns: axes per row.
+    """
     lower, upper = extent(assembly, projection_of(assembly))
     figure = Figure(dpi=120)
     FigureCanvasAgg(figure)
@@ -297,7 +310,7 @@ def figure_for(assembly: Assembly, count: int, columns: int | None = None) -> tu
 
 
 def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = None) -> None:
-    """One scale for all axes, final sizes, and the title."""
+    """Give all axes one scale and their final sizes, and set the title."""
     limits = np.array([[ax.get_xlim(), ax.get_ylim()] for ax in axes])
     low, high = limits[:, :, 0].min(axis=0), limits[:, :, 1].max(axis=0)
     for ax in axes:
@@ -308,9 +321,9 @@ def finish(figure: Figure, axes: list[Axes], title: str, columns: int | None = N
 
 
 def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None = None) -> None:
-    """Sizes in inches from what has to fit: span (2,) of the data, ticks, titles, and the longest legend.
+    """Set sizes in inches from the space for data, ticks, titles and the longest legend.
 
-    columns: of axes, row by row; default all in a row, or one above the other where the scene is very wide.
+    span: (2,) extent of the data. columns: axes per row; default all in one row, or one column for very wide scenes.
     """
     stacked = columns is None and len(axes) > 1 and span[1] < 0.4 * span[0]
     width = 9.5 if stacked else 4.4 if len(axes) > 1 else 6.0
@@ -332,7 +345,7 @@ def _place(figure: Figure, axes: list[Axes], span: Floats, columns: int | None =
 
 
 def title_of(result: LimitAnalysisResult) -> str:
-    """Name, λ with its bracket, status and kind of friction, on two lines."""
+    """Return name, λ with its bracket, status and kind of friction, on two lines."""
     digits = 4
     if math.isfinite(result.gap) and result.gap > 0.0:
         digits = int(np.clip(math.ceil(-math.log10(result.gap)) + 2, 4, 14))
@@ -363,7 +376,10 @@ def save_figure(figure: Figure, path: str | Path) -> None:
 
 
 def svg_of(figure: Figure) -> str:
-    """A figure as SVG text from its opening tag on, fit for `_repr_html_`; equal figures give equal text."""
+    """Return a figure as SVG text from its opening tag on, for `_repr_html_`.
+
+    Equal figures give equal text.
+    """
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "jld"}), as_written(figure):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -372,6 +388,7 @@ def svg_of(figure: Figure) -> str:
 
 
 def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
+    """Return labels as an array, default the assembly's; raise ValueError for a wrong length."""
     labels = assembly.labels if labels is None else np.asarray(labels, dtype=bool)
     if labels.shape != (len(assembly.interfaces),):
         raise ValueError(f"labels have shape {labels.shape}, expected ({len(assembly.interfaces)},)")
@@ -379,6 +396,6 @@ def _labels(assembly: Assembly, labels: Bits | None) -> Bits:
 
 
 def _tints(assembly: Assembly, labels: Bits) -> list[str]:
-    """Fill of each element, by block."""
+    """Return the fill colour of each element, by block."""
     colours = quantities.block_colours(assembly, labels, len(TINTS))
     return [TINTS[colour] if colour >= 0 else SUPPORT for colour in colours]

@@ -1,7 +1,7 @@
-"""How things are drawn: colours, line styles and marks, stated once for matplotlib and for pages.
+"""Colours, line styles and marks, shared by matplotlib figures and web pages.
 
-Colours are #rrggbb. They stay apart for colour-blind readers and in greys; dry and inner, pushing and pulling, kinds of
-movement and of evidence differ by line or shape as well. Nothing here knows of matplotlib but `Mark.style`.
+Colours are #rrggbb. They remain distinct for colour-blind readers and in greyscale. Dry and inner, compression and
+tension, kinds of movement and of evidence also differ by line or shape. Only `Mark.style` refers to matplotlib.
 """
 
 from __future__ import annotations
@@ -12,40 +12,71 @@ from typing import Any, Final, Literal
 from jld_core.views.quantities import SMALL, YIELDING, MovementSign
 
 TINTS: Final = ("#CFE1F2", "#FBE3B5", "#D3EBCD", "#F6D3D9", "#E3D9EE", "#D5EFEE", "#EDE7CF", "#F9D9C0")
-"""Fills of blocks: light, so that lines show; also apart in lightness."""
+"""Fill colours of blocks: light, so that lines remain visible, and of different lightness."""
 
 PLAIN: Final = "#F4F3EF"
+"""Fill colour of elements where blocks are not distinguished, as in figures of forces."""
+
 SUPPORT: Final = "#DADADA"
+"""Fill colour of supports."""
+
 HATCH: Final = "#9A9A9A"
+"""Colour of the hatching of supports."""
+
 INK: Final = "#1B1B1B"
+"""Colour of dry faces and main lines."""
+
 SOFT: Final = "#5C5C5C"
+"""Colour of inner faces, outlines and secondary text."""
+
 REST: Final = "#8A8A8A"
+"""Colour of outlines at rest."""
+
 WHITE: Final = "#FFFFFF"
+"""Colour of hollow marks and text halos."""
+
 LOAD: Final = "#B8321A"
+"""Colour of live loads."""
+
 PRESS: Final = "#1F4E9E"
+"""Colour of face forces."""
+
 FRONT: Final = "#B8321A"
+"""Colour of the Pareto front and of support movements."""
+
 DOTS: Final = "#7C9CBF"
+"""Colour of visited layouts."""
 
 USED_STOPS: Final = ("#B4B4B4", "#D89A2B", "#8C2300")
-"""Utilisation 0 … 1: it also gets darker, and the lines wider, so that it reads without colour."""
+"""Colours of utilisation 0 … 1: darker with utilisation, and lines wider, so that it is readable without colour."""
 
 INNER_DASH: Final = (1.0, 1.6)
+"""Lengths of line and gap of inner faces, in line widths."""
+
 THRUST_COLOUR: Final = "#8A2F8F"
+"""Colour of the thrust line."""
+
 THRUST_DASH: Final = (4.0, 1.5)
-"""Lengths of line and gap, in widths of the line."""
+"""Lengths of line and gap of the thrust line, in line widths."""
 
 EYE: Final = (-62.0, 24.0)
-"""Azimuth and elevation of the eye in spatial views, degrees."""
+"""Azimuth and elevation of the viewing direction in spatial figures, degrees."""
 
 Shape = Literal["circle", "diamond", "thin diamond", "triangle", "cross"]
+"""Name of a marker shape."""
+
 _MARKERS: Final[dict[Shape, str]] = {
     "circle": "o", "diamond": "D", "thin diamond": "d", "triangle": "^", "cross": "X",
 }  # fmt: skip
+"""Markers of matplotlib by shape."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A small sign. shape, fill and edge are drawn; meaning stands in legends."""
+    """Marker with its legend text.
+
+    shape, fill, edge: shape and colours. meaning: legend text.
+    """
 
     shape: Shape
     fill: str
@@ -54,7 +85,7 @@ class Mark:
 
     @property
     def style(self) -> dict[str, Any]:
-        """The same for matplotlib's lines."""
+        """Return the marker style for matplotlib lines."""
         return {"marker": _MARKERS[self.shape], "color": self.fill, "markeredgecolor": self.edge}
 
 
@@ -64,21 +95,30 @@ MOVEMENTS: Final[dict[MovementSign, Mark]] = {
     MovementSign.OPEN: Mark("triangle", "#56B4E9", INK, "joint opens"),
     MovementSign.CRACK: Mark("cross", LOAD, WHITE, "crack in a block"),
 }
+"""Marks by kind of movement of a face."""
+
 YIELDS: Final[dict[str, Mark]] = {
     "dry": Mark("thin diamond", "#F0E442", INK, "dry face at yield"),
     "inner": Mark("cross", LOAD, WHITE, "inner face at yield"),
 }
+"""Marks of yielding faces, by label."""
+
 EVIDENCE: Final[dict[str, Mark]] = {
     "proven": Mark("diamond", FRONT, INK, "proven: no layout with this count carries more"),
     "found": Mark("circle", WHITE, FRONT, "found: the best known for its count"),
     "visited": Mark("circle", DOTS, DOTS, "visited on the way"),
 }
+"""Marks of layouts, by evidence for their optimality."""
 
 
 def rules() -> dict[str, Any]:
-    """All of it as plain numbers and texts, the object `look` of a page's data (docs/guide/page.md)."""
+    """Return all styles as numbers and texts: the object `look` of a page's data.
+
+    Format: docs/guide/page.md.
+    """
 
     def mark(of: Mark) -> dict[str, str]:
+        """Return a mark as a dict."""
         return {"shape": of.shape, "fill": of.fill, "edge": of.edge, "meaning": of.meaning}
 
     return {

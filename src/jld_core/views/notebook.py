@@ -1,6 +1,6 @@
-"""What a notebook shows of a result: a table of facts, and its drawing.
+"""Notebook representations of assemblies and results: a table of facts and a drawing.
 
-The facts are those of the command line. matplotlib is imported by whoever asks for a drawing, not before.
+The facts are those of the command line. matplotlib is imported only when a drawing is made.
 """
 
 from __future__ import annotations
@@ -21,11 +21,22 @@ from jld_core.program import Template
 from jld_core.views.advice import advice
 
 LARGEST: Final = 1500
-"""Elements up to which a notebook draws by itself: beyond, drawings take megabytes and many seconds."""
+"""Largest number of elements that a notebook draws automatically; larger drawings take megabytes and many seconds."""
 
 
 def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
-    """What is modelled, by name: dimension, counts, loads with their unit, size of the program, size in space."""
+    """Describe an assembly by named facts: dimension, counts, loads, program size, dimensions.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly to describe.
+
+    Returns
+    -------
+    dict of str to str
+        Facts by name, with units.
+    """
     elements, faces = assembly.elements, assembly.interfaces
     length = assembly.units[0]
     structure = Template(assembly.by_case[0]).structure
@@ -44,7 +55,7 @@ def facts_of_assembly(assembly: Assembly) -> dict[str, str]:
 
 
 def _loads(assembly: Assembly) -> dict[str, str]:
-    """Dead and live loads; of every case by its name where there are several."""
+    """Describe dead and live loads, for each load case by its name."""
     length, force = assembly.units
     found = {}
     names = [case.name for case in assembly.cases] or [""]
@@ -58,7 +69,7 @@ def _loads(assembly: Assembly) -> dict[str, str]:
 
 
 def _load(sum_of: Resultant, force: str, length: str) -> str:
-    """A load in words: its resultant, the line it acts along, and the moment apart from it."""
+    """Describe a load: its resultant, line of action, and remaining moment."""
     moment = f"{sum_of.moment:.6g} {force}·{length}"
     if sum_of.cancels:
         cancel = f", forces of {sum_of.total:.6g} {force} cancel" if sum_of.total else ""
@@ -72,7 +83,18 @@ def _load(sum_of: Resultant, force: str, length: str) -> str:
 
 
 def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
-    """What came out, by name: status, λ with its bracket, evidence of zero dilation, route, seconds."""
+    """Describe a result by named facts: status, λ with its bracket, evidence, solve log, time.
+
+    Parameters
+    ----------
+    result : LimitAnalysisResult
+        Result to describe.
+
+    Returns
+    -------
+    dict of str to str
+        Facts by name; evidence of zero dilation, load cases, sensitivities and advice as available.
+    """
     low, high = result.bracket
     bracket = " ".join("none" if math.isnan(end) else f"{end:.12g}" for end in (low, high))
     facts = {
@@ -114,7 +136,10 @@ def facts_of_result(result: LimitAnalysisResult) -> dict[str, str]:
 
 
 def _range(extra: dict[str, Any]) -> dict[str, str]:
-    """The lowest and the highest found without dilation, and the bound below, where they were sought."""
+    """Describe the lowest and highest λ found without dilation, and the lower bound.
+
+    The result is empty where these were not sought.
+    """
     if extra.get("lowest_found") is None:
         return {}
     ends = (
@@ -134,7 +159,7 @@ def _range(extra: dict[str, Any]) -> dict[str, str]:
 
 
 def _rate(rate: dict[str, Any]) -> str:
-    """A rate of λ in words; both sides where they differ."""
+    """Describe a derivative of λ, on both sides where these differ."""
     unit = f" {'' if rate['unit'].startswith('of') else 'per '}{rate['unit']}" if rate["unit"] else ""
     if rate["derivative"] is not None:
         return f"{rate['derivative']:.6g}{unit}"
@@ -143,10 +168,10 @@ def _rate(rate: dict[str, Any]) -> str:
 
 
 class AssemblyView:
-    """The structure with its own labels and its loads, beside its facts."""
+    """Notebook representation of an assembly: structure, labels and loads, beside its facts."""
 
     def svg(self, thing: Assembly) -> str | None:
-        """Its drawing; None above `LARGEST` elements."""
+        """Return the drawing; None above `LARGEST` elements."""
         if len(thing.elements) > LARGEST:
             return None
         from jld_core.views import figures
@@ -154,15 +179,15 @@ class AssemblyView:
         return figures.svg_of(figures.figure_of_assembly(thing))
 
     def html(self, thing: Assembly, drawing: str | None) -> str:
-        """Its facts and its drawing."""
+        """Return the HTML of facts and drawing."""
         return page(thing.name, facts_of_assembly(thing), drawing)
 
 
 class ResultView:
-    """Labels, forces and mechanism, beside the facts of a result."""
+    """Notebook representation of a result: labels, forces and mechanism, beside its facts."""
 
     def svg(self, thing: LimitAnalysisResult) -> str | None:
-        """Its drawing; None above `LARGEST` elements."""
+        """Return the drawing; None above `LARGEST` elements."""
         if len(thing.assembly.elements) > LARGEST:
             return None
         from jld_core.views import figures
@@ -170,7 +195,7 @@ class ResultView:
         return figures.svg_of(figures.figure_of_result(thing))
 
     def html(self, thing: LimitAnalysisResult, drawing: str | None) -> str:
-        """Its facts and its drawing."""
+        """Return the HTML of facts and drawing."""
         return page(thing.assembly.name, facts_of_result(thing), drawing)
 
 
@@ -179,19 +204,20 @@ register_repr(LimitAnalysisResult, ResultView())
 
 
 def page(title: str, facts: Mapping[str, str], drawing: str | None, *tables: str) -> str:
-    """HTML of one object: its title, a table of its facts, its drawing, and further tables.
+    """Return the HTML of one object: title, table of facts, drawing, and further tables.
 
-    drawing: SVG text, or None where it is too large to be drawn. tables: HTML, put last as they are.
+    drawing: SVG text, or None where it is too large. tables: HTML, appended unchanged.
     """
     cell = 'style="text-align: left; vertical-align: top"'
     rows = "".join(f"<tr><th {cell}>{escape(k)}</th><td {cell}>{escape(v)}</td></tr>" for k, v in facts.items())
     picture = f"<p>more than {LARGEST} elements: drawn only by <code>jld_core.views.figures</code></p>"
     if drawing is not None:
-        # an image of its own: names inside the drawing must not meet those of other drawings on the page
+        # a separate image, since ids inside the drawing would collide with those of other drawings on the page
         data = base64.b64encode(drawing.encode()).decode("ascii")
         picture = f'<img alt="{escape(title)}" style="max-width: 100%" src="data:image/svg+xml;base64,{data}">'
     return f"<div><p><strong>{escape(title)}</strong></p><table>{rows}</table>{picture}{''.join(tables)}</div>"
 
 
 def _shown(value: float | None) -> str:
+    """Format a number, or "none"."""
     return "none" if value is None else f"{value:.6g}"

@@ -1,6 +1,6 @@
-"""What a picture has to show, as numbers: blocks, centres of pressure, utilisation, kinds of movement.
+"""Quantities shown in figures: block colours, centres of pressure, utilisation, movements.
 
-Nothing here knows of matplotlib. All functions are pure; m interfaces, n elements, d = 2 or 3.
+No function depends on matplotlib or has side effects. Shapes: m interfaces, n elements, d = 2 or 3.
 """
 
 from __future__ import annotations
@@ -19,18 +19,23 @@ REACH: Final = 0.12
 """Largest displacement drawn, relative to the size of the scene."""
 
 TURN: Final = 0.35
-"""Largest rotation drawn, radians: displacements are drawn linear in the velocities, so that hinges stay
-closed, and beyond this a turning element would visibly grow."""
+"""Largest rotation drawn, radians.
+
+Displacements are linear in the velocities, so that hinges stay closed; larger rotations would visibly enlarge elements.
+"""
 
 SMALL: Final = 0.01
-"""Share of the largest movement or force of a picture below which a mark would be noise."""
+"""Share of the largest movement or force of a figure below which nothing is drawn."""
 
 YIELDING: Final = 0.995
-"""Utilisation from which a face is marked as yielding: the forces belong to the proven lower end of λ."""
+"""Utilisation from which a face is marked as yielding.
+
+It is below 1 because forces belong to the proven lower bound of λ.
+"""
 
 
 class MovementSign(StrEnum):
-    """What a picture says that a face does in a mechanism: the kinds of movement that have a mark of their own."""
+    """Kinds of face movement in a mechanism that figures distinguish."""
 
     STILL = "still"
     HINGE = "hinge"
@@ -40,10 +45,10 @@ class MovementSign(StrEnum):
 
 
 def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
-    """(n,) colour number of each element, 0 … available − 1, −1 for supports.
+    """Return the colour number (n,) of each element, 0 … available − 1, or −1 for supports.
 
-    Greedy, largest number of neighbours first, so that blocks in contact differ as long as the colours last;
-    among the free colours the least used one is taken.
+    Greedy colouring, blocks with most neighbours first, so that touching blocks differ while colours suffice. Among the
+    free colours it takes the least used one.
     """
     block, support = blocks_of(assembly, labels), assembly.elements.support
     a, b = block[assembly.interfaces.a], block[assembly.interfaces.b]
@@ -64,13 +69,16 @@ def block_colours(assembly: Assembly, labels: Bits, available: int) -> Ints:
 
 
 def typical(assembly: Assembly) -> float:
-    """Median size of the free elements, scene units: the yardstick of arrows and line widths."""
+    """Return the median size of the free elements, scene units.
+
+    It is the scale of arrows and line widths.
+    """
     sides = (assembly.elements.upper - assembly.elements.lower)[assembly.elements.free]
     return float(np.median(np.prod(sides, axis=1) ** (1.0 / assembly.dimension)))
 
 
 def body_load(assembly: Assembly) -> Floats | None:
-    """Total (d,) of the live load that `live_points` does not account for, scene units, or None."""
+    """Return the total live load (d,) not contained in `live_points`, scene units, or None."""
     d = assembly.dimension
     total = assembly.live[assembly.elements.free, :d].sum(axis=0)
     for _, force in assembly.live_points:
@@ -81,7 +89,7 @@ def body_load(assembly: Assembly) -> Floats | None:
 
 
 def live_couples(assembly: Assembly) -> Ints:
-    """Indices of elements whose live load is a moment without a force."""
+    """Return the indices of elements whose live load is a moment without a force."""
     d = assembly.dimension
     force = np.linalg.norm(assembly.live[:, :d], axis=1)
     moment = np.linalg.norm(assembly.live[:, d:], axis=1)
@@ -89,10 +97,12 @@ def live_couples(assembly: Assembly) -> Ints:
 
 
 def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
-    """Centres of pressure (m, d), scene units, and (m,) whether they lie on the face.
+    """Return centres of pressure (m, d) and (m,) True where they lie on the face.
 
-    forces: (m, q). x1 = −M2/N along e1, x2 = M1/N along e2 (planar M = M2). A face without a centre of
-    pressure on it (a couple, as inner faces may carry) gets its centroid.
+    Places are in scene units.
+
+    forces: (m, q). x1 = −M2/N along e1, x2 = M1/N along e2 (planar M = M2). A face without a centre of pressure on it
+    gets its centroid; inner faces may have a couple without thrust.
     """
     faces, normal = assembly.interfaces, forces[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -109,7 +119,7 @@ def pressure_points(assembly: Assembly, forces: Floats) -> tuple[Floats, Bools]:
 
 
 def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
-    """How far out a point (x1, x2) of a face lies: 0 at the centroid, 1 on the boundary of its hull."""
+    """Return the gauge of a point (x1, x2) of a face: 0 at the centroid, 1 on the hull."""
     faces = assembly.interfaces
     if not np.all(np.isfinite(point)):
         return np.inf
@@ -124,17 +134,18 @@ def _gauge(assembly: Assembly, face: int, point: Floats) -> float:
 
 
 def face_vectors(assembly: Assembly, forces: Floats) -> Floats:
-    """(m, d) force that each interface exerts on its element b, scene units. forces: (m, q)."""
+    """Return the force (m, d) of each interface on its element b, scene units. forces: (m, q)."""
     faces = assembly.interfaces
     vectors = forces[:, [0]] * faces.normal + forces[:, [1]] * faces.e1
     return vectors + forces[:, [2]] * faces.e2 if assembly.dimension == 3 else vectors
 
 
 def utilisation(result: LimitAnalysisResult) -> Floats:
-    """(m,) share of its strength that each face uses, 0 … 1: largest of bending, shear, tension, crushing.
+    """Return the utilisation (m,) of each face: largest of bending, shear, tension, crushing.
 
-    By the yield set of the result's own model, with friction that follows N and whole faces. Faces without force count
-    as 0. Raises ValueError where the result holds no forces.
+    It follows the yield set of the result's own model, with friction that depends on N and with whole faces. 1 is at
+    yield; faces without force have 0. Raises ValueError where the result holds no forces, and TypeError for yield sets
+    without a utilisation.
     """
     if result.forces is None:
         raise ValueError("the result holds no forces")
@@ -147,8 +158,10 @@ def utilisation(result: LimitAnalysisResult) -> Floats:
 
 
 def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
-    """Face forces (m, d), each with the sign with which it runs along the dead load, or the live where there
-    is no dead load: as acting on the element that carries the other."""
+    """Return face forces (m, d) with the sign that points along the dead load.
+
+    Without dead load, the live load gives the direction. The force then acts on the element that carries the other one.
+    """
     d, free = assembly.dimension, assembly.elements.free
     down = assembly.dead[free, :d].sum(axis=0)
     if not down.any():
@@ -157,9 +170,11 @@ def down_the_load_path(assembly: Assembly, vectors: Floats) -> Floats:
 
 
 def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
-    """Pieces (2, d) of the thrust line: through each free element that exactly two faces press, from one
-    centre of pressure to the other. With more faces a single line has no meaning; where that is so for
-    most of the pressed elements none is given at all."""
+    """Return segments (2, d) of the thrust line between centres of pressure.
+
+    There is one for each free element that exactly two faces press. With more faces, a single line is undefined. The
+    list is empty where this holds for most of the loaded elements.
+    """
     points, on_face = pressure_points(assembly, forces)
     size = np.linalg.norm(face_vectors(assembly, forces), axis=1)
     pressed = (forces[:, 0] > 0.0) & on_face & (size > SMALL * size.max(initial=0.0))
@@ -174,8 +189,10 @@ def thrust_segments(assembly: Assembly, forces: Floats) -> list[Floats]:
 
 
 def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
-    """Factor on velocities (n, q) for a picture: the largest displacement becomes `REACH` of the scene's
-    size, the largest rotation at most `TURN`. 0 for no motion."""
+    """Return the factor on velocities (n, q) for a figure; 0 for no motion.
+
+    The largest displacement becomes at most `REACH` of the scene's size, the largest rotation at most `TURN`.
+    """
     reach = max(
         float(np.linalg.norm(displacement(assembly, mechanism, k, shape), axis=1).max())
         for k, shape in enumerate(assembly.elements.shape)
@@ -187,9 +204,9 @@ def mechanism_scale(assembly: Assembly, mechanism: Floats) -> float:
 
 
 def movements(result: LimitAnalysisResult) -> tuple[tuple[MovementSign, ...], Floats]:
-    """What each of the m faces does in the mechanism, and where, (m, d), scene units, on the undeformed face.
+    """Return the kind of movement of each of the m faces, and its place (m, d).
 
-    Raises ValueError where the result holds no mechanism.
+    Places lie on the undeformed faces, scene units. Raises ValueError where the result holds no mechanism.
     """
     motions = face_motions(result)
     kinds = tuple(_SIGNS[motion.kind] for motion in motions)
@@ -205,3 +222,4 @@ _SIGNS: Final = {
     Movement.CRACK_TENSION: MovementSign.CRACK,
     Movement.CRACK_SHEAR: MovementSign.CRACK,
 }
+"""Kind of movement in figures by kind of movement in the analysis."""

@@ -1,4 +1,4 @@
-"""Pictures of a settlement: the states of least and greatest thrust, and the mechanism that follows the supports."""
+"""Figures of a settlement: states of least and greatest reaction, and the mechanism."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from jld_core.views.structure import projection_of
 
 
 def figure_of_settled(found: Settled) -> Figure:
-    """Movement and thrusts, side by side: forces at the least reaction, the mechanism there, forces at the greatest."""
+    """Return a figure of a settlement: forces at the least and greatest reaction, mechanism.
+
+    The axes show, from left to right, forces at the least reaction, the mechanism there, and forces at the greatest.
+    """
     if not found.settlement.load:
         found = without_live_load(found)
     figure, axes = figure_for(found.assembly, 3)
@@ -35,17 +38,21 @@ def figure_of_settled(found: Settled) -> Figure:
 
 
 def without_live_load(found: Settled) -> Settled:
-    """The same without loads that do not act while supports settle."""
+    """Return the settlement without live loads, for settlements during which these do not act."""
     bare = replace(found.assembly, live=np.zeros_like(found.assembly.live), live_points=())
 
     def stripped(end: Thrust | None) -> Thrust | None:
+        """Return one end of the range without live loads."""
         return end if end is None or end.state is None else replace(end, state=replace(end.state, assembly=bare))
 
     return replace(found, assembly=bare, least=stripped(found.least), most=stripped(found.most))
 
 
 def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> None:
-    """The forces at one end of the range, with arrows at the supports that move; the structure where there is none."""
+    """Draw the forces at one end of the range, and the support movement.
+
+    Without a state, the structure is drawn with its labels.
+    """
     if end is None or end.state is None:
         draw_assembly(ax, found.assembly, found.labels)
 
@@ -56,7 +63,7 @@ def draw_thrust(ax: Axes, found: Settled, end: Thrust | None, title: str) -> Non
 
 
 def draw_movement(ax: Axes, found: Settled) -> None:
-    """An arrow at every support that moves, along its movement."""
+    """Draw an arrow at every moving support, along its movement."""
     assembly, velocity = found.assembly, found.settlement.velocity
     d, projection = assembly.dimension, projection_of(assembly)
     size = float(np.linalg.norm(velocity[:, :d], axis=1).max())
@@ -70,7 +77,7 @@ def draw_movement(ax: Axes, found: Settled) -> None:
 
 
 def words_of(end: Thrust | None, force: str) -> str:
-    """A reaction in words, for a title or a terminal."""
+    """Format a reaction for a title or a terminal."""
     if end is None:
         return "none"
     if end.status == "unbounded":

@@ -1,4 +1,4 @@
-"""The stages of laying as a strip: what is laid, the blocks that come with the way they come, and what is propped."""
+"""Figure of an assembly sequence as a strip of stages with arriving blocks and props."""
 
 from __future__ import annotations
 
@@ -16,17 +16,26 @@ from jld_core.views.look import INK, SOFT, SUPPORT
 from jld_core.views.structure import painter_order, projection_of
 
 LAID: Final = "#d9d4c7"
+"""Fill colour of blocks laid before."""
+
 COMING: Final = "#d98c3f"
+"""Fill colour of arriving blocks."""
+
 PROP: Final = "#2c5f9e"
+"""Colour of props."""
+
 _ACROSS: Final = 5
+"""Largest number of stages per row."""
+
 _MOST: Final = 60
+"""Largest number of stages drawn."""
 
 
 def figure_of_laying(laying: Laying, title: str) -> Figure:
-    """A strip of stages, in the order of laying; every k-th where there are more than sixty.
+    """Return a strip of the stages in order; a regular selection where there are more than 60.
 
-    Blocks laid before are pale, those that come are orange with hatching and an arrow of their way, props are blue
-    triangles below with their force.
+    Blocks laid before are pale. Arriving blocks are orange and hatched, with an arrow of their direction. Props are
+    blue triangles below the blocks; the title of each stage has their total force.
     """
     steps = list(laying.steps)
     shown = steps if len(steps) <= _MOST else [steps[round(k)] for k in np.linspace(0, len(steps) - 1, _MOST)]
@@ -60,6 +69,7 @@ def figure_of_laying(laying: Laying, title: str) -> Figure:
 
 
 def _span(laying: Laying) -> tuple[Floats, Floats]:
+    """Return the lower and upper corner (2,) of the drawing, with margins."""
     assembly = laying.blocks.assembly
     points = projection_of(assembly)(np.concatenate(assembly.elements.shape))
     low, high = points.min(axis=0), points.max(axis=0)
@@ -68,6 +78,7 @@ def _span(laying: Laying) -> tuple[Floats, Floats]:
 
 
 def _draw(ax: Axes, laying: Laying, step: Step, before: Bools, number: int, low: Floats, high: Floats) -> None:
+    """Draw one stage."""
     blocks = laying.blocks
     assembly = blocks.assembly
     elements, projection = assembly.elements, projection_of(assembly)

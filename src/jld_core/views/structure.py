@@ -1,7 +1,6 @@
-"""Elements and interfaces on paper: planar outlines, and an axonometric view of spatial ones.
+"""Drawing of elements and interfaces: planar outlines, or an axonometric view.
 
-`paint` is the one way in which a structure gets onto axes, at rest or displaced; what is said about it
-(forces, movements, loads) is drawn on top by `jld_core.views.figures`.
+`paint` draws every structure, at rest or displaced. `jld_core.views.figures` draws forces, movements and loads on top.
 """
 
 from __future__ import annotations
@@ -25,32 +24,36 @@ from jld_core.views.look import EYE, HATCH, INK, INNER_DASH, SOFT, SUPPORT
 from jld_core.views.quantities import typical
 
 Drawn = dict[str, list[Artist]]
-"""Artists by what they show."""
+"""Artists by their meaning."""
 
 Move = Callable[[int, Floats], Floats]
-"""Where points (k, d) of an element are drawn: (element index, points) → points."""
+"""Displacement for drawing: (element index, points (k, d)) → points (k, d)."""
 
 DOTTED: Final = (0, INNER_DASH)
-"""The dash of inner faces, for matplotlib."""
+"""Dash pattern of inner faces for matplotlib."""
 
 
 @dataclass(frozen=True)
 class Projection:
-    """From the scene to the paper: columns of `across` (d, 2) point right and up on it, `toward` (d,) to the
-    eye."""
+    """Linear projection of the scene onto the paper.
+
+    across: (d, 2) columns point right and up on the paper. toward: (d,) unit vector to the viewer.
+    """
 
     across: Floats
     toward: Floats
 
     def __call__(self, points: Floats) -> Floats:
-        """(k, d) points or vectors to (k, 2), in the scene's unit of length."""
+        """Project points or vectors (k, d) to (k, 2), in the scene's unit of length."""
         return np.asarray(points @ self.across)
 
 
 @dataclass(frozen=True)
 class LineStyle:
-    """How the m interfaces are drawn: per interface a colour and a width in points; half the length of the
-    ticks on dry faces, scene units, 0 for none."""
+    """Line style of the m interfaces.
+
+    colours: one per interface. widths: (m,) points. tick: half length of ticks on dry faces, scene units, 0 for none.
+    """
 
     colours: list[Any]
     widths: Floats
@@ -58,7 +61,7 @@ class LineStyle:
 
 
 def projection_of(assembly: Assembly) -> Projection:
-    """The paper itself in planar scenes, an orthographic axonometric view in spatial ones."""
+    """Return the identity for planar scenes, an axonometric (orthographic) view otherwise."""
     if assembly.dimension == 2:
         return Projection(np.eye(2), np.zeros(2))
     azimuth, elevation = np.radians(EYE)
@@ -68,14 +71,17 @@ def projection_of(assembly: Assembly) -> Projection:
 
 
 def extent(assembly: Assembly, projection: Projection, move: Move | None = None) -> tuple[Floats, Floats]:
-    """Lower and upper corner (2,) of the structure on paper, scene units; displaced where `move` is given."""
+    """Return the lower and upper corner (2,) of the structure on paper, scene units.
+
+    move: displacement, if any.
+    """
     shapes = [shape if move is None else move(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     points = projection(np.vstack(shapes))
     return points.min(axis=0), points.max(axis=0)
 
 
 def element_points(ax: Axes, assembly: Assembly) -> float:
-    """How large a typical element comes out on these axes, in points (estimated before layout)."""
+    """Estimate the size of a typical element on these axes before layout, points."""
     lower, upper = extent(assembly, projection_of(assembly))
     figure = ax.get_figure(root=True)
     dots = float(figure.dpi) if figure is not None else 100.0
@@ -85,7 +91,10 @@ def element_points(ax: Axes, assembly: Assembly) -> float:
 
 
 def default_ink(ax: Axes, assembly: Assembly, labels: Bits) -> LineStyle:
-    """Thick dark solid dry faces, thin dotted inner ones, as thick as the size of the elements allows."""
+    """Return the default style: thick dark dry faces, thin dotted inner faces.
+
+    Widths grow with the size of elements on the axes.
+    """
     points = element_points(ax, assembly)
     thick, thin = float(np.clip(0.07 * points, 0.5, 2.4)), float(np.clip(0.04 * points, 0.3, 0.9))
     tick = (1.3 * thick + 1.0) / points * typical(assembly) if points > 14.0 else 0.0
@@ -100,11 +109,11 @@ def paint(
     ink: LineStyle | None = None,
     move: Move | None = None,
 ) -> Drawn:
-    """The structure on given axes.
+    """Draw a structure on given axes.
 
-    labels: (m,) True dry. fills: n colours (supports are grey whatever stands there). ink: default as
-    `default_ink`. move: displaced positions; both sides of every face are then drawn.
-    Returns artists "elements", "supports", and planar also "outlines", "dry", "inner", "ticks".
+    labels: (m,) True = dry. fills: n colours; supports are always grey. ink: default as `default_ink`. move:
+    displacement; both sides of every face are then drawn. Returns artists "elements", "supports", and planar also
+    "outlines", "dry", "inner", "ticks".
     """
     ink = default_ink(ax, assembly, labels) if ink is None else ink
     return (_paint_planar if assembly.dimension == 2 else _paint_spatial)(ax, assembly, labels, fills, ink, move)
@@ -113,6 +122,7 @@ def paint(
 def _paint_planar(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
+    """Draw a planar structure."""
     place = move or (lambda _, points: points)
     shapes = [place(k, shape) for k, shape in enumerate(assembly.elements.shape)]
     support = assembly.elements.support
@@ -159,6 +169,7 @@ def _lines(
     dash: Any,
     zorder: float,
 ) -> LineCollection:
+    """Draw segments as one line collection."""
     style: dict[str, Any] = {"colors": colours, "linewidths": widths, "linestyles": [dash]}
     lines = LineCollection(segments, label=name, zorder=zorder, capstyle="butt", **style)
     ax.add_collection(lines, autolim=False)
@@ -166,7 +177,10 @@ def _lines(
 
 
 def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Floats]:
-    """Boundaries of the blocks' free parts; seams of touching elements are closed, open cracks are not."""
+    """Return the boundaries of the blocks' free parts.
+
+    Seams of touching elements are closed, open cracks are not.
+    """
     seam = 2e-3 * typical(assembly)
     lines: list[Floats] = []
     free = assembly.elements.free
@@ -183,10 +197,10 @@ def _outlines(assembly: Assembly, shapes: list[Floats], blocks: Ints) -> list[Fl
 
 
 def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
-    """Elements from the farthest to the nearest: of two in contact the one on the eye's side of the contact
-    plane is nearer; what that leaves open, and cycles, are decided by the depth of the centroids.
+    """Return the elements from the farthest to the nearest (painter's algorithm).
 
-    toward: (3,) unit vector to the eye.
+    Of two elements in contact, the one on the viewer's side of the contact plane is nearer. Depth of the centroids
+    decides for other pairs and in cycles. toward: (3,) unit vector to the viewer.
     """
     faces, count = assembly.interfaces, len(assembly.elements)
     depth = assembly.elements.centroid @ toward
@@ -220,12 +234,13 @@ def painter_order(assembly: Assembly, toward: Floats) -> list[int]:
 def _paint_spatial(
     ax: Axes, assembly: Assembly, labels: Bits, fills: list[str], ink: LineStyle, move: Move | None
 ) -> Drawn:
+    """Draw a spatial structure."""
     projection, faces, elements = projection_of(assembly), assembly.interfaces, assembly.elements
     place = move or (lambda _, points: points)
     order = painter_order(assembly, projection.toward)
     position = np.empty(len(order), dtype=np.int64)
     position[order] = np.arange(len(order))
-    # a face is drawn right after the nearer of its elements, so that only what stands before both hides it
+    # Draw a face right after the nearer of its elements, so that only elements in front of both hide it.
     after: list[list[int]] = [[] for _ in order]
     for k in range(len(faces)):
         after[max(int(position[faces.a[k]]), int(position[faces.b[k]]))].append(k)
@@ -266,17 +281,18 @@ def _paint_spatial(
 
 
 def _visible(shape: Floats, faces: tuple[tuple[int, ...], ...], toward: Floats) -> list[tuple[int, ...]]:
-    """Faces (outward) that look to the eye, the farthest first."""
+    """Return the outward faces that point to the viewer, the farthest first."""
     seen = [face for face in faces if float(area_vector(shape[list(face)]) @ toward) > 0.0]
     return sorted(seen, key=lambda face: float(shape[list(face)].mean(axis=0) @ toward))
 
 
 def _closed(points: Floats) -> Floats:
+    """Return a ring with its first point repeated at the end."""
     return np.vstack([points, points[:1]])
 
 
 def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
-    """A tint made darker on faces that look sideways: light falls from above and a little from the right."""
+    """Darken a tint on faces that point sideways, for light from above and from the right."""
     from matplotlib.colors import to_rgb
 
     normal = area_vector(corners)
@@ -286,7 +302,7 @@ def _shade(colour: str, corners: Floats) -> tuple[float, float, float, float]:
 
 
 def _front_edges(corners: Floats, normal: Floats, toward: Floats) -> Bools:
-    """(k,) True for the edges of a contact that lie on the eye's side of it, where its elements show them."""
+    """Return (k,) True for the visible edges of a contact, on the viewer's side."""
     along = np.roll(corners, -1, axis=0) - corners
     outward = np.cross(along, normal)
     sense = float(area_vector(corners) @ normal)

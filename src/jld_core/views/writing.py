@@ -1,4 +1,4 @@
-"""Names and numbers on a picture, for who asks for them: ids of elements, values of loads and of forces."""
+"""Text in figures: ids of elements, values of loads and of forces."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ from jld_core.views.look import INK, LOAD, PRESS, SOFT, WHITE
 from jld_core.views.structure import element_points, extent, projection_of
 
 _HALO: Final = [withStroke(linewidth=1.8, foreground=WHITE)]
+"""White outline of texts."""
 
 
 @contextmanager
 def as_written(figure: Figure) -> Iterator[None]:
-    """While a figure is drawn: names and units stand in it as they are. No dollar sign in them begins a formula, what
-    cannot be printed is a blank, and letters that the font lacks are boxes of which nobody is warned."""
-    ticks = {id(text) for tick in figure.findobj(Tick) for text in tick.findobj(Text)}  # numbers, of our own making
+    """Draw all text of a figure literally (context manager).
+
+    Dollar signs do not begin formulas, unprintable characters become blanks, and missing glyphs cause no warning.
+    """
+    ticks = {id(text) for tick in figure.findobj(Tick) for text in tick.findobj(Text)}  # numbers made by matplotlib
     for text in figure.findobj(Text):
         if isinstance(text, Text) and id(text) not in ticks:
             text.set_parse_math(False)
@@ -40,7 +43,7 @@ def as_written(figure: Figure) -> Iterator[None]:
 
 
 def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """The id of each element at its centroid, as it is: nothing in it is read as a formula."""
+    """Write the id of each element at its centroid, without parsing formulas."""
     size = float(np.clip(0.16 * element_points(ax, assembly), 3.0, 8.0))
     places = projection_of(assembly)(assembly.elements.centroid)
     look: dict[str, Any] = {"ha": "center", "va": "center", "color": SOFT, "fontsize": size}
@@ -48,7 +51,7 @@ def write_ids(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
-    """The value of each live load at the tail of its arrow, with its unit."""
+    """Write the value of each live load, with its unit, at its arrow."""
     projection, unit = projection_of(assembly), assembly.units[1]
     length = 0.13 * assembly.size
     written: list[Artist] = []
@@ -75,7 +78,7 @@ def write_loads(ax: Axes, assembly: Assembly) -> list[Artist]:
 
 
 def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
-    """The size of the force on each face beside its arrow; as small as the arrows that are left out: none."""
+    """Write the magnitude of the force on each face beside its arrow; none below `SMALL`."""
     if result.forces is None:
         return []
     assembly = result.assembly
@@ -90,6 +93,7 @@ def write_forces(ax: Axes, result: LimitAnalysisResult) -> list[Artist]:
 
 
 def _text(ax: Axes, place: Any, text: str, **look: Any) -> Artist:
+    """Add a text with a halo, without parsing formulas."""
     style: dict[str, Any] = {"fontsize": 7.5, "color": INK, "zorder": 6.0, "path_effects": _HALO, **look}
-    # a lone dollar sign in a name would begin a formula
+    # parse_math=False, since a single dollar sign in a name would begin a formula
     return ax.text(float(place[0]), float(place[1]), text, parse_math=False, **style)

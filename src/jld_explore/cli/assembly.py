@@ -1,4 +1,4 @@
-"""`jld assembly`: how the blocks of a layout are laid, in which order, and what stands meanwhile."""
+"""Provide `jld assembly`: order and direction in which blocks are placed, and props."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def assembly(
 
 
 def table_of(laying: Laying) -> pd.DataFrame:
-    """A row a step: step, block (first element), elements, direction it comes from, stands, props in all."""
-    import pandas as pd  # slow to import, and for tables alone
+    """Return one row per step: blocks, elements, direction, stability and props."""
+    import pandas as pd  # slow to import and needed for tables only
 
     blocks = laying.blocks
     ids, force = blocks.assembly.elements.ids, blocks.assembly.units[1]
@@ -76,7 +76,7 @@ def table_of(laying: Laying) -> pd.DataFrame:
 
 
 def words_of(laying: Laying) -> str:
-    """What was found, in one line."""
+    """Describe the assembly sequence in one line."""
     blocks = laying.blocks
     if laying.locked:
         named = ", ".join(blocks.name(block) for block in laying.locked)

@@ -1,4 +1,7 @@
-"""The command line: jld check, solve, explore, studio; the modules beside it add the other commands."""
+"""Define the command line with `jld check`, `solve`, `explore` and `studio`.
+
+Other modules of this sub-package add the other commands.
+"""
 
 from __future__ import annotations
 
@@ -48,13 +51,14 @@ from jld_explore.report import (
 from jld_explore.space import SearchSpace, search_space
 from jld_explore.study import Interrupted
 
-_JOBS = 16  # worker processes per core at the most
+_JOBS = 16  # Largest number of worker processes per core.
 
 
 class _Group(TyperGroup):
-    """The commands, with the help that is known without loading them."""
+    """Command group whose help text needs no import of the commands."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the overview as help text."""
         formatter.write(overview.text())
 
 
@@ -77,7 +81,7 @@ app.command(name="verify")(verify_command)
 
 Objective = Literal["associative", "zero-dilation", "zero-dilation-floor", "experiment"]
 
-_EACH: Final = 20.0  # seconds of processor time for the floor of one labelling, where that is what is maximised
+_EACH: Final = 20.0  # Processor time, s, for the lower bound of one labelling, where this bound is maximised.
 
 EffectiveArea = Annotated[
     bool, typer.Option("--effective-area", help="Torsion about the area really pressed (spatial).")
@@ -103,7 +107,7 @@ Robust = Annotated[
 
 
 def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
-    """A scene and its assembly."""
+    """Return a scene and its assembly; raise InputError if it cannot be analysed."""
     scene = load_scene(path)
     with error_context(path):
         assembly = build_assembly(scene)
@@ -115,13 +119,13 @@ def _load(path: Path, strict: bool = False) -> tuple[Scene, Assembly]:
 
 
 def _warn_of(path: Path, assembly: Assembly) -> None:
-    """A line on stderr for each warning, once nothing more can be refused: a refusal stands alone."""
+    """Write warnings of an assembly to stderr, after all checks that may refuse it."""
     for warning in assembly.warnings:
         warn(f"jld: warning: {path}: {warning}")
 
 
 def _check_search(path: Path, scene: Scene, assembly: Assembly) -> SearchSpace:
-    """What may be labelled; refused as `jld explore` would where the scene asks for a search."""
+    """Return the search space; if the scene asks for a search, check it as `jld explore` does."""
     asked = "search" in scene.model_fields_set
     with error_context(path):
         return search_space(scene, assembly, allow_empty=not asked, need_materials=asked)
@@ -210,8 +214,9 @@ def solve(
 
 
 def _write_result(result: LimitAnalysisResult, out: Path) -> None:
+    """Write result.json and pictures into a folder."""
     check_writable(out)
-    from jld_core.views import figures  # matplotlib takes longer to import than most scenes to solve
+    from jld_core.views import figures  # importing matplotlib takes longer than most solves
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "result.json", json.dumps(result.to_json(), indent=1))
@@ -223,7 +228,10 @@ def _write_result(result: LimitAnalysisResult, out: Path) -> None:
 
 
 def _with_driver_options(command: Callable[..., None]) -> Callable[..., None]:
-    """A command that also takes what drivers take, with their words for it; they say themselves what is wrong."""
+    """Return a command that also has the options of all drivers.
+
+    The help texts come from the drivers, which also validate the values.
+    """
     kinds = {name: list(owners(name)) for kind in DRIVERS.values() for name in kind.Options.model_fields}
     types = {name: hint for name, hint in get_type_hints(command, include_extras=True).items() if name != "own"}
     stated = inspect.signature(command).parameters
@@ -337,7 +345,7 @@ def explore_command(
 
 
 def _say_found(done: Exploration, as_json: bool) -> None:
-    """Print what a search found."""
+    """Print the results of a search."""
     say(json.dumps(done.summary, indent=1) if as_json else words.exploration(done))
 
 
@@ -357,13 +365,17 @@ def studio(
 
 
 def _floor_seconds(objective: str) -> float:
-    """Processor time for the proven floor of each labelling: where it ranks them; none where the lowest found does."""
+    """Return the processor time for the proven lower bound on λ of each labelling.
+
+    It is spent only if this bound ranks the labellings.
+    """
     if objective == "zero-dilation-floor":
         return _EACH
     return 0.0 if objective.startswith("zero") else SolveOptions().floor_seconds
 
 
 def _version(wanted: bool) -> None:
+    """Print the version and exit if the option is given."""
     if wanted:
         say(f"jld {__version__}, {kernel_in_use()}")
         raise typer.Exit
@@ -379,9 +391,9 @@ def _top(
 
 
 def main(started: float | None = None) -> None:
-    """Entry point: one clear line and an exit code for whatever goes wrong.
+    """Run the command line; every error ends in one line and an exit code.
 
-    started: when the process began, as `time.perf_counter` counts, s; time limits count from then; default now.
+    `started` is the start of the process on the clock `time.perf_counter`, s, from which time limits count.
     """
     run(app, time.perf_counter() if started is None else started)
 

@@ -1,4 +1,4 @@
-"""How a command ends otherwise than well: signals, one line on stderr, and the exit code."""
+"""End commands on errors and signals with one line on stderr and an exit code."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from jld_explore.study import Interrupted
 
 INPUT, UNCERTIFIED = 2, 4
 
-# typer brings a click of its own in some versions; its own exceptions say which one is in force
+# Some versions of typer include their own click; typer's exceptions show which one is used.
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
-"""What stops a search; the last is a terminal that is closed, and not everywhere known."""
+"""Signals that stop a search; SIGHUP (closed terminal) does not exist on every system."""
 
 
 def raise_on_signals() -> None:
-    """Let signals end a search as what it finished is on disk; one that is ignored (nohup) stays so."""
+    """Let signals end a search with finished results on disk; ignored signals stay ignored."""
 
     def stop(number: int, frame: object) -> None:
         raise_deferred(Interrupted())
@@ -38,7 +38,7 @@ def raise_on_signals() -> None:
 
 
 def usage_of(message: str) -> str:
-    """One line for a command line that cannot be parsed: option, what was given, what is expected."""
+    """Convert a usage error to one line: option, given value and expected value."""
     text = " ".join(message.split()).rstrip(".")
     found = re.match(r"Invalid value for '([^']+)': (?:Value error, )?(?:Input should be )?(.*)", text)
     if found is None:
@@ -53,15 +53,15 @@ def usage_of(message: str) -> str:
 
 
 def complain(line: str) -> NoReturn:
-    """Say what is wrong and leave."""
+    """Write an error to stderr and exit with the code for bad input."""
     warn(f"jld: {line}")
     sys.exit(INPUT)
 
 
 def run(app: typer.Typer, started: float) -> None:
-    """Run the command line; whatever goes wrong ends in one clear line and an exit code.
+    """Run the command line; every error ends in one line and an exit code.
 
-    started: when the process began, as `time.perf_counter` counts, s; commands find it in their context.
+    `started` is the start of the process on the clock `time.perf_counter`, s. Commands find it in their context.
     """
     try:
         code = app(standalone_mode=False, obj=started)
@@ -72,7 +72,7 @@ def run(app: typer.Typer, started: float) -> None:
     except SolverError as error:
         complain(f"--solver: {error}; expected a solver that takes this scene")
     except OSError as error:
-        # whatever cannot be read or written while it runs: no rights, no room, a folder that is none
+        # Reading or writing failed during the run: no permission, no space, or not a folder.
         path = error.filename or "a file"
         complain(f"{path}: {error.strerror or error}; expected a place that can be read and written")
     except MemoryError as error:

@@ -1,4 +1,4 @@
-"""`jld import` and `jld export`: files of other programs in as scenes, blocks out as files."""
+"""Provide `jld import`, `jld export` and `jld refine`."""
 
 from __future__ import annotations
 
@@ -121,6 +121,7 @@ def refine_command(
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:
+    """Convert comma-separated text to numbers; raise InputError if it is invalid."""
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:

@@ -1,4 +1,4 @@
-"""`jld experiment`: load one layout until it comes down, beside what limit analysis says."""
+"""Provide `jld experiment`: load one layout until collapse, beside limit analysis."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from jld_experiment import Curve
 
 _FLOOR = 5.0
-"""Processor time, s, after which no further step of the bound without dilation begins."""
+"""Processor time, s, after which the lower bound without dilation begins no further step."""
 
 
 def experiment(
@@ -86,6 +86,7 @@ def experiment(
 
 
 def _tangent(text: str) -> float:
+    """Convert text to a finite tangent of at least 0; raise InputError if it is invalid."""
     with contextlib.suppress(ValueError):
         if 0.0 <= (value := float(text)) < math.inf:
             return value
@@ -93,8 +94,10 @@ def _tangent(text: str) -> float:
 
 
 def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
-    """What limit analysis without dilation finds, from the lowest to the highest, and what it proves of the lowest: in
-    space one value, since seeking them from every side takes long there."""
+    """Return the lowest and highest λ without dilation, and the proven bound on the lowest.
+
+    In space only one λ is computed, since the search for the range takes long.
+    """
     planar = assembly.dimension == 2
     found = solve(assembly, labels, friction="zero-dilation", range=planar, floor_seconds=_FLOOR)
     if found.status is not Status.COLLAPSE:
@@ -106,6 +109,7 @@ def _without_dilation(assembly: Assembly, labels: Bits) -> dict[str, Any]:
 
 
 def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out: Path) -> None:
+    """Write table, summary and picture into a folder."""
     from jld_core.views.figures import save_figure
     from jld_experiment.report import figure_of, table
 
@@ -118,7 +122,7 @@ def _write(curve: Curve, limit: LimitAnalysisResult, facts: dict[str, Any], out:
 
 
 def _words(facts: dict[str, Any]) -> str:
-    """What `jld experiment` prints."""
+    """Describe the experiment for the terminal."""
 
     def plain(value: float | None, digits: int = 6) -> str:
         return "none" if value is None else f"{value:.{digits}g}"

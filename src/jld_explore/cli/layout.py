@@ -1,4 +1,4 @@
-"""Which layout a command speaks of: the scene's own labelling, or a rank of a results folder."""
+"""Find the layout that a command refers to: a scene's own, or a rank of a results folder."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     pass
 
 _MOST: Final = 6
+"""Largest number of layouts drawn side by side."""
 
 
 def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
-    """The scene's own labelling, or that of a rank in a folder, the best where none is named.
+    """Return scene, assembly and labels of a scene file or of a rank in a results folder.
 
-    Raises InputError for a rank of a scene, and for one that the folder does not hold.
+    The default rank is the best. Raises InputError for a rank of a scene, or one that the folder does not have.
     """
     if not source.is_dir():
         if rank is not None:
@@ -38,9 +39,10 @@ def layout_of(source: Path, rank: int | None) -> tuple[Scene, Assembly, Bits]:
 
 
 def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
-    """Draw layouts of a folder side by side. text: ranks, as "1,4". out: the file, default in the folder.
+    """Draw layouts of a results folder side by side and return the file.
 
-    Raises InputError for what is no rank, or no folder with ranks.
+    `text` holds ranks, for example "1,4". `out` is the file, by default one in the folder.
+    Raises InputError for invalid ranks or a source that is no results folder.
     """
     if not source.is_dir():
         raise InputError("--rank", f"{source} is a scene, which has no ranks", "a folder written by jld explore")
@@ -67,8 +69,8 @@ def plot_ranks(source: Path, text: str, out: Path | None, ending: str) -> Path:
 
 
 def _named(done: Exploration, number: int) -> str:
-    """A row of the results by its rank, and by its number where others share that, or it has none."""
-    import pandas as pd  # slow to import, and for tables alone
+    """Return the rank of a row in words, with its number if it shares the rank or has none."""
+    import pandas as pd  # slow to import and needed for tables only
 
     rank = done.row(number)["rank"]
     if pd.isna(rank):
@@ -77,4 +79,5 @@ def _named(done: Exploration, number: int) -> str:
 
 
 def _value(result: LimitAnalysisResult) -> str:
+    """Return λ of a result, or its status."""
     return f"λ = {result.load_factor:.5g}" if result.status is Status.COLLAPSE else str(result.status)

@@ -1,4 +1,4 @@
-"""What commands share: their arguments and options in the same words, and how they say what is wrong with a file."""
+"""Define arguments, options and error handling shared by the commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 
 @contextmanager
 def error_context(file: Path, *outside: str) -> Iterator[None]:
-    """Complaints about what a file says name it; those about options, and about paths that begin so, stand alone."""
+    """Add the file name to errors about its content.
+
+    Errors about options, or about paths that begin with one of `outside`, stay unchanged.
+    """
     try:
         yield
     except InputError as error:
@@ -27,6 +30,6 @@ def error_context(file: Path, *outside: str) -> Iterator[None]:
 
 
 def refuse_itself(source: Path, out: Path) -> None:
-    """Raise InputError where a file would be written over the one it is made of."""
+    """Raise InputError if the output file is the input file."""
     if out.exists() and source.exists() and out.samefile(source):
         raise InputError(str(out), "it is the file that is read", "another file")

@@ -1,4 +1,4 @@
-"""What `jld --help` says. It loads nothing, since who asks for it wants to read and not to wait."""
+"""Provide the text of `jld --help` without other imports, so that it appears at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMMANDS: Final = {
     "settlement": "the thrust that is left where supports give way",
     "export": "write the blocks of a layout for another program",
 }
-"""By name, in the order in which they are used."""
+"""Description of each command, in the order of use."""
 
 DRIVERS: Final = {
     "enumeration": "every layout once; the best is proven. Default where the space is small",
@@ -30,6 +30,7 @@ DRIVERS: Final = {
     "anneal": "the strongest layout of a large scene, without proof",
     "optuna": "any of its samplers",
 }
+"""Description of each search driver."""
 
 _HEAD = """Usage: jld [OPTIONS] COMMAND [ARGS]...
 
@@ -44,7 +45,7 @@ _EXAMPLE = """  jld new wall --length 1.2 --courses 6 -o wall.json
 
 
 def text() -> str:
-    """The whole message."""
+    """Return the whole help text."""
     parts = [_HEAD]
     tables = {"Options": _OPTIONS, "Commands": COMMANDS, "Drivers of jld explore (--driver)": DRIVERS}
     for title, lines in tables.items():

@@ -1,4 +1,4 @@
-"""`jld plot`: pictures, animations and pages of scenes and of studies."""
+"""Provide `jld plot`: pictures, animations and pages of scenes and studies."""
 
 from __future__ import annotations
 
@@ -57,6 +57,7 @@ def plot_command(
 
 
 def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool) -> Path:
+    """Draw a scene with its own labels, or write its page, and return the file."""
     scene = load_scene(source)
     with error_context(source):
         assembly = build_assembly(scene)
@@ -74,6 +75,7 @@ def _of_scene(source: Path, out: Path | None, kind: str, ids: bool, values: bool
 
 
 def _animate(source: Path, rank: str | None, out: Path | None, kind: str) -> Path:
+    """Write an animation of a layout's mechanism and return the file."""
     try:
         number = None if rank is None else int(rank)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Progress of long work on stderr, and only on a terminal."""
+"""Show the progress of a search on stderr if it is a terminal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from jld_explore import study
 
 
 class ProgressBar:
-    """A bar with done, rate, best λ and time left; draws nothing where stderr is not a terminal."""
+    """Progress bar with count, rate, best λ and remaining time; silent without a terminal."""
 
     def __init__(self, label: str) -> None:
         console = Console(file=sys.stderr)
@@ -40,16 +40,18 @@ class ProgressBar:
         self._task = self._bar.add_task(label, total=None, rate="", best="")
 
     def __enter__(self) -> Self:
+        """Start the display."""
         self._bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Stop the display."""
         self._bar.stop()
 
     def __call__(self, now: study.Progress) -> None:
-        """Show where a study stands."""
+        """Show the state of a study."""
         rate = now.solved / now.seconds if now.seconds > 0.0 else 0.0
         best = "no λ yet" if math.isnan(now.best) else f"best λ {now.best:.6g}"
         if math.isfinite(now.bound):

@@ -1,4 +1,4 @@
-"""`jld new KIND`: the samples of jld_core, their parameters as options."""
+"""Provide `jld new KIND`: the sample scenes of jld_core with their parameters as options."""
 
 from __future__ import annotations
 
@@ -24,15 +24,17 @@ _STONE = {
     "tension": "Tensile strength of inner faces, Pa.",
     "shear": "Shear strength of inner faces, Pa.",
 }
+"""Help texts of the options for material properties."""
 
 
 _MOST = "Elements of a block at the most, in a search; 0: as many as there are."
+"""Help text of the option for the largest block."""
 
-_CELLS = 4  # without a limit the strongest layout is often one block
+_CELLS = 4  # Without a limit the strongest layout is often a single block.
 
 
 def write_scene(scene: Scene, out: Path) -> None:
-    """Write a scene file whole or not at all. Raises InputError for a folder that is not there."""
+    """Write a scene file atomically; raise InputError if its folder does not exist."""
     if out.is_dir():
         raise InputError(str(out), "it is a folder", "the name of a scene file")
     if not out.absolute().parent.is_dir():
@@ -41,7 +43,7 @@ def write_scene(scene: Scene, out: Path) -> None:
 
 
 def commands() -> typer.Typer:
-    """The commands below `jld new`, one for each sample."""
+    """Return the commands of `jld new`, one per sample."""
     group = typer.Typer(help="Write a scene by name: a grid of candidate cells with supports, stone and a load.")
     for kind, make in KINDS.items():
         group.command(name=kind, help=(inspect.getdoc(make) or "").split("\n\n")[0])(_command(kind, make))
@@ -49,7 +51,10 @@ def commands() -> typer.Typer:
 
 
 def _command(kind: str, make: Callable[..., Scene]) -> Callable[..., None]:
-    """A command whose options are the parameters of a sample, with what its docstring says of each."""
+    """Return a command whose options are the parameters of a sample.
+
+    The help texts come from the sample's docstring.
+    """
     hints = get_type_hints(make)
     said = dict(re.findall(r"^(\w+): (.+)$", inspect.getdoc(make) or "", flags=re.M))
     parameters: list[inspect.Parameter] = []

@@ -1,4 +1,4 @@
-"""`jld settlement`: supports that give way, the thrust that is left and the mechanism that follows them."""
+"""Provide `jld settlement`: thrust and mechanism under movements of supports."""
 
 from __future__ import annotations
 
@@ -46,6 +46,7 @@ def settlement(
 
 
 def _words(found: Settled) -> str:
+    """Describe the reactions under one settlement."""
     from jld_core.views.settled import words_of
 
     if found.stands is False:
@@ -59,6 +60,7 @@ def _words(found: Settled) -> str:
 
 
 def _write(found: list[Settled], told: str, out: Path) -> None:
+    """Write settlement.json and one picture per settlement."""
     from jld_core.views.figures import save_figure
     from jld_core.views.settled import figure_of_settled
 

@@ -1,6 +1,6 @@
-"""What is said and where it goes: streams that are closed, full, of few letters, or that nobody reads any more.
+"""Write to stdout and stderr safely: closed, full or unread streams and limited encodings.
 
-It loads nothing but what every start has, since it comes before everything else.
+This module imports only the standard library, since it is used before any other module is loaded.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from io import TextIOWrapper
 from typing import Final
 
 STOPPED: Final = 3
-"""Exit code of what a signal ends."""
+"""Exit code after a signal."""
 
 _SPELLED: Final = {
     "λ": "lambda",
@@ -29,31 +29,35 @@ _SPELLED: Final = {
     "³": "^3",
     "°": " degrees",
 }
-"""Letters of our own, for streams that have none such."""
+"""ASCII replacements of symbols, for encodings that lack them."""
 
 _HANDLER: Final = "jld"
+"""Name of the registered error handler for encodings."""
 
 
 def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
-    """Letters that an encoding lacks: ours spelt out, bytes of names of files as they were, others by their number."""
+    """Replace a character that an encoding lacks.
+
+    Known symbols are spelt out, raw bytes of file names are kept, and other characters are escaped.
+    """
     if not isinstance(error, UnicodeEncodeError):
         raise error
     letter = error.object[error.start]
-    if "\udc80" <= letter <= "\udcff":  # a byte of the name of a file that is no text
+    if "\udc80" <= letter <= "\udcff":  # a raw byte of a file name
         return bytes([ord(letter) - 0xDC00]), error.start + 1
     return _SPELLED.get(letter, letter.encode("ascii", "backslashreplace").decode()), error.start + 1
 
 
 def open_streams() -> None:
-    """Make stdin, stdout and stderr such that nothing written to them ends in a traceback.
+    """Prepare stdin, stdout and stderr so that writing never ends in a traceback.
 
-    Closed ones become the null device, so that no file of ours gets their number.
+    Closed streams become the null device, so that no opened file gets their number.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free, which is this one
+            os.open(os.devnull, os.O_RDWR)  # opens with the lowest free number, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", encoding="utf-8"))
     codecs.register_error(_HANDLER, _spelled)
@@ -63,9 +67,9 @@ def open_streams() -> None:
 
 
 def say(text: object) -> None:
-    """A line on stdout, at once; where nobody reads any more, nothing.
+    """Write a line to stdout and flush it; ignore a closed pipe.
 
-    Raises OSError that names stdout where it cannot be written.
+    Raises OSError with the name "standard output" if writing fails.
     """
     try:
         sys.stdout.write(f"{text}\n")
@@ -78,14 +82,14 @@ def say(text: object) -> None:
 
 
 def warn(line: str) -> None:
-    """A line on stderr, where that is still open: the terminal may be gone."""
+    """Write a line to stderr; ignore errors, since the terminal may be closed."""
     with contextlib.suppress(OSError):
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()
 
 
 def _mute() -> None:
-    """Let whatever is still to be written to stdout, at the end by Python itself, go nowhere."""
+    """Redirect stdout to the null device, so that later writes cannot fail."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)

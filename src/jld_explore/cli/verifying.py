@@ -1,4 +1,4 @@
-"""jld verify: the certificate of a proof, checked."""
+"""Provide `jld verify`: check the certificate of a proof."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def verify_command(
 
 
 def facts(done: Verified) -> dict[str, object]:
-    """What was checked, for scripts."""
+    """Return the result of a check as JSON data."""
     claim = done.claim
     return {
         "scene": done.scene.name,
@@ -43,7 +43,7 @@ def facts(done: Verified) -> dict[str, object]:
 
 
 def words(done: Verified) -> str:
-    """What was checked, for people."""
+    """Describe the result of a check for the terminal."""
     claim = done.claim
     lines = [
         f"verified: no labelling of {done.scene.name!r} carries more than λ = {claim.bound:.9g}",

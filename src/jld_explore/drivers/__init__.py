@@ -1,32 +1,32 @@
-"""Which labelling is asked next.
+"""Search drivers: strategies that choose the labellings to evaluate next.
 
-- `DRIVERS`: drivers by name
-- `MEMORY`: labellings the surrogate learns from
-- `REACH`: faces up to which the exact driver is taken unasked
-- `BufferedRandom`: random choices, drawn in blocks
-- `Driver`: one strategy of search
-- `DriverOptions`: what a driver takes besides, described
-- `Enumeration`: all classes, in one order
-- `Exact`: proof by conflicts
-- `Formula`: labellings that nothing rules out yet
-- `Genetic`: a population that is crossed and varied
-- `PossibleBlocks`: all blocks there can be
-- `Register`: what was proposed before
-- `Segmentations`: how a segmentation is changed
-- `Surrogate`: learns λ and guesses at the rest
-- `Tally`: labellings and classes of a space
-- `bound_of_all`: λ that no labelling of a space exceeds
-- `certify`: write the proof of a bound as a file that others can check
-- `check_certifiable`: refuse a proof that has no certificate
-- `conflict_of`: a labelling that is too weak → all that are for the same reason
-- `driver_for`: the driver where none is named
-- `first_layout`: one labelling of a space, as soon as can be
-- `make_driver`: a driver by its name
-- `operators`: how labellings of a space are changed
-- `owners`: the drivers that take an option
-- `possible_blocks`: the possible blocks of a space
-- `size_up_to`: the number of classes, if soon found
-- `what_would_prove`: one line on what is left to prove
+- `DRIVERS`: driver classes by name
+- `MEMORY`: number of labellings that the surrogate remembers
+- `REACH`: largest number of undecided faces for which the exact driver is the default
+- `BufferedRandom`: random choices from numbers that are generated in batches
+- `Driver`: abstract base class of all search strategies
+- `DriverOptions`: base class of the options of a driver
+- `Enumeration`: driver that enumerates all classes of a space
+- `Exact`: driver that proves the largest load factor, or the front of a count, by conflicts
+- `Formula`: Boolean formula whose models are the labellings that no clause rules out yet
+- `Genetic`: driver that runs a genetic algorithm with a surrogate
+- `PossibleBlocks`: list of all blocks that a segmentation of a space may contain
+- `Register`: set of the classes that a driver has proposed
+- `Segmentations`: operators on the segmentations of a space
+- `Surrogate`: Gaussian process that predicts the rank of labellings
+- `Tally`: numbers of labellings and classes of a space
+- `bound_of_all`: compute an upper bound on λ of all labellings of a space
+- `certify`: write the proof of a bound as a certificate file that `jld verify` checks
+- `check_certifiable`: raise InputError if the proof of a driver cannot have a certificate
+- `conflict_of`: minimise one labelling that is too weak to a conflict
+- `driver_for`: choose the driver where none is named
+- `first_layout`: return one labelling of a space quickly
+- `make_driver`: make a driver by its name
+- `operators`: make the operators on the labellings of a space
+- `owners`: list the drivers that have an option
+- `possible_blocks`: list the possible blocks of a space
+- `size_up_to`: count the classes of a space, up to a limit
+- `what_would_prove`: describe in one line what is left to prove
 """
 
 from __future__ import annotations

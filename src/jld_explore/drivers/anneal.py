@@ -1,15 +1,15 @@
-"""Annealing over partitions, with changes that the mechanism of a labelling suggests, beside a population.
+"""Simulated annealing of segmentations, guided by collapse mechanisms, with a population.
 
-What collapses is where its mechanism moves, so little else is worth a change: blocks are joined across a face that
-moves, and where nothing moves one is cut, which leaves room for others to join; now and then a labelling is crossed
-with that of another chain, or with its own mirror image. Several chains run side by side, each with several changes of
-its labelling at a time, so that labellings are evaluated many at once and their mechanisms asked for seldom. The best
-of its changes a chain takes always where it is stronger, and where it is weaker with probability exp(−Δλ / (T λ)). T
-falls over a cycle; every cycle is twice as long as the one before, and half of the chains begin it at the best
-labelling known.
+A labelling fails where its mechanism moves, so changes elsewhere rarely help. A change merges blocks across a face
+that moves, or cuts a block without moving faces, which makes room for others to merge. Some changes cross a labelling
+with that of another chain or with its own mirror image. Several chains run at the same time, each with several
+changes of its labelling. Labellings are therefore evaluated in large batches, and mechanisms are computed rarely. A
+chain always accepts its best change if that is stronger. It accepts a weaker one with probability exp(−Δλ / (T λ)).
+The temperature T decreases over a cycle. Every cycle is twice as long as the one before. Half of the chains start a
+cycle at the best labelling known.
 
-A genetic population has every other turn as long as it is ahead, and every eighth where it is not: it soon finds an
-optimum that is put together of parts, chains find what takes many small steps.
+A genetic population takes every other turn while it is ahead, and every eighth otherwise. The population quickly
+finds an optimum that combines parts of labellings; chains find those that need many small steps.
 """
 
 from __future__ import annotations
@@ -33,40 +33,62 @@ from jld_explore.evaluation import Evaluation, standing
 from jld_explore.space import SearchSpace, keys
 
 _HOT: Final = 0.04
+"""Temperature at the start of a cycle, relative to the largest λ known."""
 _COLD: Final = 1e-3
-"""Temperatures at the beginning and the end of a cycle, beside the largest λ known."""
+"""Temperature at the end of a cycle, relative to the largest λ known."""
 
 _CYCLE: Final = 10
-"""Labellings of the first cycle, for each face that can change."""
+"""Labellings evaluated in the first cycle, per face that can change."""
 
 _TRIES: Final = 4
-"""Changes of a chain's labelling that are evaluated together."""
+"""Changes of the labelling of a chain that are evaluated together."""
 
 _GREEDY: Final = 2
-"""Cycles at the beginning in which half as many chains have twice as many changes each; the others are drawn then."""
+"""Number of first cycles with half as many chains and twice as many changes each.
+
+The other chains are drawn at random after these cycles.
+"""
 
 _TURNS: Final = 8
-"""How often changes are looked for that nobody has asked before; a chain without any begins anew."""
+"""Attempts to find new changes of a chain; a chain without any restarts at random."""
 
 _CROSS: Final = 0.03
-"""Share of changes that cross two labellings; with a tenth chains come to stand at one place (6 × 8 wall)."""
+"""Share of changes that cross two labellings.
+
+With a share of 0.1 chains converge to one labelling (6 × 8 wall).
+"""
 
 _OWN: Final = 0.5
-"""Share of those with the chain's own image, where the scene has symmetries."""
+"""Share of crossings with an image of the own labelling, where the scene has symmetries."""
 
 _AHEAD: Final = 2
+"""One turn in this number is the population's while it has the best labelling known."""
 _BEHIND: Final = 8
-"""One turn in so many is the population's, while it has the best labelling known and while it has not."""
+"""One turn in this number is the population's while a chain has the best labelling known."""
 
 _BARRED: Final = 1e300
-"""What sets a labelling without λ below all that have one, for each place in the order of statuses."""
+"""Energy added per rank of the status, so that labellings without λ rank below all others."""
 
 
 @dataclass
 class _Chain:
-    """place: (m,) where it stands, None before it is known. energy: −λ there; case: the load case that governs.
-    parts, moving (m,): its blocks and how far faces move there, None until they are asked for. near: energy, case and
-    labelling of changes that were evaluated since."""
+    """State of one annealing chain.
+
+    Attributes
+    ----------
+    place : (m,) bool array or None
+        Current labelling, True = dry; None before the first one is evaluated.
+    energy : float
+        −λ of the current labelling.
+    case : int
+        Index of its governing load case.
+    parts : list of int or None
+        Its partition into blocks; None until needed.
+    moving : (m,) float array or None
+        Relative motion of each face in its mechanism; None until needed.
+    near : list of tuples
+        Energy, load case and labels of the changes evaluated since.
+    """
 
     place: Bits | None = None
     energy: float = math.inf
@@ -76,20 +98,35 @@ class _Chain:
     near: list[tuple[float, int, Bits]] = field(default_factory=list)
 
     def stand(self, place: Bits, energy: float, case: int) -> None:
-        """Go there."""
+        """Move the chain to a labelling."""
         self.place, self.energy, self.case, self.parts, self.moving = place, energy, case, None, None
 
 
 class AnnealOptions(DriverOptions):
-    """Options of the anneal driver."""
+    """Options of the anneal driver.
+
+    Attributes
+    ----------
+    chains : int
+        Number of chains.
+    """
 
     chains: Annotated[int, Field(ge=1, le=100_000)] = Field(16, description="labellings changed side by side")
 
 
 class Anneal(Searcher):
-    """Chains that each change one labelling, step by step, ever colder, and a population beside them.
+    """Driver that runs simulated annealing in several chains, with a genetic population.
 
-    chains: how many. What a mechanism moves is asked of the batch solver, or of a solver where there is none.
+    The batch solver computes the mechanisms, or another solver where there is none.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    chains : int
+        Number of chains.
     """
 
     name = "anneal"
@@ -113,28 +150,28 @@ class Anneal(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """How many chains, and what the population depends on."""
+        """Number of chains, and the settings of the population."""
         return {"chains": self._most, **self._population.settings}
 
     def propose(self) -> Bits:
-        """New changes of every chain, random labellings for those that stand nowhere yet; or a generation."""
+        """Return new changes of every chain and random labellings for new chains, or a generation."""
         self._settle()
         self._cool()
         self._turn += 1
         if self._turn % (_AHEAD if self._bred_best <= self._best[0] else _BEHIND) == 0:
             return self._generation()
         rows = self._changed()
-        # what waits in the population is not left to the enumeration of the rest
+        # A generation is added to a short batch, because enumeration starts when batches become short.
         return rows if len(rows) >= self.size // 8 else np.concatenate([rows, self._generation()])
 
     def _generation(self) -> Bits:
-        """Children of the population."""
+        """Return a generation of the population."""
         rows = self._population.propose()
         self._bred.update(keys(rows))
         return rows
 
     def _changed(self) -> Bits:
-        """New changes of every chain, random labellings for those that stand nowhere or have no new ones."""
+        """Return new changes of every chain, or random labellings for chains without any."""
         standing = [number for number, chain in enumerate(self._chains) if chain.place is not None]
         batches = [self._none]
         if standing:
@@ -163,7 +200,7 @@ class Anneal(Searcher):
         return np.concatenate(batches)
 
     def _changes(self, owners: list[int]) -> tuple[Bits, list[int]]:
-        """A change of each of these chains' labellings where one is found: rows (j, m), and whose each is."""
+        """Change the labellings of chains: rows (j, m), and the chain of each row."""
         crossing = [self.rng.real() < _CROSS for _ in owners]
         alone = [number for number, crossed in zip(owners, crossing, strict=True) if not crossed]
         coupled = [number for number, crossed in zip(owners, crossing, strict=True) if crossed]
@@ -181,7 +218,7 @@ class Anneal(Searcher):
         return rows, whose
 
     def _partner(self, number: int) -> Bits:
-        """What a chain's labelling is crossed with: an image of itself, or one of another chain's."""
+        """Return the labelling to cross with that of a chain: an image of its own or of another."""
         own, group = self._chains[number].place, self.space.group
         if len(group) > 1 and self.rng.real() < _OWN:
             other = own
@@ -193,7 +230,7 @@ class Anneal(Searcher):
         return image
 
     def _look(self, standing: list[int]) -> None:
-        """Blocks and what moves where chains stand that do not know it yet, all at once for each load case."""
+        """Compute blocks and mechanisms of chains that lack them, together for each load case."""
         unknown = [chain for chain in (self._chains[number] for number in standing) if chain.moving is None]
         for case, movements in enumerate(self._movements):
             lacking = [chain for chain in unknown if chain.case == case]
@@ -203,7 +240,7 @@ class Anneal(Searcher):
                     chain.moving, chain.parts = moving, parts
 
     def _settle(self) -> None:
-        """Every chain goes to the best of its changes, or stays."""
+        """Move every chain to its best evaluated change, or reject that change."""
         for chain in self._chains:
             if chain.near:
                 energy, case, row = min(chain.near, key=lambda one: one[0])
@@ -213,7 +250,7 @@ class Anneal(Searcher):
                 chain.near = []
 
     def _cool(self) -> None:
-        """Begin the next cycle where one is over."""
+        """Start the next cycle if the current one is over."""
         if self._told - self._began < self._length:
             return
         self._began, self._length, self._cycle = self._told, 2 * self._length, self._cycle + 1
@@ -227,13 +264,17 @@ class Anneal(Searcher):
 
     @property
     def _temperature(self) -> float:
+        """Current temperature, in units of λ."""
         part = min((self._told - self._began) / max(self._length, 1), 1.0)
         energy = self._best[0]
         size = abs(energy) if abs(energy) < _BARRED else 1.0
         return float(_HOT * (_COLD / _HOT) ** part * max(size, 1e-300))
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """What became of changes, which chains step by when they are asked for the next, and of the population's."""
+        """Take in evaluations of labellings (k, m) for the chains and the population.
+
+        Chains accept or reject their changes at the next call of `propose`.
+        """
         bred: list[int] = []
         for k, (key, labels, found) in enumerate(zip(keys(labellings), labellings, evaluations, strict=True)):
             place, loss = standing(found)

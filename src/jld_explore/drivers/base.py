@@ -1,10 +1,10 @@
-"""Ask and tell: how a driver proposes labellings and learns what became of them.
+"""Interface of all drivers: ask for labellings, tell their evaluations.
 
-A **driver** decides what is tried next and evaluates nothing. To **ask** is to take labellings from it that
-it has not given before; to **tell** is to hand back their evaluations. A labelling is **new** to a driver
-until it was asked from it, **distinct** from another when no symmetry of the scene maps one onto the other,
-**canonical** when it is the smallest of its symmetric images. A driver is **exhausted** when it has nothing
-more to propose, because its space is used up or because it gave up.
+A **driver** proposes labellings and evaluates none. `ask` returns labellings that the driver has not returned before;
+`tell` passes their evaluations to the driver. A labelling is **new** to a driver until `ask` has returned it. Two
+labellings are **distinct** if no symmetry of the scene maps one onto the other. A labelling is **canonical** if it is
+the smallest of its symmetric images. A driver is **exhausted** when it has nothing more to propose, because its space
+is used up or because it gave up.
 """
 
 from __future__ import annotations
@@ -25,53 +25,93 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Aim = Literal["best", "front"]
-"""What a search is for: the largest λ, or the largest λ for every value of the scene's count."""
+"""Aim of a search: the largest λ, or the largest λ for every value of a count."""
 
 
 class DriverOptions(BaseModel):
-    """What a driver takes beside its space and seed: one field an option, with its type, default and description.
+    """Base class of the options of a driver besides space and seed.
 
-    The options of the command line, their help and what is said of a wrong one follow from these fields.
+    A subclass has one field per option, with type, default and description. The command line derives its options,
+    their help and the messages about wrong values from these fields.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Driver(ABC):
-    """One strategy of search over the labellings of a search space; `name`, `ask` and `tell` make one.
+    """Search strategy over the labellings of a search space (abstract base class).
 
-    space: what is searched. seed: of whatever chance it uses. One that is chosen by name takes its `Options` as
-    further arguments.
+    A subclass defines `name`, `ask` and `tell`. The proposals depend on the space, the seed and the evaluations,
+    never on time or on the number of workers, except for long proofs in several processes. The limits given to `ask`
+    may decide how far a driver looks ahead, so a study can be repeated only with the same limits.
 
-    What it proposes depends on its space, its seed and what it was told, never on time or on the number of
-    workers, long proofs in several processes excepted. How asking is cut into portions may decide how far it looks
-    ahead, so a study that is to be repeated asks with the same limits.
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        As the parameter.
+    seed : int
+        As the parameter.
+
+    Notes
+    -----
+    A driver in `DRIVERS` takes the fields of its `Options` as further keyword arguments.
     """
 
     remembers: ClassVar[bool] = False
-    """Whether `restore` does anything."""
+    """Whether `restore` has an effect."""
 
     ahead: ClassVar[int] = 0
-    """Portions a study asks before it tells the answers to an earlier one, so that asking and evaluating overlap."""
+    """Number of calls of `ask` before the evaluations of an earlier one arrive.
+
+    A positive number lets asking and evaluating overlap.
+    """
 
     checks: ClassVar[bool] = False
-    """Whether it checks its proof when that ends, so that nothing is called proven without the check."""
+    """Whether the driver checks its proof at the end.
+
+    Nothing is then called proven without the check.
+    """
 
     modular: ClassVar[bool] = False
-    """Whether it relies on bounds of labellings never solved, which hold for convex contact on whole faces alone."""
+    """Whether the driver uses bounds on labellings without an evaluation.
+
+    Such bounds are valid for convex contact on whole faces only.
+    """
 
     name: ClassVar[str]
-    """The word for it on the command line and in tables."""
+    """Name of the driver on the command line and in tables."""
 
     Options: ClassVar[type[DriverOptions]] = DriverOptions
-    """What it may be told by name."""
+    """Class of the options of the driver."""
 
     def __init__(self, space: SearchSpace, seed: int = 0) -> None:
         self.space, self.seed = space, seed
 
     @classmethod
     def made(cls, space: SearchSpace, seed: int, given: Mapping[str, Any]) -> Self:
-        """One for a space, with options by name. Raises InputError for one that is wrong."""
+        """Make a driver with options by name.
+
+        Parameters
+        ----------
+        space : SearchSpace
+            The search space.
+        seed : int
+            Seed of the random choices.
+        given : mapping of str to object
+            Values of the options.
+
+        Raises
+        ------
+        InputError
+            If an option is unknown or has a wrong value.
+        """
         try:
             options = cls.Options(**given)
         except ValidationError as error:
@@ -82,77 +122,123 @@ class Driver(ABC):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the sequence of proposals depends on besides space, seed and answers; a resumed study must agree."""
+        """Values that the proposals depend on besides space, seed and evaluations.
+
+        A resumed study must have the same values.
+        """
         return {}
 
     @property
     def bound(self) -> float | None:
-        """A proven upper bound on λ over the whole space, scene units, where the driver has one of its own."""
+        """Proven upper bound on λ over the whole space, scene units; None without such a bound."""
         return None
 
     @property
     def finished(self) -> bool:
-        """Whether the driver has proven all that it was to prove, though not every labelling was evaluated."""
+        """Whether everything is proven although not every labelling was evaluated."""
         return False
 
     @property
     def exhaustive(self) -> bool:
-        """Whether a driver with nothing more to propose has proposed every class of its space: a proof."""
+        """Whether an exhausted driver has proposed every class of its space, which is a proof."""
         return False
 
     @property
     def working(self) -> bool:
-        """Whether there is more to do for a driver that came back with nothing because time is up."""
+        """Whether work is left for a driver that returned nothing because the deadline passed."""
         return False
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """What the driver adds to the summary. results: the table; complete: it holds every class of the space."""
+        """Return the entries that the driver adds to the summary.
+
+        Parameters
+        ----------
+        results : DataFrame
+            Table of all evaluations.
+        complete : bool
+            Whether the table holds every class of the space.
+        """
         return {}
 
     @property
     def complaints(self) -> list[str]:
-        """Return what went wrong with a proof, one line each; the summary holds them among its warnings."""
+        """Problems of the proof, one line each; the summary lists them as warnings."""
         return []
 
     def withdraw(self, reason: str) -> None:  # noqa: B027
-        """Forget every bound on layouts that were never evaluated: one of them has been contradicted.
+        """Forget every bound on labellings that were not evaluated, because one is contradicted.
 
-        reason: one line that says what contradicts what.
+        Parameters
+        ----------
+        reason : str
+            The contradiction, in one line.
         """
 
     def set_workers(self, jobs: int) -> None:  # noqa: B027 – most leave that to whoever evaluates
-        """Told once before the start: how many processes may help a driver that has work of its own."""
+        """Set the number of processes that may help the driver; called once before `start`."""
 
     def start(  # noqa: B027 – most ask in no time
         self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None
     ) -> None:
-        """Told once before the first ask: when to come back from a long one, and what to call meanwhile.
+        """Set deadline, heartbeat and records; called once before the first `ask`.
 
-        deadline: of the study, None for none. Once it has passed, loops that call `jld_core.deadline.checkpoint` end in
-        DeadlinePassed, after which the driver is not asked again. heartbeat: reports progress; signals are heard when
-        it is called. records: of the study, for what the driver itself must not lose.
+        Parameters
+        ----------
+        deadline : Deadline or None
+            Deadline of the study. After it has passed, loops that call `jld_core.deadline.checkpoint` raise
+            DeadlinePassed, and the driver is not asked again.
+        heartbeat : callable
+            Reports progress and processes signals; to be called during long work.
+        records : Records, optional
+            Records of the study, for data that the driver must not lose.
         """
 
     def close(self) -> None:  # noqa: B027
-        """Told once after the last ask: let go of files."""
+        """Release files and workers; called once after the last `ask`."""
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:  # noqa: B027
-        """What a study that is gone on with knows already; it is told again when it is asked again."""
+        """Take over the evaluations of a resumed study.
+
+        `tell` passes the same evaluations again when `ask` returns their labellings.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        evaluations : sequence of Evaluation
+            Their evaluations, in the same order.
+        """
 
     @abstractmethod
     def ask(self, limit: int | None = None) -> Bits:
-        """New, distinct, canonical and feasible labellings, (k, m) with k ≤ limit; k = 0: exhausted.
+        """Return new, distinct, canonical and feasible labellings.
 
-        limit: how many at the most; None leaves the portion to the driver.
+        Parameters
+        ----------
+        limit : int, optional
+            Largest number of labellings; by default the driver chooses the number.
+
+        Returns
+        -------
+        (k, m) bool array
+            Labels, True = dry; k = 0 if the driver is exhausted.
         """
 
     @abstractmethod
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """What became of labellings (k, m) it was asked, in the same order."""
+        """Take in evaluations of labellings that `ask` has returned.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        evaluations : sequence of Evaluation
+            Their evaluations, in the same order.
+        """
 
 
 def _complaint(error: Any) -> InputError:
-    """What is wrong with an option, in one line."""
+    """Convert a validation error of an option to an InputError of one line."""
     context, given = error.get("ctx", {}), error["input"]
     expected = {
         "literal_error": f"one of {context.get('expected', '')}".replace("'", ""),

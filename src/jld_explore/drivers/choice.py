@@ -1,9 +1,9 @@
-"""Which driver is taken when none is named, and what would prove or narrow what another one found: one rule.
+"""Choose the default driver, and describe what would prove or narrow another result.
 
-A space that is known to hold few classes is enumerated. One of at most `REACH` faces that may be dry or inner is given
-to the exact driver, which proves such spaces within seconds, whatever the size of blocks and the strength of the
-material; of somewhat larger ones it proves most, but not those of weak material or of beams (`benchmarks/reach.py`
-measures it). Larger ones are searched by the genetic driver, which proves nothing.
+A space that is known to hold few classes is enumerated. A space of at most `REACH` faces that may be dry or inner is
+given to the exact driver. It proves such spaces within seconds, whatever the size of blocks and the strength of the
+material. Of somewhat larger spaces it proves most, but not those of weak material or of beams (`benchmarks/reach.py`
+measures this). Larger spaces are searched by the genetic driver, which proves nothing.
 """
 
 from __future__ import annotations
@@ -19,19 +19,44 @@ from jld_explore.drivers.registry import DRIVERS, make_driver, owners
 from jld_explore.space import SearchSpace
 
 REACH: Final = 50
-"""Faces that may be dry or inner up to which the exact driver is taken unasked."""
+"""Largest number of faces, dry or inner, for which the exact driver is the default."""
 
 BOUNDED: Final = 1500
-"""Faces of a structure up to which a bound on all labellings takes about as long as a few evaluations."""
+"""Largest number of faces of a structure for which a bound on all labellings is computed.
+
+Up to this number the bound takes about as long as a few evaluations.
+"""
 
 
 def driver_for(
     space: SearchSpace, seed: int, model: SolveOptions, known: int | None, options: Mapping[str, Any], *, many: bool
 ) -> Driver:
-    """A driver for a space where none is named.
+    """Make the default driver for a space.
 
-    known: classes of the space where it is small, else None. options: of drivers, by name, None where not given; one
-    that only another driver has decides. many: as many good layouts as can be are wanted, not the best alone.
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    model : SolveOptions
+        Options of the limit analyses.
+    known : int or None
+        Number of classes of a space known to be small, otherwise None.
+    options : mapping of str to object
+        Driver options by name; None where not given. An option that the exact driver lacks excludes that driver.
+    many : bool
+        Whether as many good labellings as possible are wanted, not only the best one.
+
+    Returns
+    -------
+    Driver
+        An enumeration, exact or genetic driver.
+
+    Raises
+    ------
+    InputError
+        If the chosen driver lacks an option, or a value is wrong.
     """
     if known is not None:
         return make_driver("enumeration", space, seed, **options)
@@ -39,15 +64,28 @@ def driver_for(
     own = all(DRIVERS["exact"] in owners(key) for key in given)
     if space.void is None and own and not many and model.modular and int(space.candidates.sum()) <= REACH:
         exact = make_driver("exact", space, seed, **options)
-        if not exact.exhaustive:  # else it has no bounds for this scene and would enumerate
+        if not exact.exhaustive:  # otherwise it has no bounds for this scene and would enumerate
             return exact
     return make_driver("genetic", space, seed, **options)
 
 
 def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
-    """λ that no labelling of a space exceeds, scene units, by one relaxation of all faces; None where none is known.
+    """Compute a λ that no labelling of a space exceeds, by one relaxation of all faces.
 
-    It bounds λ without dilation as well, which associative λ does.
+    Associative friction is assumed. The bound also holds for λ without dilation, which associative λ bounds.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    model : SolveOptions
+        Options of the limit analyses.
+
+    Returns
+    -------
+    float or None
+        The bound, scene units; None if there is no finite bound. The result is also None if cells may be left out, if
+        the model does not support such bounds, or above `BOUNDED` faces.
     """
     assembly = space.assembly
     dilating = replace(model, friction="associative", range=False, floor_seconds=FLOOR_SECONDS)
@@ -63,10 +101,25 @@ def bound_of_all(space: SearchSpace, model: SolveOptions) -> float | None:
 def what_would_prove(
     space: SearchSpace, model: SolveOptions, summary: Mapping[str, Any], *, whole: bool, finite: bool
 ) -> str | None:
-    """One line on what would prove or narrow what a search found; None where nothing is left to prove.
+    """Describe in one line what would prove or narrow the result of a search.
 
-    summary: of the study so far. whole: the driver sees all classes, where it is not stopped. finite: its end is near
-    enough to be waited for.
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    model : SolveOptions
+        Options of the limit analyses.
+    summary : mapping of str to object
+        Summary of the study so far.
+    whole : bool
+        Whether the driver proposes all classes unless it is stopped.
+    finite : bool
+        Whether the end of the search is near enough to wait for.
+
+    Returns
+    -------
+    str or None
+        The line; None if nothing is left to prove, or no driver can prove more.
     """
     if summary["proven"]:
         return None
@@ -89,7 +142,7 @@ def what_would_prove(
     if not model.modular:
         return "the exact driver has no bounds for this model: --driver enumeration proves, where it comes to its end"
     if by_exact:
-        return None  # it has done what it can
+        return None  # the exact driver cannot prove more
     faces = int(space.candidates.sum())
     reach = "proves the best" if faces <= REACH else "narrows the bound, and may prove the best"
     return f"--driver exact {reach} ({faces} faces may be dry or inner; it is taken unasked up to {REACH})"

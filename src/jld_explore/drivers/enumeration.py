@@ -1,10 +1,10 @@
-"""Every labelling of a search space, one class after the other, built face by face.
+"""Enumerate every labelling of a search space, one class after the other, face by face.
 
-Nothing is filtered out of 2^m. Faces are decided in an order that finishes one element after the other. A
-row of the frontier is a partial labelling, held as the block of each element so far. In a segmentation a face
-inside a block is inner, and a face between two blocks is dry, or else merges them, which a dry face decided
-before between the two forbids; so every row without limits on sizes has a completion, and the work is
-proportional to what is found.
+No labelling is filtered out of 2^m. Faces are decided in an order that completes one element after the other. A row
+of a frontier is a partial labelling, stored as the block of each element so far. In a segmentation a face inside a
+block is inner. A face between two blocks is dry, or it merges them, unless a dry face decided before lies between the
+two. Without limits on sizes every row therefore has a completion, and the work is proportional to the number of
+labellings found.
 """
 
 from __future__ import annotations
@@ -26,27 +26,45 @@ from jld_explore.space import SearchSpace, representatives
 Names = NDArray[np.unsignedinteger[Any]]
 
 PORTION: Final = 16384
-"""Labellings handed out by one `ask` at the most."""
+"""Largest number of labellings that one call of `ask` returns."""
 
 _BYTES: Final = 256 << 20
-"""Memory the stack of frontiers may take."""
+"""Memory for the stack of frontiers, bytes."""
 
 _ROWS: Final = 16384
-"""Rows of a frontier at the most: what stays in a cache level while a face is decided."""
+"""Largest number of rows of a frontier.
+
+A frontier of this size stays in a cache level while a face is decided.
+"""
 
 _NARROW: Final = 64
+"""Number of rows of a frontier in a quick count of a space."""
 _GLANCE: Final = 150
-"""Rows of a frontier, and frontiers, where the size of a space is of interest only if it is at hand."""
+"""Number of frontiers in a quick count of a space."""
 _LOOKED: Final = 600_000
-"""Frontiers times elements that are looked at in counting a space: 2 000 frontiers of 300 elements take some 2 s."""
+"""Largest number of frontiers times elements in a count of a space.
+
+A count of 2 000 frontiers of 300 elements takes some 2 s.
+"""
 
 _SLACK: Final = 1e-9
-"""Rounding allowed, beyond that of the limits, where partial sums decide that a row is hopeless."""
+"""Relative rounding error allowed, beyond that of the limits, where rows are excluded.
+
+Rows are excluded by partial sums of their block sizes.
+"""
 
 
 @dataclass(frozen=True)
 class Tally:
-    """labellings: how many there are; classes: how many of them differ by more than symmetry."""
+    """Numbers of labellings and classes of a space.
+
+    Attributes
+    ----------
+    labellings : int
+        Number of labellings.
+    classes : int
+        Number of labellings that differ by more than symmetry.
+    """
 
     labellings: int
     classes: int
@@ -54,11 +72,20 @@ class Tally:
 
 @dataclass(frozen=True)
 class _Frontier:
-    """Rows at one level, as columns of arrays.
+    """Partial labellings of one level, stored by columns.
 
-    block: (n, r) name of each place's block, its smallest place. label: (c, r) decided labels, only where
-    they do not follow from the blocks. closed: (r,) blocks that can no longer grow. dry: (c, r) dry faces, as each
-    limit on a number of faces counts them.
+    Attributes
+    ----------
+    level : int
+        Number of faces decided.
+    block : (n, r) unsigned int array
+        Block of each place, named by its smallest place.
+    label : (c, r) bool array
+        Decided labels, True = dry; only where they do not follow from the blocks.
+    closed : (r,) int array
+        Number of blocks that can no longer grow.
+    dry : (c, r) int array
+        Number of dry faces that each limit on a number of faces counts.
     """
 
     level: int
@@ -68,14 +95,23 @@ class _Frontier:
     dry: Ints
 
     def take(self, rows: Ints | slice) -> _Frontier:
+        """Return some of the rows."""
         return _Frontier(self.level, self.block[:, rows], self.label[:, rows], self.closed[rows], self.dry[:, rows])
 
 
 class Enumeration(Driver):
-    """All classes of a search space, in an order that depends on the space alone.
+    """Driver that enumerates all classes of a space.
 
-    space: the search space; seed: nothing hangs on it. rows: size of a frontier; it changes memory and speed, never
-    the order.
+    The order of the classes depends on the space alone.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Ignored.
+    rows : int, optional
+        Largest number of rows of a frontier, which changes memory and speed but not the order.
     """
 
     name = "enumeration"
@@ -84,8 +120,8 @@ class Enumeration(Driver):
         super().__init__(space, seed)
         self.search = space.search
         graph, elements = space.graph, space.assembly.elements
-        # places: free elements in the order of decision, then supports, so that a block holds a free element
-        # exactly where its name, the smallest place in it, is below the number of free elements
+        # Places are the free elements in the order of decision, then the supports. The name of a block is its
+        # smallest place. A block contains a free element exactly where its name is below the number of free elements.
         self._order = np.concatenate([_order(space), np.flatnonzero(elements.support)])
         place = np.argsort(self._order)
         self._free = len(elements.free)
@@ -114,7 +150,7 @@ class Enumeration(Driver):
         self._start = first[least]
         share = _BYTES // max(1, (2 * len(elements) + len(candidates)) * (len(candidates) + 1))
         self._rows = rows or int(np.clip(share, 64, _ROWS))
-        # rows looked at together where it takes long to say whether they can be laid, 0 where it is not asked
+        # number of rows checked together where assembly sequences take long to find; 0 without such a check
         self._slowly = 0 if space.laying is None else max(1, space.laying.counted // 4)
         self._deadline: Deadline | None = None
         self._ended = self._cut = False
@@ -123,17 +159,17 @@ class Enumeration(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """See `Driver.exhaustive`."""
+        """Always True: every class is proposed; see `Driver.exhaustive`."""
         return True
 
     def ask(self, limit: int | None = None) -> Bits:
-        """The next classes, (k, m), in portions that do not keep evaluation waiting for the whole limit."""
+        """Return the next classes (k, m), at most `PORTION` so that evaluation can begin early."""
         wanted = PORTION if limit is None else min(limit, PORTION)
         while len(self._held) < wanted and not self._cut:
             try:
                 portion = next(self._portions, None)
             except DeadlinePassed:
-                # a generator that was left does not go on: what it found is all that is named
+                # a generator that raised cannot continue, so only the classes found before are returned
                 self._cut = True
                 break
             self._ended = portion is None
@@ -148,23 +184,24 @@ class Enumeration(Driver):
         return given
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """See `Driver.start`."""
+        """Set the deadline of the study; see `Driver.start`."""
         self._deadline = deadline
 
     @property
     def working(self) -> bool:
-        """See `Driver.working`."""
+        """Whether classes are left; see `Driver.working`."""
         return not self._ended
 
     @property
     def _late(self) -> bool:
+        """Whether the deadline has passed."""
         return self._deadline is not None and self._deadline.passed()
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Nothing to learn: what comes next is settled."""
+        """Do nothing: the order of the classes does not depend on evaluations."""
 
     def batches(self) -> Iterator[tuple[Bits, Ints]]:
-        """Canonical labellings (k, m) with their multiplicities (k,), from the start."""
+        """Yield canonical labellings (k, m) with their multiplicities (k,), from the start."""
         for rows in self._walk():
             if rows is not None:
                 kept, multiplicity = representatives(rows, self.space.group)
@@ -174,7 +211,7 @@ class Enumeration(Driver):
                     yield rows[part[laid]], multiplicity[low : low + len(part)][laid]
 
     def count(self) -> Tally:
-        """How many labellings and classes the space has, by going through all of them."""
+        """Count the labellings and classes of the space by a complete enumeration."""
         labellings = classes = 0
         for _, multiplicity in self.batches():
             labellings += int(multiplicity.sum())
@@ -182,14 +219,26 @@ class Enumeration(Driver):
         return Tally(labellings, classes)
 
     def size_up_to(self, limit: int, work: int = 2000) -> int | None:
-        """The number of classes if it is at most `limit`, else None.
+        """Count the classes of the space, up to a limit.
 
-        work: frontiers looked at before giving up, fewer in scenes of many elements, which is None too: a space that
-        hides few labellings behind many dead ends is not a small one.
+        With assembly sequences to check the limit is at most `space.laying.counted`.
+
+        Parameters
+        ----------
+        limit : int
+            Largest number of classes of interest.
+        work : int
+            Number of frontiers examined before the count is given up; fewer for many elements.
+
+        Returns
+        -------
+        int or None
+            Number of classes; None above `limit` or if the count was given up. A space with few labellings behind
+            many dead ends does not count as small.
         """
-        # a frontier takes the longer the more elements there are
+        # the time per frontier grows with the number of elements
         work = min(work, _LOOKED // max(len(self._start), 1))
-        if len(self._faces) >= work:  # the first labelling is a frontier for each face away
+        if len(self._faces) >= work:  # the first labelling needs one frontier per face
             return None
         classes, found = 0, []
         if self.space.laying is not None:
@@ -203,7 +252,7 @@ class Enumeration(Driver):
         return sum(int(self.space.can_be_laid(rows).sum()) for rows in found)
 
     def _walk(self) -> Iterator[Bits | None]:
-        """Labellings (k, m) of each frontier that is complete, None for each that is not, depth first."""
+        """Yield, depth first, the labellings (k, m) of complete frontiers and None for others."""
         start = np.ascontiguousarray(self._start[:, None])
         name = np.uint8 if len(start) <= 256 else np.uint16 if len(start) <= 65536 else np.uint32
         tall = 0 if self.search.segmentation else len(self._faces)
@@ -222,7 +271,7 @@ class Enumeration(Driver):
             yield None
 
     def _complete(self, frontier: _Frontier) -> Bits:
-        """Labellings (k, m) of complete rows within all limits."""
+        """Return the labellings (k, m) of complete rows that keep all limits."""
         labels = np.repeat(self.space.fixed[None], len(frontier.closed), axis=0)
         if self.search.segmentation:
             labels[:, self._faces] = (frontier.block[self._ends[:, 0]] != frontier.block[self._ends[:, 1]]).T
@@ -235,7 +284,7 @@ class Enumeration(Driver):
         return labels
 
     def _decide(self, rows: _Frontier) -> _Frontier:
-        """The rows one face further: each as inner, then as dry, where that is not hopeless."""
+        """Decide one more face: return the rows with the face inner, then dry, where not hopeless."""
         level, search = rows.level, self.search
         i, j = self._ends[level]
         p, q = rows.block[i], rows.block[j]
@@ -264,15 +313,18 @@ class Enumeration(Driver):
         return self._prune(new, np.where(is_dry, p, low), np.where(is_dry & apart, q, low), apart, is_dry)
 
     def _separated(self, rows: _Frontier, p: Names, q: Names) -> Bools:
-        """(r,) True where a dry face decided before lies between blocks p and q."""
+        """Return (r,) True where a dry face decided before lies between blocks p and q."""
         before = self._decided[: self._walls + rows.level]
         first, second = rows.block[before[:, 0]], rows.block[before[:, 1]]
         return np.asarray((((first == p) & (second == q)) | ((first == q) & (second == p))).any(axis=0))
 
     def _hopeless(self, rows: _Frontier, names: tuple[Names, ...], *, most: bool) -> Bools:
-        """(r,) True where the union of the named blocks is above the most (or below the least) of a limit."""
+        """Return (r,) True where the union of the named blocks violates a limit.
+
+        `most` selects upper limits, otherwise lower limits are checked.
+        """
         limits, free = self._limits, rows.block[: self._free]
-        # a block that is too large may yet be joined with one that limits except
+        # a block that is too large may still merge with an exempt one
         if (not limits.has_most or limits.mendable) if most else not limits.has_least:
             return np.zeros(rows.block.shape[1], dtype=bool)
         members = np.zeros(free.shape, dtype=bool)
@@ -281,13 +333,16 @@ class Enumeration(Driver):
         size = self._sized.together(members)
         bad = limits.too_large(size, _SLACK) if most else limits.too_small(size, _SLACK)
         if self._sink >= 0:
-            # what is left out is no block, and what stays is apart from it before it grows
+            # cells left out form no block, and the remaining cells are separated from them before that part grows
             bad = bad & ~np.logical_or.reduce([rows.block[self._sink] == name for name in names])
         return np.asarray(bad & members.any(axis=0))
 
     def _prune(self, rows: _Frontier, p: Names, q: Names, apart: Bools, is_dry: Bools) -> _Frontier:
-        """Rows without a block, of the two beside the face just decided, that is closed and too small, and
-        within what numbers of blocks allow."""
+        """Remove rows that no completion can bring within the limits.
+
+        A row is removed if a block beside the face just decided is closed and too small, or if the number of blocks
+        is out of bounds.
+        """
         small, greatest = self._limits.has_least, self._greatest
         good = np.ones(len(apart), dtype=bool)
         closed = rows.closed
@@ -306,17 +361,29 @@ class Enumeration(Driver):
         return rows if good.all() else rows.take(np.flatnonzero(good))
 
     def _shut(self, rows: _Frontier, name: Names) -> Bools:
-        """(r,) True where no undecided face leaves the named block."""
+        """Return (r,) True where no undecided face leaves the named block."""
         after = self._ends[rows.level :]
         leaves = (rows.block[after[:, 0]] == name) != (rows.block[after[:, 1]] == name)
         return np.asarray(~leaves.any(axis=0))
 
 
 def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | None:
-    """The number of classes of a space if it is at most `limit` and soon found, else None.
+    """Count the classes of a space, up to a limit.
 
-    quick: look at few and narrow frontiers only, in some hundredths of a second; a space that is empty for a reason
-    near at hand is still found to be.
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    limit : int
+        Largest number of classes of interest.
+    quick : bool
+        Examine few and narrow frontiers only, which takes some hundredths of a second. A space that is empty for an
+        obvious reason is still found to be empty.
+
+    Returns
+    -------
+    int or None
+        Number of classes; None above `limit` or if the count takes too long.
     """
     if quick:
         return Enumeration(space, rows=_NARROW).size_up_to(limit, work=_GLANCE)
@@ -324,7 +391,7 @@ def size_up_to(space: SearchSpace, limit: int, *, quick: bool = False) -> int | 
 
 
 def _order(space: SearchSpace) -> Ints:
-    """Free elements breadth first, each part of the structure from one of its far ends."""
+    """Return the free elements in breadth-first order, each component from a far end."""
     assembly, graph = space.assembly, space.graph
     count = len(assembly.elements)
     links: list[list[int]] = [[] for _ in range(count)]

@@ -1,4 +1,4 @@
-"""One labelling of a space, as soon as can be: what is shown where a driver named none in its time."""
+"""Return one labelling of a space quickly, for studies whose driver proposed none in time."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from jld_explore.drivers.operators import BufferedRandom, operators
 from jld_explore.space import SearchSpace, canonical, feasible
 
 _ROUND: Final = 16
-"""Labellings drawn at a time: what a batch of draws costs hardly depends on its size."""
+"""Labellings drawn per batch; the cost of a batch hardly depends on its size."""
 
 
 def first_layout(space: SearchSpace, seed: int = 0) -> Bits:
-    """Return one labelling of a space: the scene's own where the space holds it, else the first drawn that it holds.
+    """Return the labelling of the scene if the space contains it, else a random one.
 
-    Draws until one is found, so it is called inside `Deadline.enforced`.
+    The function draws until it finds a feasible labelling. Call it inside `Deadline.enforced`.
 
     Parameters
     ----------
     space : SearchSpace
-        Space with m faces.
+        Search space with m faces.
     seed : int
-        Seed of the draws.
+        Seed of the random choices.
 
     Returns
     -------
     (1, m) bool array
-        True = dry, canonical.
+        Canonical labels, True = dry.
 
     Raises
     ------
     DeadlinePassed
-        Where the time is up first.
+        If the deadline passes first.
     """
     ways, rng = operators(space), BufferedRandom(np.random.default_rng(seed))
     rows = canonical(space.assembly.labels[None], space.group)
     while True:
         for row in rows:
-            # one by one: what decides may take long
+            # check one labelling at a time, because feasibility may take long to decide
             checkpoint()
             if feasible(space, row[None])[0]:
                 return np.asarray(row[None])

@@ -1,11 +1,11 @@
-"""A genetic search: the library's sorting into fronts, our operators, and a guess at what is worth it.
+"""Genetic search: library sorting into fronts, operators on blocks, and a surrogate.
 
-Two or three objectives are NSGA-II: larger λ, and the counts of the scene's front; one objective looks at λ alone. Far
-more children are made than evaluated: new ones wait in a **pool**, and of those there the surrogate picks the
-ones it expects most of, whichever generation they are from. Where generations bring no progress, another
-population is begun at random; what was learned stays known, so it settles elsewhere.
+With two or three objectives the algorithm is NSGA-II: λ and the counts of the front of the scene. With one objective
+only λ counts. The driver makes far more children than it evaluates. New children wait in a **pool**; the surrogate
+selects the most promising ones, whatever their generation. If generations bring no progress, a new random population
+is started. The surrogate is kept, so the new population converges elsewhere.
 
-Labellings without a number rank below all that have one, in the order of `ranking.ORDER`.
+Labellings without a number rank below all others, in the order of `ranking.ORDER`.
 """
 
 from __future__ import annotations
@@ -26,45 +26,80 @@ from jld_explore.evaluation import Envelope, Evaluation, objectives, places
 from jld_explore.space import SearchSpace
 
 CROSSING: Final = 0.5
-"""Share of children with two parents; the others are changes of one."""
+"""Share of children with two parents; the others are mutations of one parent."""
 
 IMMIGRANTS: Final = 0.05
-"""Share of random labellings in a generation."""
+"""Share of random labellings among the proposals of a generation."""
 
 GREED: Final = 0.5
-"""Share of tournaments, and of children evaluated with two objectives, in which λ alone decides."""
+"""Share of tournaments that λ alone decides.
+
+With several objectives λ alone also selects half of the evaluated children. `Genetic._chosen` fixes that half.
+"""
 
 PATIENCE: Final = 8
-"""Evaluations without progress, for each face that can change, after which a population has settled."""
+"""Evaluations without progress, per face that can change, before a population restarts."""
 
 GENERATION: Final = 48
-"""Children evaluated together."""
+"""Number of children evaluated per generation."""
 
 POOL: Final = 200
-"""Children in the pool, at the most."""
+"""Largest number of children that remain in the pool."""
 
 _PER_KEY: Final = 1.5
+"""Default population size per face that can change."""
 _SIZES: Final = (32, 48)
-"""Population for each face that can change, and its limits."""
+"""Smallest and largest default population size."""
 
 _BELOW: Final = -1e300
-"""Worth of labellings without a number, for each place in the order of their statuses: below all numbers."""
+"""Objective value of labellings without a number, times the rank of their status.
+
+The value is below all numbers.
+"""
 
 _SAME: Final = 2.0**20
-"""Parts of λ that tell progress from rounding."""
+"""Reciprocal of the relative resolution that distinguishes progress in λ from rounding."""
 
 
 class GeneticOptions(DriverOptions):
-    """Options of the genetic driver."""
+    """Options of the genetic driver.
+
+    Attributes
+    ----------
+    population : int or None
+        Population size.
+    aim : {"best", "front"}
+        Search for the largest λ, or for the largest λ for every value of the count.
+    """
 
     population: Annotated[int, Field(ge=4, le=1_000_000)] | None = Field(None, description="labellings alive")
     aim: Aim = Field("front", description="best, or front (the best for every count)")
 
 
 class Genetic(Searcher):
-    """A population of `population` labellings, of which GENERATION children are evaluated at a time.
+    """Driver that runs a genetic algorithm with a surrogate.
 
-    population: by the size of the scene where it is not given. aim: both objectives, or λ alone.
+    Each generation evaluates `GENERATION` children.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    population : int, optional
+        Population size. Default: by the number of faces that can change.
+    aim : {"best", "front"}
+        Objectives: λ alone, or λ and the counts of the front.
+
+    Attributes
+    ----------
+    population : int
+        Population size.
+    aim : str
+        As the parameter.
+    aims : int
+        Number of objectives.
     """
 
     name = "genetic"
@@ -93,7 +128,7 @@ class Genetic(Searcher):
         self._begin()
 
     def _begin(self) -> None:
-        """Begin a population with what is proposed from now on."""
+        """Start an empty population with the proposals from now on."""
         self._first = self._proposed
         self._rows, self._place, self._values = (
             self._none,
@@ -105,11 +140,11 @@ class Genetic(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Size of population, number of aims, and the library that selects."""
+        """Population size, aim and version of the library that sorts into fronts."""
         return {"population": self.population, "aim": self.aim, "pymoo": version("pymoo")}
 
     def propose(self) -> Bits:
-        """The next generation; those before anything of a population is known are drawn at random."""
+        """Return the next generation; draw it at random while the population is empty."""
         self._learn()
         if self._idle > PATIENCE * self.operators.keys:
             self._forget(np.arange(len(self._pool)))
@@ -120,6 +155,7 @@ class Genetic(Searcher):
         return rows
 
     def _generation(self) -> Bits:
+        """Make children and immigrants; return the most promising children and the immigrants."""
         strangers = self._immigrants(max(1, round(IMMIGRANTS * self.size)))
         proposed = np.concatenate([strangers, self._children(self.operators.offspring_factor * self.size)])
         rows, names, places = self.register.admitted(proposed, sure=self.operators.sure)
@@ -127,24 +163,24 @@ class Genetic(Searcher):
         immigrants = rows[:own]
         self._pool.add(rows[own:], names[own:])
         wanted = self.size - len(immigrants)
-        if len(self._pool) < wanted:  # all that this family can have is known by now
+        if len(self._pool) < wanted:  # this population has hardly any new children left
             immigrants = np.concatenate([immigrants, self.fresh(self.draw, wanted - len(self._pool))])
         return np.concatenate([self._chosen(wanted), immigrants])
 
     def _immigrants(self, count: int) -> Bits:
-        """Random labellings, of which some generations' are drawn together."""
+        """Return random labellings; one draw serves several generations."""
         if len(self._strangers) < count:
             self._strangers = np.concatenate([self._strangers, self.draw(max(self.size, count))])
         given, self._strangers = self._strangers[:count], self._strangers[count:]
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Keep what is known for the next generation."""
+        """Store evaluations of labellings (k, m) for the next generation."""
         if len(labellings) and self._rest is None:
             self._pending.append((labellings, objectives(self.space, labellings, evaluations), places(evaluations)))
 
     def _learn(self) -> None:
-        """Take in what was told, whatever the portions it came in."""
+        """Take in all stored evaluations at once, whatever calls of `tell` they came from."""
         if not self._pending:
             return
         labellings, values, place = (np.concatenate(parts) for parts in zip(*self._pending, strict=True))
@@ -166,7 +202,7 @@ class Genetic(Searcher):
         self._leaders = leaders
 
     def _survive(self) -> None:
-        """Keep the best of the population, with their ranks and crowding."""
+        """Keep the best of the population, with their ranks and crowding distances."""
         rank = np.asarray(self._place + len(self._place), dtype=np.float64)
         crowding = np.zeros(len(self._place))
         good = np.flatnonzero(self._place == 0)
@@ -181,24 +217,25 @@ class Genetic(Searcher):
         self._rank, self._crowding = rank[kept], crowding[kept]
 
     def _children(self, count: int) -> Bits:
+        """Return children of parents selected by tournaments."""
         crossed = round(CROSSING * count)
         rivals = self._generator.integers(len(self._rows), size=(2 * count, 2))
         couples = self._winners(rivals).reshape(count, 2)
         first, second = self._rows[couples[:, 0]], self._rows[couples[:, 1]]
-        # a mirror image is as good a parent: which one decides what the joints meet
+        # any symmetric image is an equally good parent; the choice decides which joints are combined
         group = self.space.group
         turned = self._generator.integers(len(group), size=crossed)
         images = np.take_along_axis(second[:crossed], group[turned], axis=1)
         return self.operators.breed(first[:crossed], images, first[crossed:], self.rng)
 
     def _chosen(self, wanted: int) -> Bits:
-        """Take the most promising out of the pool; of the others the most promising stay."""
+        """Take the most promising children out of the pool, and keep the next `POOL` ones."""
         guess = self._pool.guess()
         order = np.argsort(-guess, kind="stable")
         taken = order[: wanted if self.aims == 1 else -(-wanted // 2)]
         order = order[len(taken) :]
         if self.aims > 1:
-            # how much more than the best known with as good a count
+            # expected improvement over the best known labelling of equal or better counts
             gain = guess - self._surrogate.share(self._front.best(self._pool.counts))
             second = order[np.argsort(-gain[order], kind="stable")[: wanted - len(taken)]]
             left = np.ones(len(guess), dtype=bool)
@@ -210,13 +247,16 @@ class Genetic(Searcher):
         return rows
 
     def _forget(self, places: Ints) -> None:
-        """Let those at some places of the pool come again."""
+        """Remove children of the pool, by position, from the register so that they may recur."""
         self.register.forget(self._pool.names[places].tolist())
 
     def _winners(self, pairs: Ints) -> Ints:
-        """Winner of each pair (k, 2): fewer violations, then lower rank, then less crowded; (k,)."""
+        """Return the winner (k,) of each pair (k, 2).
+
+        The status decides first, then λ or the rank, then the crowding distance.
+        """
         first, second = pairs[:, 0], pairs[:, 1]
-        # the more parents are chosen by λ alone the sooner the best is found, the fewer the wider the front
+        # choosing more parents by λ alone finds the best labelling earlier, choosing fewer widens the front
         alone = self._generator.random(len(pairs)) < GREED
         value, rank, place = self._values[:, 0], self._rank, self._place
         worse = [
@@ -229,7 +269,7 @@ class Genetic(Searcher):
 
 
 def _levels(values: Floats, n_stop_if_ranked: int) -> list[Ints]:
-    """Fronts of one objective, values (k, 1), until so many are ranked: equal values are one front."""
+    """Sort values (k, 1) of one objective into fronts of equal values until enough are ranked."""
     order = np.argsort(values[:, 0], kind="stable")
     begins = np.flatnonzero(np.diff(values[order, 0])) + 1
     last = int(np.searchsorted(begins, n_stop_if_ranked)) + 1
@@ -237,10 +277,23 @@ def _levels(values: Floats, n_stop_if_ranked: int) -> list[Ints]:
 
 
 def crowding_of(values: Floats, front: Floats) -> Floats:
-    """How far the neighbours of each lie from one another on its front, (k,), infinite at the ends.
+    """Return the crowding distance of each labelling on its front.
 
-    values: (k, c); front: (k,) number of each one's front. Equal ones beside others are crowded out: 0. Source: Deb et
-    al. 2002, section III.B; the library's is for one front, and takes as long for each as this for all.
+    The distance is infinite at the ends of a front, and 0 for labellings of equal values between others. Source: Deb
+    et al. 2002, section III.B. The library handles one front per call, which takes as long as this function for all
+    fronts.
+
+    Parameters
+    ----------
+    values : (k, c) float array
+        Objective values.
+    front : (k,) float array
+        Front number of each labelling.
+
+    Returns
+    -------
+    (k,) float array
+        Crowding distances.
     """
     found = np.zeros(len(values))
     for column in values.T if len(values) else ():

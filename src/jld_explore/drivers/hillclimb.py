@@ -1,4 +1,4 @@
-"""Hill climbing with restarts: several climbers, each at the best labelling it has met."""
+"""Hill climbing with restarts: several runs, each at the best labelling it has found."""
 
 from __future__ import annotations
 
@@ -16,13 +16,22 @@ from jld_explore.drivers.searcher import Searcher
 from jld_explore.evaluation import Evaluation, aims, standing
 from jld_explore.space import LETTERS, SearchSpace, feasible, from_string, keys
 
-_ALL = -1  # owner of a labelling that all climbers begin at
+_ALL = -1  # owner index of the labelling at which all runs start
 
 
 @dataclass
 class _Climber:
-    """place: (m,) where it stands, None before its start is known. worth: as `standing` gives it. stalled:
-    rounds without a step."""
+    """State of one run.
+
+    Attributes
+    ----------
+    place : (m,) bool array or None
+        Current labelling, True = dry; None before its start is evaluated.
+    worth : tuple of int and float
+        Sort key of the current labelling, from `standing`; less is better.
+    stalled : int
+        Rounds without improvement.
+    """
 
     place: Bits | None = None
     worth: tuple[int, float] = (99, 0.0)
@@ -30,14 +39,43 @@ class _Climber:
 
 
 class HillClimbOptions(DriverOptions):
-    """Options of the hillclimb driver."""
+    """Options of the hillclimb driver.
+
+    Attributes
+    ----------
+    start : str or None
+        Letters d and i of the labelling at which all runs start.
+    """
 
     start: str | None = Field(None, description="letters d and i of the labelling that all climbers begin at")
 
 
 class HillClimb(Searcher):
-    """Each climber tries `neighbours` changes of its labelling a round and steps to the best of them where
-    that is better; after `rounds` rounds without a step it starts again from a random labelling."""
+    """Driver that runs hill climbing several times side by side, with restarts.
+
+    In each round a run tries `neighbours` changes of its labelling, and moves to the best one if that is better.
+    After `rounds` rounds without improvement it restarts from a random labelling.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    climbers : int
+        Number of runs.
+    neighbours : int
+        Changes per run and round.
+    rounds : int
+        Rounds without improvement before a restart.
+    start : str, optional
+        Letters d and i of the labelling at which all runs start; default: random ones.
+
+    Raises
+    ------
+    InputError
+        If `start` is no labelling of the space.
+    """
 
     name = "hillclimb"
     Options = HillClimbOptions
@@ -52,10 +90,7 @@ class HillClimb(Searcher):
         rounds: int = 4,
         start: str | None = None,
     ) -> None:
-        """start: letters d and i of the labelling that all climbers begin at, in place of random ones.
-
-        Raises InputError where it is not in the space.
-        """
+        """Set up the runs; see the class for the parameters."""
         super().__init__(space, seed, climbers * neighbours)
         self.neighbours, self.rounds, self.begin_at = neighbours, rounds, start
         self._climbers = [_Climber() for _ in range(climbers)]
@@ -70,11 +105,11 @@ class HillClimb(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Where it begins."""
+        """Labelling at which all runs start, if one is given."""
         return {} if self.begin_at is None else {"start": self.begin_at}
 
     def propose(self) -> Bits:
-        """The neighbours of every climber, and random starts for those that begin; at first the given start."""
+        """Return neighbours of every run and random starts; at first the given start."""
         if self._first is not None:
             return self._beginning(self._first)
         batches = []
@@ -99,7 +134,7 @@ class HillClimb(Searcher):
         return np.concatenate(batches)
 
     def _beginning(self, first: Bits) -> Bits:
-        """The given start, which is every climber's, and as many of its neighbours as a round has."""
+        """Return the given start, shared by all runs, and neighbours that fill the round."""
         self._first = None
         start = self.register.admit(first[None])
         near = self.fresh(lambda count: self.operators.vary(np.repeat(start, count, axis=0), self.rng), self.size - 1)
@@ -108,7 +143,7 @@ class HillClimb(Searcher):
         return np.concatenate([start, near])
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Climbers step to what is better than where they stand."""
+        """Move each run to a labelling that is better than its current one."""
         values = aims(self.space, labellings, evaluations).tolist()
         for key, labels, found, aim in zip(keys(labellings), labellings, evaluations, values, strict=True):
             number = self._owner.pop(key, None)

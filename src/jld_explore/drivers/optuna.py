@@ -1,13 +1,13 @@
-"""Any of the library's samplers by name, through ask and tell, many trials in flight.
+"""Driver for the samplers of Optuna, through ask and tell, with many trials in progress.
 
-A **trial** is one set of keys, a number in [0, 1] for each pair of neighbouring atoms, from which
-`Operators.read` makes a valid labelling; every labelling comes out of some keys. Trials of a class that is known
-already are told at once and cost nothing. The sampler works on a study in memory; finished trials are copied
-into a storage that the library's dashboard reads, so a slow database does not slow the sampler down, and to
-resume is to replay as with every driver: what the storage holds already is not written again.
+A **trial** is one set of keys: a number in [0, 1] for each pair of neighbouring atoms. `Operators.read` converts the
+keys to a valid labelling, and every labelling results from some keys. Trials of a known class are finished at once
+without an evaluation. The sampler works on a study in memory. Finished trials are copied to a storage for the
+dashboard of the library, so a slow database does not delay the sampler. A study is resumed by replay, as with every
+driver; trials in the storage are not written again.
 
-Labellings without a number (locked, uncertified, unstable, failed) are told as pruned: samplers rank those
-apart and never see a value for them.
+Labellings without a number (locked, uncertified, unstable, failed) are reported as pruned. Samplers rank pruned
+trials separately and need no value for them.
 """
 
 from __future__ import annotations
@@ -39,37 +39,50 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial, Trial
 
 FILE: Final = "optuna.journal"
-"""Name of the default storage in the folder of a study: a journal, one line a trial. A database of the library takes
-fifteen times as long for each (58 ms against 4 with 17 faces), which is more than most trials."""
+"""File name of the default storage in the folder of a study: a journal.
+
+The journal has one line per trial. A database takes fifteen times as long per trial (58 ms against 4 ms with 17
+faces), which is more than most trials take.
+"""
 
 _BEGUN: Final = 4
-"""Times a database is tried again that another search is making its tables in."""
+"""Number of retries to open a database in which another search is creating its tables."""
 
 _NEEDS: Final = {"cmaes": "cmaes", "gp": "torch"}
-"""Packages that some samplers need and that are not among our own requirements."""
+"""Packages that some samplers need and that the project does not require."""
 
 _SEEDS: Final = 2**32
+"""Bound on seeds of the library: each is below this number."""
 
 _ODD: Final = (ValueError, KeyError, TypeError, AttributeError)
-"""What the library raises for a journal that is none of its own."""
+"""Exceptions of the library for a journal file that is damaged or in another format."""
 
 _NOT_FOR_KEYS: Final = ("Base", "BaseGA", "BruteForce", "Grid", "PartialFixed")
-"""Samplers that cannot propose keys without being told more than a seed."""
+"""Samplers that need more than a seed and thus cannot propose keys."""
 
 
 def sampler_names() -> list[str]:
-    """Names that `--sampler` takes."""
-    import optuna  # here and below: slow to import, and only for those who ask for it
+    """Return the names that `--sampler` accepts."""
+    import optuna  # imported in functions because the import is slow and few users need it
 
     names = [name.removesuffix("Sampler") for name in dir(optuna.samplers) if name.endswith("Sampler")]
     return sorted(name for name in names if name not in _NOT_FOR_KEYS)
 
 
 def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler]:
-    """The sampler's own name, and a fresh one of it.
+    """Make a sampler by name, and return its proper name with it.
 
-    name: with or without "Sampler", in any case and with or without hyphens. Raises InputError for a name
-    that is none, and for a sampler whose package is not installed.
+    Parameters
+    ----------
+    name : str
+        Name with or without "Sampler", in any case, with or without hyphens.
+    seed : int
+        Seed of the sampler.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, or the package of the sampler is not installed.
     """
 
     def plain(text: str) -> str:
@@ -85,24 +98,49 @@ def make_sampler(name: str, seed: int) -> tuple[str, optuna.samplers.BaseSampler
         problem = f"{known[plain(name)]} needs the package {needed}, which is not installed"
         raise InputError("--sampler", problem, "another sampler, or that package")
     kind: Any = getattr(optuna.samplers, known[plain(name)] + "Sampler")
-    if seed >= _SEEDS:  # more than the library's generators take
+    if seed >= _SEEDS:  # the generators of the library accept smaller seeds only
         seed = int(np.random.SeedSequence(seed).generate_state(1)[0])
     sampler: optuna.samplers.BaseSampler = kind(seed=seed)
     return known[plain(name)], sampler
 
 
 class OptunaOptions(DriverOptions):
-    """Options of the optuna driver."""
+    """Options of the optuna driver.
+
+    Attributes
+    ----------
+    sampler : str
+        Name of the sampler.
+    storage : str or None
+        URL of a database; None for a file in the folder of the study.
+    """
 
     sampler: str = Field("TPE", description="its sampler, by name")
     storage: str | None = Field(None, description="URL of its database; default: a file in the folder")
 
 
 class Optuna(Searcher):
-    """Trials of one sampler, `size` in flight.
+    """Driver that proposes the trials of an Optuna sampler.
 
-    sampler: its name. storage: URL of a database; a file in the folder of the study where none is given. Samplers made
-    for several objectives get λ and the counts of the scene's front; others λ alone.
+    Samplers for several objectives (NSGA) receive λ and the counts of the front, others only λ.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    sampler : str
+        Name of the sampler.
+    storage : str, optional
+        URL of a database. Default: a file in the folder of the study.
+    size : int
+        Number of trials in progress.
+
+    Raises
+    ------
+    InputError
+        If the sampler is unknown or lacks its package, or the database cannot be used.
     """
 
     name = "optuna"
@@ -116,7 +154,7 @@ class Optuna(Searcher):
         from optuna.study import StudyDirection
 
         super().__init__(space, seed, size)
-        optuna.logging.set_verbosity(optuna.logging.WARNING)  # its log would land among our own output
+        optuna.logging.set_verbosity(optuna.logging.WARNING)  # the log of the library would mix with the output of jld
         self.sampler, chosen = make_sampler(sampler, seed)
         self.aims = 1 + len(space.search.front.axes) if self.sampler.startswith("NSGA") else 1
         self._directions = [StudyDirection.MINIMIZE] * self.aims
@@ -130,7 +168,7 @@ class Optuna(Searcher):
         self._waiting: dict[bytes, list[Trial]] = {}
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """See `Driver.start`: finished trials are copied from here on."""
+        """Open the storage for finished trials; see `Driver.start`."""
         if records is not None:
             known = records.header
             scene, objective = str(known.get("scene"))[:12], known.get("objective")
@@ -139,11 +177,11 @@ class Optuna(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the sequence of proposals depends on besides space and seed."""
+        """Sampler, number of trials in progress and version of the library."""
         return {"sampler": self.sampler, "size": self.size, "optuna": version("optuna")}
 
     def propose(self) -> Bits:
-        """The labellings of new trials, filled up at random where trials keep meeting known classes."""
+        """Return the labellings of new trials, and random ones where trials give known classes."""
         from optuna.trial import TrialState
 
         rows: list[Bits] = []
@@ -166,7 +204,7 @@ class Optuna(Searcher):
         return np.concatenate(rows)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Finish the trials of these labellings; those no trial asked for become trials of their own."""
+        """Finish the first waiting trial of each labelling, or add a trial if none waits."""
         if not len(labellings):
             return
         values = objectives(self.space, labellings, evaluations)[:, : self.aims].tolist()
@@ -180,6 +218,7 @@ class Optuna(Searcher):
         self._copy.write()
 
     def _finish(self, trial: Trial, key: bytes, labels: Bits) -> None:
+        """Finish a trial with the evaluation of its class, and queue its copy."""
         from optuna.trial import TrialState
 
         found, value = self._known[key]
@@ -190,6 +229,7 @@ class Optuna(Searcher):
         self._copy.add(frozen, _attributes(labels, found))
 
     def _add(self, labels: Bits, found: Evaluation, value: list[float]) -> None:
+        """Add a finished trial for a labelling that no trial proposed."""
         from optuna.trial import TrialState, create_trial
 
         params = dict(zip(self._space, self.operators.write(labels), strict=True))
@@ -206,13 +246,24 @@ class Optuna(Searcher):
 
 
 def _attributes(labels: Bits, found: Evaluation) -> dict[str, Any]:
+    """Return the user attributes of a trial: labelling and status."""
     return {"labelling": to_string(labels), "status": str(found.status)}
 
 
 class Copy:
-    """Finished trials, copied in order into a storage; those it holds already are left as they are.
+    """Copy of finished trials in a storage; trials that the storage holds already are skipped.
 
-    url: of the storage, None for a file that is named when it is opened. Raises InputError for one that cannot be used.
+    Parameters
+    ----------
+    url : str or None
+        URL of the storage; None for a file, which `open` names.
+    directions : list of StudyDirection
+        Direction of each objective.
+
+    Raises
+    ------
+    InputError
+        If the storage cannot be used.
     """
 
     def __init__(self, url: str | None, directions: list[StudyDirection]) -> None:
@@ -223,7 +274,20 @@ class Copy:
         self._there = 0
 
     def open(self, title: str, file: Path) -> None:
-        """Begin to copy. title: of the study in the storage. file: where no other storage was named."""
+        """Open the storage and start copying.
+
+        Parameters
+        ----------
+        title : str
+            Name of the study in the storage.
+        file : Path
+            Journal file, used where no URL was given.
+
+        Raises
+        ------
+        InputError
+            If the storage cannot be used.
+        """
         from sqlalchemy.exc import SQLAlchemyError
 
         if self._storage is not None:
@@ -236,12 +300,13 @@ class Copy:
             self._storage = _journal(file)
             self._begin(title)
         except _ODD:
-            # a copy that is damaged is written again, since to resume is to replay
+            # a damaged copy is written anew, because a resumed study replays all trials
             file.unlink()
             self._storage = _journal(file)
             self._begin(title)
 
     def _begin(self, title: str) -> None:
+        """Load or create the study in the storage, and count its trials."""
         import optuna
 
         self._study = optuna.create_study(
@@ -250,13 +315,13 @@ class Copy:
         self._there = len(self._study.get_trials(deepcopy=False))
 
     def add(self, trial: FrozenTrial, attributes: dict[str, Any]) -> None:
-        """Take a trial to be written."""
+        """Queue a finished trial, with attributes, for writing."""
         if self._study is not None:
             trial.user_attrs = {**trial.user_attrs, **attributes}
             self._waiting.append(trial)
 
     def write(self) -> None:
-        """Write what waits."""
+        """Write the queued trials that the storage lacks."""
         if self._study is None:
             return
         for trial in self._waiting:
@@ -268,6 +333,7 @@ class Copy:
 
 
 def _storage(url: str) -> Any:
+    """Open a database, and retry while another search creates its tables."""
     from optuna.storages import RDBStorage
     from sqlalchemy.exc import ArgumentError, IntegrityError, ProgrammingError, SQLAlchemyError
 
@@ -275,7 +341,7 @@ def _storage(url: str) -> Any:
         try:
             return RDBStorage(url)
         except (IntegrityError, ProgrammingError) as error:
-            # searches that begin at once on an empty database make the same tables; one of them is first
+            # searches that start at the same time on an empty database create the same tables; one succeeds
             if not left:
                 raise _unusable(url, error) from None
             time.sleep(0.5)
@@ -285,9 +351,10 @@ def _storage(url: str) -> Any:
 
 
 def _journal(file: Path) -> Any:
-    """The journal in the folder of a study, which nobody else writes to: the study's lock sees to that.
+    """Open the journal in the folder of a study.
 
-    What a killed run left of a line, and its lock, are removed. Raises one of _ODD for a damaged journal.
+    The lock of the study excludes other writers, so a lock file and an incomplete line of a killed run are removed.
+    One of `_ODD` is raised for a damaged journal.
     """
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
@@ -302,4 +369,5 @@ def _journal(file: Path) -> Any:
 
 
 def _unusable(url: str, error: Exception) -> InputError:
+    """Return the InputError for a storage that cannot be used."""
     return InputError("--storage", f"{url!r} cannot be used ({str(error).splitlines()[0]})", "the URL of a database")

@@ -1,4 +1,4 @@
-"""Children that wait to be evaluated, with what they are compared by: what a driver may still take of those it made."""
+"""Pool of children that wait for evaluation, with the data for their predicted rank."""
 
 from __future__ import annotations
 
@@ -13,13 +13,30 @@ from jld_explore.evaluation import front_counts
 from jld_explore.space import SearchSpace
 
 Names = NDArray[Any]
+"""Array of keys (bytes objects) of labellings."""
 
 
 class Pool:
-    """Labellings rows (k, m), their keys names (k,), and their counts (k, c) of the front, less being better.
+    """Labellings that wait for evaluation, with keys and counts.
 
-    surrogate: guesses at them. How alike they are to what it remembers is kept from one guess to the next, and made
-    anew only where it remembers something else since.
+    The covariances with the labellings that the surrogate remembers are stored. Only those with newly remembered
+    labellings are computed again.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    surrogate : Surrogate
+        Predicts the rank of the labellings.
+
+    Attributes
+    ----------
+    rows : (k, m) bool array
+        Labels, True = dry.
+    counts : (k, c) float array
+        Counts of the front, signed so that less is better.
+    names : (k,) object array
+        Keys of the labellings.
     """
 
     def __init__(self, space: SearchSpace, surrogate: Surrogate) -> None:
@@ -35,7 +52,7 @@ class Pool:
         return len(self.rows)
 
     def add(self, rows: Bits, names: list[bytes]) -> None:
-        """Put in rows (k, m) and their keys."""
+        """Add labellings (k, m) with their keys."""
         own = np.empty(len(names), dtype=object)
         own[:] = names
         self._refresh()
@@ -50,17 +67,17 @@ class Pool:
         self._alike = np.concatenate([self._alike, alike])
 
     def keep(self, places: Ints) -> None:
-        """Let go of all but those at some places."""
+        """Remove all labellings except those at the given positions."""
         self.rows, self.counts, self.names = self.rows[places], self.counts[places], self.names[places]
         self._signs, self._alike = self._signs[places], self._alike[places]
 
     def guess(self) -> Floats:
-        """What the surrogate expects of each, (k,)."""
+        """Return the prediction of the surrogate for each labelling, (k,)."""
         self._refresh()
         return self._surrogate.weighed(self._alike)
 
     def _refresh(self) -> None:
-        """Compare with what is remembered anew since."""
+        """Update the covariances with labellings that the surrogate has learned since."""
         fresh = np.flatnonzero(self._surrogate.since > self._clock)
         self._clock = self._surrogate.clock
         if fresh.size and len(self):

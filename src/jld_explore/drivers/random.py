@@ -1,4 +1,4 @@
-"""Random valid labellings: the baseline that learns nothing."""
+"""Driver that draws random labellings, as a baseline."""
 
 from __future__ import annotations
 
@@ -12,17 +12,27 @@ from jld_explore.space import SearchSpace
 
 
 class Random(Searcher):
-    """Draws labellings at random, each class once."""
+    """Driver that draws labellings at random, each class once.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    size : int
+        Number of labellings per batch.
+    """
 
     name = "random"
-    ahead: ClassVar[int] = 4  # it learns nothing, so nothing is lost by it
+    ahead: ClassVar[int] = 4  # evaluations have no influence, so asking ahead is free
 
     def __init__(self, space: SearchSpace, seed: int, size: int = 256) -> None:
         super().__init__(space, seed, size)
 
     def propose(self) -> Bits:
-        """New random labellings."""
+        """Return new random labellings."""
         return self.fresh(self.draw, self.size)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Nothing to learn."""
+        """Do nothing: evaluations have no influence on the draws."""

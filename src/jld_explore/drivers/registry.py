@@ -1,4 +1,4 @@
-"""Drivers: what proposes the next labellings, by name."""
+"""Registry of drivers by name."""
 
 from __future__ import annotations
 
@@ -19,18 +19,52 @@ from jld_explore.space import SearchSpace
 DRIVERS: Final[dict[str, type[Driver]]] = {
     kind.name: kind for kind in (Enumeration, Random, HillClimb, Anneal, Genetic, Optuna, Exact)
 }
-"""All that go by a name; one of your own that is put here goes by its name as well."""
+"""Driver classes by name; a class added to this dictionary can be chosen by its name."""
 
 
 def owners(option: str) -> Iterator[type[Driver]]:
-    """The drivers that take an option."""
+    """List the drivers that have an option.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option.
+
+    Returns
+    -------
+    iterator of type
+        Driver classes with a field of that name in `Options`.
+    """
     return (kind for kind in DRIVERS.values() if option in kind.Options.model_fields)
 
 
 def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Driver:
-    """A fresh driver for a space. name: one of DRIVERS; options: the driver's own, None for its default.
+    """Make a driver by its name.
 
-    Raises InputError for an option that is wrong, or that is another driver's.
+    With a required load factor (`search.require`) the name "exact" gives `MinimumCount`.
+
+    Parameters
+    ----------
+    name : str
+        A key of `DRIVERS`.
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    **options
+        Options of the driver; None for the default.
+
+    Returns
+    -------
+    Driver
+        A new driver.
+
+    Raises
+    ------
+    InputError
+        If an option has a wrong value or belongs to another driver.
+    KeyError
+        If no driver has the name.
     """
     given = {key: value for key, value in options.items() if value is not None}
     for key in given:
@@ -39,6 +73,6 @@ def make_driver(name: str, space: SearchSpace, seed: int, **options: Any) -> Dri
             raise InputError(f"--{key}", f"the driver {name} has no such option", others)
     kind = DRIVERS[name]
     if kind is Exact and space.search.require is not None:
-        # a count is what is proven then
+        # with a required load factor the exact driver optimises a count
         return MinimumCount.made(space, seed, given)
     return kind.made(space, seed, given)

@@ -1,7 +1,7 @@
-"""What all drivers but enumeration share: nothing proposed twice, and the rest of a space that runs dry.
+"""Base of the drivers with random proposals: no class twice, and enumeration at the end.
 
-A driver that no longer finds anything new lets enumeration go through what is left, class by class, so that a
-space smaller than the budget ends completely known whatever the driver.
+When a driver finds hardly any new labellings, enumeration adds the remaining classes one by one. A space smaller than
+the budget is then evaluated completely, whatever the driver.
 """
 
 from __future__ import annotations
@@ -20,31 +20,71 @@ from jld_explore.drivers.operators import BufferedRandom, Operators, operators
 from jld_explore.space import SearchSpace, canonical, feasible, keys
 
 PATIENCE: Final = 12
-"""Proposals tried for each new labelling wanted before a driver looks for them elsewhere."""
+"""Proposals per new labelling wanted after which `Searcher.fresh` gives up."""
 
 _ROUND: Final = 16
-"""Proposals made at a time at the least: what a batch of checks costs hardly depends on its size."""
+"""Least number of proposals per batch; the cost of a check hardly depends on its size."""
 
 
 class Register:
-    """All classes that were proposed, and the gate to it."""
+    """Set of the classes that a driver has proposed.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        As the parameter.
+    seen : set of bytes
+        Keys of the canonical labellings proposed.
+    """
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
         self.seen: set[bytes] = set()
 
     def admit(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> Bits:
-        """The first `most` new classes among the feasible of rows (k, m), canonical; registers them.
+        """Register the new feasible classes among labellings, and return them.
 
-        sure: they are known to be feasible (see `Operators.sure`).
+        Parameters
+        ----------
+        rows : (k, m) bool array
+            Labels, True = dry.
+        most : int, optional
+            Largest number of classes; the first ones are taken.
+        sure : bool
+            Whether all rows are known to be feasible (see `Operators.sure`).
+
+        Returns
+        -------
+        (j, m) bool array
+            Canonical labels of the new classes.
         """
         return self.admitted(rows, most, sure=sure)[0]
 
     def admitted(self, rows: Bits, most: int | None = None, *, sure: bool = False) -> tuple[Bits, list[bytes], Ints]:
-        """The same, with the keys of those admitted, and which of the k rows each was, ascending."""
+        """Do the same as `admit`, and also return keys and row numbers of the new classes.
+
+        Parameters
+        ----------
+        rows, most, sure
+            As in `admit`.
+
+        Returns
+        -------
+        (j, m) bool array
+            Canonical labels of the new classes.
+        list of j bytes
+            Their keys.
+        (j,) int array
+            The row of each among the k rows, ascending.
+        """
         rows = canonical(rows, self.space.group)
         fresh: dict[bytes, int] = {}
-        # known classes are most of what a search that converges proposes: they are not checked again
+        # A converging search proposes mostly known classes. They are not checked again.
         for number, key in enumerate(keys(rows)):
             if key not in self.seen:
                 fresh.setdefault(key, number)
@@ -58,12 +98,27 @@ class Register:
         return rows[places], named, places
 
     def forget(self, names: Iterable[bytes]) -> None:
-        """Take back classes by their keys that were admitted and never asked, so that they may come again."""
+        """Remove classes, by their keys, that no caller has received.
+
+        The same classes may then be proposed again.
+        """
         self.seen.difference_update(names)
 
 
 class Searcher(Driver):
-    """A driver that proposes by chance. It makes `size` proposals at a time, whatever portions are asked."""
+    """Driver with random proposals (abstract base class).
+
+    Each call of `propose` gives about `size` labellings, whatever the limits given to `ask`.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    size : int
+        Number of labellings per batch.
+    """
 
     def __init__(self, space: SearchSpace, seed: int, size: int) -> None:
         super().__init__(space, seed)
@@ -76,15 +131,16 @@ class Searcher(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """See `Driver.exhaustive`: what is left in the end is enumerated."""
+        """Always True, because the remaining classes are enumerated; see `Driver.exhaustive`."""
         return True
 
     @property
     def _none(self) -> Bits:
+        """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     def ask(self, limit: int | None = None) -> Bits:
-        """The next classes, (k, m): the rest of the last batch, or a new one."""
+        """Return the next labellings (k, m): the rest of the last batch, or a new one."""
         if limit is not None and limit <= 0:
             return self._none
         if not len(self._held):
@@ -93,6 +149,7 @@ class Searcher(Driver):
         return given
 
     def _batch(self) -> Bits:
+        """Return the next proposals, or enumerated classes once proposals have become rare."""
         if self._rest is None:
             rows = self.propose()
             if len(rows) < max(1, self.size // 8):
@@ -103,10 +160,21 @@ class Searcher(Driver):
 
     @abstractmethod
     def propose(self) -> Bits:
-        """Up to `size` new labellings, canonical and registered; fewer where new ones have become rare."""
+        """Propose up to `size` new labellings, canonical and registered.
+
+        A driver returns fewer where new labellings have become rare.
+        """
 
     def fresh(self, make: Callable[[int], Bits], count: int) -> Bits:
-        """Up to `count` new classes out of what `make` proposes by the operators; make takes how many to propose."""
+        """Return up to `count` new classes, canonical and registered.
+
+        Parameters
+        ----------
+        make : callable
+            Proposes a given number of labellings by the operators.
+        count : int
+            Number of classes wanted.
+        """
         found = self._none
         tries = PATIENCE * max(count, _ROUND)
         while len(found) < count and tries > 0:
@@ -118,11 +186,11 @@ class Searcher(Driver):
         return found
 
     def draw(self, count: int) -> Bits:
-        """Random rows, as `fresh` takes them."""
+        """Draw random labellings, in the form that `fresh` takes."""
         return self.operators.draw(count, self.rng)
 
     def _remaining(self) -> Iterator[Bits]:
-        """What enumeration finds and nobody has proposed, in batches of `size`."""
+        """Yield the classes that were not proposed yet, in batches of `size`, by enumeration."""
         waiting = self._none
         for rows, _ in Enumeration(self.space).batches():
             waiting = np.concatenate([waiting, self.register.admit(rows)])

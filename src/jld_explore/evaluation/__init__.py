@@ -1,52 +1,52 @@
-"""Labelling → Evaluation, in workers, with records on disk.
+"""Evaluate labellings in worker processes and record the results on disk.
 
-- `BOUND`: settled by an upper bound alone
-- `CERTIFICATE`: settled by what other solves prove
-- `FAILED`: an evaluation that broke down
-- `HANG`: seconds without any result after which workers are taken to hang
-- `ORDER`: statuses, the best first
-- `RECORDS_FILE`: name of the file of records
-- `Bounds`: what the pool knows of labellings
-- `CertificateEvaluator`: evaluates with a pool of certificates
-- `Envelope`: the largest λ known for what counts as well or better
-- `Evaluating`: what a study asks for evaluations
-- `Evaluation`: what is known of one labelling
-- `Evaluator`: evaluates labellings of one assembly
-- `EvaluatorSettings`: what an evaluator is asked for
-- `ForceMethod`: both sides of λ at a vertex
-- `Forces`: a certificate from below
-- `IncumbentFront`: the largest λ known for each count
-- `VoidCellsEvaluator`: evaluates labellings of an assembly with a sink (`space.void`), each on the structure that …
-- `MakeEvaluator`: makes what evaluates in a worker
-- `Mechanism`: a certificate from above
-- `Pool`: certificates that are worth their place
-- `Proofs`: what one solve leaves behind
-- `RecordedEvaluator`: workers with a record
+- `BOUND`: value of `Evaluation.settled` for a labelling settled by its upper bound alone
+- `CERTIFICATE`: value of `Evaluation.settled` for a labelling settled by proofs of other solves
+- `FAILED`: evaluation of a labelling whose worker died or hung twice
+- `HANG`: seconds without any result after which workers count as hung
+- `ORDER`: statuses, best first
+- `RECORDS_FILE`: name of the SQLite file of records
+- `Bounds`: lower and upper bounds on λ of several labellings
+- `CertificateEvaluator`: evaluator that uses bounds from past solves before it solves
+- `Envelope`: largest λ known among labellings with equal or better counts
+- `Evaluating`: protocol of an evaluator as a study uses it
+- `Evaluation`: result of evaluating one labelling
+- `Evaluator`: evaluator of labellings of one assembly under one load
+- `EvaluatorSettings`: settings of an evaluator
+- `ForceMethod`: linear program (force method) that bounds λ from both sides at a vertex
+- `Forces`: statically admissible forces as a lower bound on λ for many labellings
+- `IncumbentFront`: largest λ known for each combination of front counts
+- `MakeEvaluator`: type of a function that makes the evaluator of a worker
+- `Mechanism`: mechanism as an upper bound on λ for many labellings
+- `Pool`: bounds from past solves, limited in number
+- `PoolWorker`: process or cluster worker that keeps state between its tasks
+- `Proofs`: lower and upper bounds that one solve proves for other labellings
+- `RecordedEvaluator`: evaluator that runs workers and writes a record
 - `Records`: evaluations, proofs and conflicts on disk
-- `PoolWorker`: a process that is given task after task
-- `WorkerPool`: as many of them as there are jobs, or workers of a cluster
-- `Sent`: labellings on their way
-- `Vertex`: what was found at a vertex
-- `WorkerSpec`: what a worker needs
-- `Workers`: a pool of processes
-- `aims`: the number to be made large
-- `batch_size`: labellings per task
-- `client_of_cluster`: the client of the cluster that is used
-- `raise_deferred`: raise an error, or after what is undisturbed
-- `evaluator_of`: what evaluates labellings of an assembly
-- `front_counts`: counts of the scene's front
-- `is_small`: whether a solve takes less than to send it
-- `load_factors`: λ of each record
-- `may_meet`: whether a labelling is not proven to carry less than is required
-- `meets`: whether it carries what is required
-- `objectives`: what is minimised
-- `on_cluster`: workers of a scheduler, on other machines
-- `places`: place of each status
-- `proofs_of`: what a finished solve proves of others
-- `settled`: how each record was settled
-- `standing`: what sorts evaluations
-- `statuses`: status of each record
-- `worth`: what a driver goes by
+- `Sent`: labellings under evaluation
+- `Vertex`: result of the force method for one labelling
+- `VoidCellsEvaluator`: evaluator of labellings that leave cells out (`space.void`)
+- `WorkerPool`: pool of one `PoolWorker` per job or per worker of a cluster
+- `WorkerSpec`: pickled data from which a worker makes its evaluator
+- `Workers`: pool of threads, processes or cluster workers that evaluate batches
+- `aims`: compute the objective that a driver maximises
+- `batch_size`: compute the number of labellings per task
+- `client_of_cluster`: return the dask client in use
+- `evaluator_of`: make the evaluator of an assembly
+- `front_counts`: compute the counts of the scene's front
+- `is_small`: return whether solving a labelling is faster than sending it to a worker
+- `load_factors`: return λ of each row of a record
+- `may_meet`: return whether a labelling can still reach the required load factor
+- `meets`: return whether a labelling provably reaches the required load factor
+- `objectives`: compute the objectives that a driver minimises
+- `on_cluster`: use the workers of a dask scheduler within a context
+- `places`: return the rank of each evaluation's status
+- `proofs_of`: return the bounds that a finished limit analysis proves for other labellings
+- `raise_deferred`: raise an error, or defer it to the end of a protected section
+- `settled`: return how each row of a record was settled
+- `standing`: return the sort key of an evaluation
+- `statuses`: return the status of each row of a record
+- `worth`: return the number by which a driver compares an evaluation
 """
 
 from __future__ import annotations

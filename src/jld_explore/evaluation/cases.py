@@ -1,4 +1,4 @@
-"""Evaluations of a structure with load cases: one evaluator a case, and the factor that governs."""
+"""Evaluate labellings under several load cases, or at low and nominal material values."""
 
 from __future__ import annotations
 
@@ -17,11 +17,23 @@ from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.evaluator import Evaluator, EvaluatorSettings
 
 _UNSOLVED: Final = Evaluation(Status.UNCERTIFIED, math.nan, math.nan, math.nan)
-"""Of a case that cannot matter any more."""
+"""Placeholder for a load case that is not solved because another case already decides the labelling."""
 
 
 class CasesEvaluator:
-    """Evaluates labellings of one assembly under all its load cases, as `Evaluator` does under one."""
+    """Evaluator of labellings of one assembly under all its load cases.
+
+    One `Evaluator` solves each case. The governing case decides the evaluation.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with load cases.
+    settings : EvaluatorSettings
+        Settings of the evaluators of all cases.
+    like : CasesEvaluator, optional
+        Evaluator of the same assembly and settings whose batch solvers are shared.
+    """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: CasesEvaluator | None = None) -> None:
         self.assembly, self.settings = assembly, settings
@@ -32,12 +44,12 @@ class CasesEvaluator:
             self._each = [one.twin() for one in like._each]
 
     def twin(self) -> CasesEvaluator:
-        """See `Evaluator.twin`."""
+        """Return an equal evaluator for another thread (see `Evaluator.twin`)."""
         return CasesEvaluator(self.assembly, self.settings, self)
 
     @property
     def settles(self) -> bool:
-        """See `Evaluator.settles`."""
+        """Return True if batch solvers settle nearly all labellings of every case."""
         return all(one.settles for one in self._each)
 
     def evaluate_all(
@@ -47,16 +59,32 @@ class CasesEvaluator:
         waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of the governing factor.
+        """Evaluate labellings under all load cases.
 
         A labelling counts as evaluated when all its cases are.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        floors : (k,) float array, optional
+            Pruning thresholds of the governing load factor (see `Evaluator.evaluate`).
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+
+        Returns
+        -------
+        list of Evaluation
+            Evaluations of the first labellings, all k unless the deadline passes.
         """
         if not self.settings.batched:
             return self._one_by_one(labellings, floors, waiting, deadline)
         found: list[list[Evaluation]] = []
         count = len(labellings)
         for evaluator, factor in zip(self._each, self._required, strict=True):
-            # a case that is worth less than the floor is worth no more by another
+            # A governing λ above the threshold needs every case above the threshold times its required factor.
             own = None if floors is None else floors[:count] * factor
             answers = evaluator.evaluate_all(labellings[:count], own, waiting, deadline)
             found.append(answers)
@@ -64,9 +92,23 @@ class CasesEvaluator:
         return [self._together([answers[k] for answers in found]) for k in range(count)]
 
     def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
-        """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of the governing factor.
+        """Evaluate one labelling under all load cases.
 
-        Once a case shows that the labelling is unstable, or not worth more than the floor, no other is solved.
+        No further case is solved once a case is unstable or does not exceed the pruning threshold.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+        floor : float
+            Pruning threshold of the governing load factor.
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+
+        Returns
+        -------
+        Evaluation
+            Evaluation by the governing case, with λ of each solved case in `cases`.
         """
         found = [_UNSOLVED] * len(self._each)
         for case in self._order:
@@ -78,7 +120,10 @@ class CasesEvaluator:
 
     @cached_property
     def _order(self) -> list[int]:
-        """Cases by what the scene's own labelling carries of them, the most critical first: one order for all."""
+        """Positions of the load cases, most critical first.
+
+        The ranking uses λ of the scene's own labelling, so that it is the same for all labellings.
+        """
         worth = []
         for case, factor in zip(self.assembly.by_case, self._required, strict=True):
             analysis = LimitAnalysis(case)
@@ -91,6 +136,7 @@ class CasesEvaluator:
     def _one_by_one(
         self, labellings: Bits, floors: Floats | None, waiting: Bits | None, deadline: Deadline | None
     ) -> list[Evaluation]:
+        """Evaluate labellings in turn until the deadline passes."""
         values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
         found: list[Evaluation] = []
         for labels, floor in zip(labellings, values, strict=True):
@@ -100,6 +146,7 @@ class CasesEvaluator:
         return found
 
     def _together(self, cases: list[Evaluation]) -> Evaluation:
+        """Combine the evaluations of all load cases of one labelling into one."""
         known = [Known(one.status, one.low, one.high, one.load_factor) for one in cases]
         decided = governing(known, self._required)
         seconds = sum(one.seconds for one in cases)
@@ -107,7 +154,7 @@ class CasesEvaluator:
         associative = [one.associative / factor for one, factor in zip(cases, self._required, strict=True)]
         outbid = [one.high / f for one, f in zip(cases, self._required, strict=True) if one.settled == BOUND]
         if outbid and decided.status not in (Status.UNSTABLE, Status.FAILED):
-            # one case alone shows that the labelling does not matter
+            # The upper bound of a single case suffices to prune the labelling.
             position = next(k for k, one in enumerate(cases) if one.settled == BOUND)
             return Evaluation(
                 Status.UNCERTIFIED,
@@ -135,9 +182,18 @@ class CasesEvaluator:
 
 
 class RobustEvaluator:
-    """Evaluates labellings at the low values of materials, and says λ at the nominal ones besides.
+    """Evaluator of labellings at low material values that also reports λ at nominal values.
 
-    An evaluation is that at low values; the last of its `cases` is λ at the nominal ones, NaN where there is none.
+    The evaluation is the one at low values. The last entry of its `cases` is λ at nominal values, NaN without one.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with low and nominal material values.
+    settings : EvaluatorSettings
+        Settings of both evaluators.
+    like : RobustEvaluator, optional
+        Evaluator of the same assembly and settings whose batch solvers are shared.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: RobustEvaluator | None = None) -> None:
@@ -149,12 +205,12 @@ class RobustEvaluator:
             self._low, self._nominal = like._low.twin(), like._nominal.twin()
 
     def twin(self) -> RobustEvaluator:
-        """See `Evaluator.twin`."""
+        """Return an equal evaluator for another thread (see `Evaluator.twin`)."""
         return RobustEvaluator(self.assembly, self.settings, self)
 
     @property
     def settles(self) -> bool:
-        """See `Evaluator.settles`."""
+        """Return True if batch solvers settle nearly all labellings at low and nominal values."""
         return self._low.settles and self._nominal.settles
 
     def evaluate_all(
@@ -164,9 +220,26 @@ class RobustEvaluator:
         waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m); arguments as for `Evaluator.evaluate_all`, floors of λ at low values.
+        """Evaluate labellings at low material values, and at nominal ones if they have a λ.
 
-        A labelling counts as evaluated when both are; only those with a λ at low values have another.
+        A labelling counts as evaluated when both evaluations are finished.
+        Only labellings that collapse (have a λ) at low values are solved at nominal values.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        floors : (k,) float array, optional
+            Pruning thresholds of λ at low values (see `Evaluator.evaluate`).
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+
+        Returns
+        -------
+        list of Evaluation
+            Evaluations of the first labellings, all k unless the deadline passes.
         """
         low = self._low.evaluate_all(labellings, floors, waiting, deadline)
         good = [k for k, one in enumerate(low) if one.status is Status.COLLAPSE]
@@ -176,10 +249,11 @@ class RobustEvaluator:
         return [self._together(one, known.get(k)) for k, one in enumerate(low[:done])]
 
     def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
-        """Evaluate one labelling; arguments as for `Evaluator.evaluate`, floor of λ at low values."""
+        """Evaluate one labelling (m,); `floor` is the pruning threshold of λ at low values."""
         return self.evaluate_all(labels[None], np.array([floor]), waiting)[0]
 
     def _together(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
+        """Append λ at nominal values to the cases of an evaluation at low values."""
         value = math.nan if nominal is None else nominal.load_factor
         seconds = low.seconds + (0.0 if nominal is None else nominal.seconds)
         cases = low.cases or (math.nan,) * len(self.assembly.cases)
@@ -187,7 +261,20 @@ class RobustEvaluator:
 
 
 def evaluator_of(assembly: Assembly, settings: EvaluatorSettings) -> Evaluator | CasesEvaluator | RobustEvaluator:
-    """What evaluates labellings of an assembly, under one load or several, at low values of materials or not."""
+    """Make the evaluator of an assembly: one load, load cases, or low and nominal materials.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure whose labellings are evaluated.
+    settings : EvaluatorSettings
+        Model and settings of the evaluator.
+
+    Returns
+    -------
+    Evaluator, CasesEvaluator or RobustEvaluator
+        `RobustEvaluator` with nominal material values, else `CasesEvaluator` with load cases, else `Evaluator`.
+    """
     if assembly.nominal is not None:
         return RobustEvaluator(assembly, settings)
     return CasesEvaluator(assembly, settings) if assembly.cases else Evaluator(assembly, settings)

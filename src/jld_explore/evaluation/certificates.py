@@ -1,13 +1,15 @@
-"""What past solves prove about labellings that were never solved (docs/method.md (6.1), (6.2)).
+"""Store bounds that past solves prove for labellings not yet solved.
 
-**Forces** in equilibrium at λ bound λ from below under every labelling that admits them on every face; a face on
-which they are admissible as dry and as inner is free, so they cover a sub-cube of labellings. A **mechanism**
-bounds λ from above under every labelling for which its dissipation is finite, by a constant plus one number per
-face and label; one that gains energy under the dead load alone proves labellings unstable. The **pool** keeps
-both as packed bits and rows of numbers, and asks them all about many labellings at once. Everything is scaled as
-in `Template`.
+**Forces** in equilibrium at λ are a lower bound for every labelling that admits them on every face (docs/method.md
+(6.1)).
+A face is free if the forces are admissible as dry and as inner, so forces cover a sub-cube of labellings.
+A **mechanism** is an upper bound for every labelling for which its dissipation is finite (docs/method.md (6.2)).
+The bound is a constant plus one number per face and label.
+A mechanism that gains energy under the dead load alone proves labellings unstable.
+The **pool** keeps both as packed bits and rows of numbers and evaluates all of them for many labellings at once.
+All values are scaled as in `Template`.
 
-Bounds are those of associative friction without effective area; nothing else is modular.
+The bounds hold for associative friction without effective area; other models do not support them.
 """
 
 from __future__ import annotations
@@ -26,20 +28,32 @@ from jld_core.program import Template
 from jld_explore.space import Words, as_words
 
 ROUND: Final = 32
-"""Labellings solved between two questions to the pool, whatever the number of workers."""
+"""Labellings solved between two queries of the pool, for any number of workers."""
 
 FEW: Final = 8
-"""The same for scenes so small that no workers are asked: the fewer, the more a solve is spared."""
+"""Labellings solved between two queries for small scenes, which use no workers: small rounds avoid more solves."""
 
 _KEPT_FORCES: Final = 6000
+"""Default largest number of force states in a pool."""
 _KEPT_MECHANISMS: Final = 3000
+"""Default largest number of mechanisms in a pool."""
 _PAIRS: Final = 1 << 21
-"""Labellings × entries looked at in one step."""
+"""Largest number of pairs (labelling, entry) compared in one step; limits temporary memory."""
 
 
 @dataclass(frozen=True)
 class Forces:
-    """Forces in equilibrium at λ = load. dry, inner: (m,) faces where they are admissible under that label."""
+    """Forces in equilibrium at a load factor, with the labels that admit them.
+
+    Attributes
+    ----------
+    load : float
+        Load factor λ, scaled.
+    dry : (m,) bool array
+        Faces on which the forces are admissible when dry.
+    inner : (m,) bool array
+        Faces on which the forces are admissible when inner.
+    """
 
     load: float
     dry: Bools
@@ -48,9 +62,18 @@ class Forces:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Velocities with b_λ·u = 1, or such that gain energy with b_λ·u ≥ 0 (`falls`).
+    """Velocities u with b_λ·u = 1 and their dissipation under either label of each face.
 
-    constant: −b·u. dry, inner: (m,) dissipation of each face under either label, inf where there is no bound.
+    Attributes
+    ----------
+    constant : float
+        −b·u, the negative work of the dead load, scaled.
+    dry : (m,) float array
+        Dissipation of each face when dry, inf without a bound.
+    inner : (m,) float array
+        Dissipation of each face when inner, inf without a bound.
+    falls : bool
+        True for velocities with b_λ·u ≥ 0 that gain energy and so prove instability.
     """
 
     constant: float
@@ -61,7 +84,15 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class Proofs:
-    """What one solve leaves behind."""
+    """Lower and upper bounds that one solve proves for other labellings.
+
+    Attributes
+    ----------
+    forces : tuple of Forces
+        Lower bounds.
+    mechanisms : tuple of Mechanism
+        Upper bounds and proofs of instability.
+    """
 
     forces: tuple[Forces, ...] = ()
     mechanisms: tuple[Mechanism, ...] = ()
@@ -69,9 +100,16 @@ class Proofs:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the pool knows of k labellings: λ between low and high (±inf where nothing is known).
+    """Bounds on λ of k labellings that a pool has proven.
 
-    unstable: (k,) proven to stand for no λ ≥ 0.
+    Attributes
+    ----------
+    low : (k,) float array
+        Lower bounds on λ, scaled; −inf if unknown.
+    high : (k,) float array
+        Upper bounds on λ, scaled; inf if unknown.
+    unstable : (k,) bool array
+        True if proven that the labelling stands for no λ ≥ 0.
     """
 
     low: Floats
@@ -79,11 +117,11 @@ class Bounds:
     unstable: Bools
 
     def take(self, rows: Ints | Bools) -> Bounds:
-        """The same of some rows."""
+        """Return the bounds of selected rows (indices or boolean mask)."""
         return Bounds(self.low[rows], self.high[rows], self.unstable[rows])
 
     def tightened(self, other: Bounds) -> Bounds:
-        """Both taken together."""
+        """Return the tighter of these and other bounds, row by row."""
         return Bounds(
             np.maximum(self.low, other.low),
             np.minimum(self.high, other.high),
@@ -92,21 +130,21 @@ class Bounds:
 
 
 def unknown(count: int) -> Bounds:
-    """Bounds of labellings nothing is known of."""
+    """Return the trivial bounds (−inf, inf) of `count` labellings."""
     return Bounds(np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, dtype=bool))
 
 
 def forces_of(template: Template, state: State, labels: Bits) -> Forces:
-    """An admissible state of one labelling, with every label it admits on every face."""
+    """Convert an admissible state of one labelling to `Forces`, with all labels that admit it."""
     own = np.asarray(labels, dtype=bool)
     other = template.yield_set.slack(state.forces, ~own) >= max(2.0 * state.error, 0.0)
-    # a resultant that a label drops is zero only in the states of that label
+    # A label that drops a resultant admits only states in which that resultant is zero.
     other &= _alike(template)
     return Forces(state.load, own | other, ~own | other)
 
 
 def mechanism_of(template: Template, motion: Motion, labels: Bits, *, falls: bool = False) -> Mechanism:
-    """A motion of finite dissipation under one labelling, with what it dissipates under every label."""
+    """Convert a motion of finite dissipation to a `Mechanism`, with its dissipation per label."""
     own = np.asarray(labels, dtype=bool)
     every = np.ones(len(own), dtype=bool)
     sets, jumps = template.yield_set, motion.jumps
@@ -119,10 +157,11 @@ def mechanism_of(template: Template, motion: Motion, labels: Bits, *, falls: boo
 
 
 _ALIKE: WeakKeyDictionary[Template, Bools] = WeakKeyDictionary()
+"""Cached results of `_alike` per template."""
 
 
 def _alike(template: Template) -> Bools:
-    """(m,) True where both labels of a face keep the same resultants."""
+    """Return an (m,) mask of the faces whose two labels keep the same resultants."""
     if template not in _ALIKE:
         every = np.ones(len(template.assembly.interfaces), dtype=bool)
         sets = template.yield_set
@@ -131,7 +170,22 @@ def _alike(template: Template) -> Bools:
 
 
 def proofs_of(template: Template, proof: Proof, labels: Bits) -> Proofs:
-    """What a finished limit analysis of one labelling proves about others."""
+    """Return the bounds that a finished limit analysis of one labelling proves for others.
+
+    Parameters
+    ----------
+    template : Template
+        Program of the assembly.
+    proof : Proof
+        Result of the limit analysis, with its state and motions.
+    labels : (m,) bool array
+        Labelling that was analysed, True = dry.
+
+    Returns
+    -------
+    Proofs
+        Forces and mechanisms; empty where the analysis found none.
+    """
     forces = () if proof.state is None else (forces_of(template, proof.state, labels),)
     mechanisms = [] if proof.motion is None else [mechanism_of(template, proof.motion, labels)]
     if proof.collapse_below_zero is not None:
@@ -140,10 +194,20 @@ def proofs_of(template: Template, proof: Proof, labels: Bits) -> Proofs:
 
 
 class Pool:
-    """All certificates of one study that are worth their place.
+    """Bounds from the past solves of one study, limited in number.
 
-    faces: m. group: (g, m) face permutations that leave λ as it is. What is kept depends on what was added
-    and asked, in that order, and on nothing else.
+    The content depends only on the additions and queries and on their order.
+
+    Parameters
+    ----------
+    faces : int
+        Number m of faces.
+    group : (g, m) int array
+        Face permutations that leave λ unchanged.
+    forces : int
+        Largest number of force states kept.
+    mechanisms : int
+        Largest number of mechanisms kept.
     """
 
     def __init__(
@@ -159,17 +223,31 @@ class Pool:
         self._mechanisms = _MechanismTable(faces, mechanisms)
 
     def __len__(self) -> int:
+        """Return the number of entries."""
         return len(self._forces) + len(self._mechanisms)
 
     def add(self, proofs: Proofs) -> None:
-        """Take in what a solve left behind; the least useful entries make room."""
+        """Add the bounds of one solve; the least used entries are dropped when a table is full."""
         for forces in proofs.forces:
             self._forces.add(forces)
         for mechanism in proofs.mechanisms:
             self._mechanisms.add(mechanism)
 
     def ask(self, labellings: Bits, since: int = 0) -> Bounds:
-        """Bounds on λ of labellings (k, m). since: look only at what was added after `mark` returned this."""
+        """Compute bounds on λ of labellings from all entries and all symmetries.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        since : int
+            Time from `mark` or `tick`; entries added before it are ignored.
+
+        Returns
+        -------
+        Bounds
+            Bounds of the k labellings, scaled.
+        """
         known = unknown(len(labellings))
         if not len(labellings):
             return known
@@ -182,20 +260,25 @@ class Pool:
         return known
 
     def mark(self) -> int:
-        """A point in time for `ask`."""
+        """Return the current time of the pool, for use in `ask`."""
         return max(self._forces.clock, self._mechanisms.clock)
 
     def tick(self) -> int:
-        """Begin a new point in time and return it: what is added from here on is later."""
+        """Advance the time of the pool and return it; later additions have this time."""
         now = self.mark() + 1
         self._forces.clock = self._mechanisms.clock = now
         return now
 
 
 class _Table:
-    """Entries with the time they were added and how often they were the best answer.
+    """Table of entries with the time of their addition and the number of queries they decided.
 
-    most: entries at the most. layout: fields of one besides those two.
+    Parameters
+    ----------
+    most : int
+        Largest number of entries.
+    layout : list
+        NumPy fields of an entry besides `born` and `used`.
     """
 
     def __init__(self, most: int, layout: list[Any]) -> None:
@@ -204,17 +287,18 @@ class _Table:
         self._room = np.zeros(64, dtype=[("born", "i8"), ("used", "i8"), *layout])
 
     def __len__(self) -> int:
+        """Return the number of entries."""
         return self._count
 
     @property
     def entries(self) -> NDArray[np.void]:
-        """All entries, the older first."""
+        """All entries, oldest first."""
         return self._room[: self._count]
 
     def put(self, *values: Any) -> None:
-        """Add an entry; where there are too many, half of them go."""
+        """Add an entry; if the table is full, first drop the least used half."""
         if len(self) >= self.most:
-            # the least used, the older first
+            # Drop the least used entries first, and the older ones among equals.
             order = np.lexsort((self.entries["born"], self.entries["used"]))
             kept = np.delete(self.entries, order[: self.most // 2])
             kept["used"] //= 2
@@ -225,25 +309,31 @@ class _Table:
         self._count += 1
 
     def since(self, time: int) -> tuple[Ints, NDArray[np.void]]:
-        """Positions of what was added at a time or later, and those entries."""
+        """Return positions and content of the entries added at a given time or later."""
         rows = np.flatnonzero(self.entries["born"] >= time)
         return rows, self.entries[rows]
 
     def count(self, rows: Ints) -> None:
-        """Note which entries were the best answers."""
+        """Increase the use count of the entries that gave the best bounds."""
         self.entries["used"] += np.bincount(rows, minlength=len(self))
 
 
 class _ForceTable(_Table):
+    """Table of force states as lower bounds on λ."""
+
     def __init__(self, faces: int, most: int) -> None:
         words = -(-faces // 64)
         super().__init__(most, [("load", "f8"), ("not_dry", "u8", (words,)), ("not_inner", "u8", (words,))])
 
     def add(self, forces: Forces) -> None:
+        """Add one force state."""
         self.put(forces.load, *as_words(~np.array([forces.dry, forces.inner])))
 
     def bounds(self, words: tuple[Words, Words], since: int) -> Floats:
-        """(k,) highest load of forces that labellings admit. words: their dry faces, and their inner ones."""
+        """Return (k,) lower bounds: the highest load of forces that each labelling admits.
+
+        `words` holds the dry faces and the inner faces of the labellings as 64-bit words.
+        """
         dry, inner = words
         low = np.full(len(dry), -np.inf)
         rows, some = self.since(since)
@@ -259,24 +349,27 @@ class _ForceTable(_Table):
 
 
 class _MechanismTable(_Table):
+    """Table of mechanisms as upper bounds on λ and proofs of instability."""
+
     def __init__(self, faces: int, most: int) -> None:
         words = -(-faces // 64)
         bits = [("not_dry", "u8", (words,)), ("not_inner", "u8", (words,))]
         super().__init__(most, [("constant", "f8"), ("falls", "?"), ("gain", "f8", (faces,)), *bits])
 
     def add(self, mechanism: Mechanism) -> None:
+        """Add one mechanism."""
         values = np.array([mechanism.dry, mechanism.inner])
         finite = np.isfinite(values)
         values[~finite] = 0.0
-        # sums in another order may round differently: the bound is raised by more than that
+        # Summation order affects rounding; raising the constant by more than the rounding keeps the bound safe.
         size = abs(mechanism.constant) + float(abs(values).max(axis=0).sum())
         constant = mechanism.constant + float(values[1].sum()) + tolerances.SUMMATION * size
         self.put(constant, mechanism.falls, values[0] - values[1], *as_words(~finite))
 
     def bounds(self, labellings: Bits, words: tuple[Words, Words], since: int) -> tuple[Floats, Bools]:
-        """(k,) lowest bound on λ over the mechanisms, and (k,) whether one proves instability.
+        """Return (k,) upper bounds on λ and a (k,) mask of labellings proven unstable.
 
-        labellings: (k, m); words: their dry faces, and their inner ones.
+        `labellings` is (k, m); `words` holds their dry faces and inner faces as 64-bit words.
         """
         high, unstable = np.full(len(labellings), np.inf), np.zeros(len(labellings), dtype=bool)
         rows, some = self.since(since)
@@ -300,7 +393,7 @@ class _MechanismTable(_Table):
 
 
 def _covered(dry: Words, inner: Words, not_dry: Words, not_inner: Words) -> Bools:
-    """(k, p) True where no dry face of a labelling is excluded as dry, and no inner one as inner."""
+    """Return (k, p) True where entry p covers every dry and every inner face of labelling k."""
     hit = np.zeros((len(dry), len(not_dry)), dtype=np.uint64)
     for word in range(dry.shape[1]):
         hit |= dry[:, word, None] & not_dry[None, :, word]
@@ -309,5 +402,6 @@ def _covered(dry: Words, inner: Words, not_dry: Words, not_inner: Words) -> Bool
 
 
 def _parts(rows: int, entries: int) -> list[slice]:
+    """Split rows into slices of at most `_PAIRS` pairs of row and entry."""
     step = max(1, _PAIRS // max(1, entries))
     return [slice(low, min(low + step, rows)) for low in range(0, rows, step)]

@@ -1,7 +1,8 @@
-"""Evaluations on the workers of a dask scheduler, on as many machines as have joined it.
+"""Evaluate on the workers of a dask scheduler, on all machines that have joined it.
 
-joblib sends the same tasks there as to processes of its own (`workers`). A worker that dies, or leaves, gives its tasks
-back to the scheduler, which sends them to others; one that joins is given some. What is finished is on record here.
+joblib sends the cluster the same tasks as local processes (`workers`).
+The scheduler gives the tasks of a worker that dies or leaves to other workers, and gives tasks to new workers.
+Finished evaluations are recorded on the machine that runs the study.
 """
 
 from __future__ import annotations
@@ -16,27 +17,39 @@ from jld_core import __version__
 from jld_core.errors import InputError
 
 _ANSWER: Final = 10.0
-"""Seconds in which a scheduler has to answer."""
+"""Seconds in which a scheduler must answer."""
 
 _WORKERS: Final = 60.0
-"""Seconds in which a first worker has to be there, and in which another has to be where all have left."""
+"""Seconds in which a first worker must join, and a new one after all workers have left."""
 
 
 @contextmanager
 def on_cluster(url: str | None) -> Iterator[None]:
-    """Have `Workers` that are made inside use the workers of a scheduler; without a URL nothing changes.
+    """Use the workers of a dask scheduler for all `Workers` made within this context.
 
-    url: of a dask scheduler, tcp://host:8786. Raises InputError where the extra is not installed, where no scheduler
-    answers, and where it has no workers.
+    Parameters
+    ----------
+    url : str or None
+        Address of the scheduler, for example tcp://host:8786. None changes nothing.
+
+    Yields
+    ------
+    None
+        The context has no value.
+
+    Raises
+    ------
+    InputError
+        If the extra `cluster` is not installed, no scheduler answers, it has no workers, or their version differs.
     """
     if url is None:
         yield
         return
     try:
-        import distributed  # an extra, and slow to import
+        import distributed  # An optional dependency that is slow to import.
     except ImportError:
         raise InputError("--cluster", "distributed is not installed", 'the extra: pip install "jld[cluster]"') from None
-    library: Any = distributed  # without types of its own
+    library: Any = distributed  # The library has no type hints.
     try:
         client = library.Client(url, timeout=_ANSWER)
     except (OSError, ValueError, TypeError) as error:
@@ -56,8 +69,8 @@ def on_cluster(url: str | None) -> Iterator[None]:
 
 
 def _require_version(client: Any) -> None:
-    """Raise InputError where a worker has another version of this program, or none: its λ may be another."""
-    # a lambda is sent as code, so that a version that knows nothing of this question answers it as well
+    """Raise InputError if a worker runs another version of jld, whose λ may differ."""
+    # A lambda is sent as code, so that workers with any version of jld can answer.
     found = client.run(lambda: str(__import__("jld_core").__version__), on_error="return")
     for worker, version in sorted(found.items()):
         if version != __version__:
@@ -66,5 +79,11 @@ def _require_version(client: Any) -> None:
 
 
 def client_of_cluster() -> Any | None:
-    """The client of the cluster whose workers are used, None outside `on_cluster` with a URL."""
+    """Return the dask client in use, None outside `on_cluster` with a URL.
+
+    Returns
+    -------
+    distributed.Client or None
+        Client of the active joblib backend.
+    """
     return getattr(joblib.parallel.get_active_backend()[0], "client", None)

@@ -1,4 +1,7 @@
-"""Moments at which a signal must wait: a process that is being started and loses its parent halfway says so itself."""
+"""Defer exceptions of signal handlers while a process is being started.
+
+A process whose parent stops halfway through the start would print an error of its own.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from contextlib import contextmanager
 
 
 class _Held:
-    """How many blocks are undisturbed, one in the other, and what waits for their end."""
+    """Number of nested protected sections and the exception deferred to their end."""
 
     depth = 0
     waiting: BaseException | None = None
@@ -15,7 +18,7 @@ class _Held:
 
 @contextmanager
 def deferred_signals() -> Iterator[None]:
-    """What `raise_deferred` is asked to raise inside is raised at the end."""
+    """Defer errors passed to `raise_deferred` until the outermost such context ends."""
     _Held.depth += 1
     try:
         yield
@@ -28,7 +31,18 @@ def deferred_signals() -> Iterator[None]:
 
 
 def raise_deferred(error: BaseException) -> None:
-    """Raise an error, for handlers of signals: at once, or at the end of what is undisturbed."""
+    """Raise an error from a signal handler, now or at the end of `deferred_signals`.
+
+    Parameters
+    ----------
+    error : BaseException
+        Error to raise. If several errors are deferred, only the last one is raised.
+
+    Raises
+    ------
+    BaseException
+        `error`, at once outside `deferred_signals`, else when the outermost context ends.
+    """
     if not _Held.depth:
         raise error
     _Held.waiting = error

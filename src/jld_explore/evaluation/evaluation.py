@@ -1,4 +1,4 @@
-"""One labelling, evaluated: the record that everything later is made of."""
+"""Define the result of evaluating one labelling."""
 
 from __future__ import annotations
 
@@ -10,25 +10,44 @@ from jld_core.limit import Status
 from jld_explore.evaluation.certificates import Proofs
 
 SOLVE: Final = "solve"
+"""Value of `Evaluation.settled`: settled by a limit analysis of the labelling itself."""
 
 
 CERTIFICATE: Final = "certificate"
+"""Value of `Evaluation.settled`: settled by proofs of other solves."""
 
 
 BOUND: Final = "bound"
-"""Settled without the solve it was asked for, because its upper bound is below what matters."""
+"""Value of `Evaluation.settled`: the requested solve was omitted because the upper bound is too low to matter."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What is known of one labelling; λ in scene units, NaN where not computed or infinite.
+    """Result of evaluating one labelling; λ in scene units, NaN if not computed or infinite.
 
-    status: of the objective. low, high: proven bounds. associative: λ with associative friction.
-    zero_dilation: λ without dilation. settled: "solve", "certificate" or
-    "bound": then only `high` is known, of a labelling that was not worth more. seconds: spent on it. proofs: what the
-    solve proves about other labellings, where that was asked for. cases: of a structure with load cases λ of each,
-    NaN where none; all else is then of the governing factor. governing: position of the case that governs, −1 of one
-    load alone.
+    With load cases all values except `cases` refer to the governing factor.
+
+    Attributes
+    ----------
+    status : Status
+        Status of the objective.
+    low, high : float
+        Proven bounds on λ of the objective.
+    associative : float
+        λ with associative friction.
+    zero_dilation : float
+        λ without dilation.
+    settled : str
+        `SOLVE`, `CERTIFICATE` or `BOUND`. With `BOUND` the labelling was pruned and only `high` is known.
+    seconds : float
+        Time spent on the labelling, s.
+    proofs : Proofs or None
+        Bounds that the solve proves for other labellings, if requested.
+    cases : tuple of float
+        λ of each load case, NaN where there is none; empty without load cases.
+        With nominal material values the last entry is λ at those values.
+    governing : int
+        Position of the governing load case, −1 for a single load.
     """
 
     status: Status
@@ -44,11 +63,11 @@ class Evaluation:
 
     @property
     def load_factor(self) -> float:
-        """λ of the objective: without dilation where that was computed, else associative; NaN for a bound alone."""
+        """λ of the objective: without dilation if computed, else associative; NaN for a bound."""
         if self.settled == BOUND:
             return math.nan
         return self.associative if math.isnan(self.zero_dilation) else self.zero_dilation
 
 
 FAILED: Final = Evaluation(Status.FAILED, math.nan, math.nan, math.nan)
-"""The evaluation of a labelling whose worker died or hung twice."""
+"""Evaluation of a labelling whose worker died or hung twice."""

@@ -1,4 +1,4 @@
-"""Labelling → Evaluation: one limit analysis per labelling, on a template that is built once."""
+"""Evaluate labellings by limit analyses that share one template."""
 
 from __future__ import annotations
 
@@ -18,17 +18,22 @@ from jld_explore.evaluation.certificates import Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 from jld_explore.evaluation.force_method import ForceMethod
 
-_GIVEN: Final = 0.1  # share of the gap that a vertex may leave open, so that two of them still make a narrow bracket
+_GIVEN: Final = 0.1  # Share of the gap that a vertex may leave open, so that two vertices still give a narrow bracket.
 
 
 @dataclass(frozen=True)
 class EvaluatorSettings:
-    """What an evaluator is asked for.
+    """Settings of an evaluator.
 
-    model: what is modelled. prove: also say what a solve proves about other labellings, where bounds speak of
-    more than one (`SolveOptions.modular`). many: the assembly has labellings enough for the batch solver, which is made
-    in
-    the time of some ten solves.
+    Attributes
+    ----------
+    model : SolveOptions
+        Friction model, tolerances and other options of the limit analysis.
+    prove : bool
+        Also return the bounds that a solve proves for other labellings.
+        Effective only if the model supports bounds over several labellings (`SolveOptions.modular`).
+    many : bool
+        True if there are enough labellings to make the batch solver, which costs about ten solves.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
@@ -37,16 +42,24 @@ class EvaluatorSettings:
 
     @property
     def batched(self) -> bool:
-        """Whether bounds on λ of many labellings are all that is asked, which is what the batch solver gives."""
+        """True if bounds on λ of many labellings suffice, so that the batch solver can be used."""
         return self.many and self.model.modular and not self.prove
 
 
 class Evaluator:
-    """Evaluates labellings of one assembly; an answer depends on what is asked alone, never on the order.
+    """Evaluator of labellings of one assembly under one load.
 
-    like: another of the same assembly and settings, whose batch solver is taken. An evaluator is for one thread at a
-    time; a
-    batch solver is for all.
+    A result depends only on the arguments, never on the order of calls.
+    Use an evaluator in one thread at a time; the batch solver may be shared by several threads.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure whose labellings are evaluated.
+    settings : EvaluatorSettings
+        Model and settings.
+    like : Evaluator, optional
+        Evaluator of the same assembly and settings whose batch solver is shared.
     """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: Evaluator | None = None) -> None:
@@ -61,18 +74,16 @@ class Evaluator:
 
     @cached_property
     def _analysis(self) -> LimitAnalysis:
-        """What solves one labelling at a time, made when it is first needed."""
+        """Limit analysis for one labelling at a time, made on first use."""
         return limit_analysis(self.assembly, self.settings.model)
 
     def twin(self) -> Evaluator:
-        """Another one, for another thread: it answers alike, and is made in no time where the batch solver settles
-        all."""
+        """Return an evaluator with the same results for another thread, sharing the batch solver."""
         return Evaluator(self.assembly, self.settings, self)
 
     @property
     def settles(self) -> bool:
-        """Whether nearly all labellings are the batch solver's to settle, so that one process does what several
-        would."""
+        """True if the batch solver settles nearly all labellings, so that one process is enough."""
         return self._batch is not None and self._batch.worthwhile
 
     def evaluate_all(
@@ -82,10 +93,25 @@ class Evaluator:
         waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m), many at once where the batch solver can, the others one by one.
+        """Evaluate labellings, in batches where the batch solver applies, else one by one.
 
-        floors: (k,), waiting: see `evaluate`. deadline: after which no further labelling is begun:
-        evaluations are then of the first labellings only. Each depends on its own labelling alone.
+        Each evaluation depends only on its own labelling.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        floors : (k,) float array, optional
+            Pruning thresholds of λ, scene units (see `evaluate`).
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+
+        Returns
+        -------
+        list of Evaluation
+            Evaluations of the first labellings, all k unless the deadline passes.
         """
         if deadline is not None and deadline.passed():
             return []
@@ -105,7 +131,7 @@ class Evaluator:
     def _in_time(
         self, labels: Bits, floor: float, waiting: Bits | None, deadline: Deadline | None
     ) -> Evaluation | None:
-        """The evaluation of one labelling; None where a search without dilation was cut short by the deadline."""
+        """Evaluate one labelling, or return None if the deadline ends a search without dilation."""
         if deadline is None or self.settings.model.friction == "associative":
             return self.evaluate(labels, floor, waiting)
         with suppress(DeadlinePassed), deadline.enforced():
@@ -114,7 +140,7 @@ class Evaluator:
         return None
 
     def _in_lanes(self, labellings: Bits) -> list[Evaluation | None]:
-        """Evaluations by the batch solver, None where it leaves a labelling open."""
+        """Evaluate labellings with the batch solver; return None for each one it cannot settle."""
         if self._batch is None:
             return [None] * len(labellings)
         start = time.perf_counter()
@@ -133,9 +159,20 @@ class Evaluator:
     def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
         """Evaluate one labelling.
 
-        labels: (m,) True dry. floor: λ, scene units, at or below which a labelling does not matter; it is not
-        solved without dilation where its associative λ is no larger. waiting: (k, m) labellings that wait as
-        well, and that proofs had better say something about.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+        floor : float
+            Pruning threshold of λ, scene units.
+            A labelling with associative λ at or below it is not solved without dilation.
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+
+        Returns
+        -------
+        Evaluation
+            Result, with `proofs` if the settings request them.
         """
         start = time.perf_counter()
         if self._prove:
@@ -143,11 +180,12 @@ class Evaluator:
             if found is not None:
                 return found
         proof = solve_labelling(self._analysis, labels, self.settings.model, floor=floor)
-        # what rigid blocks prove is proven of their own labelling
+        # Proofs with rigid blocks hold for their own labelling only.
         modular = self._prove and "rigid_blocks" not in proof.extra
         return self._evaluation(proof, proofs_of(self._analysis.template, proof, labels) if modular else None, start)
 
     def _evaluation(self, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
+        """Convert the proof of a limit analysis to an evaluation in scene units."""
         scale = self._analysis.template.scaling.load
         (low, high), load = proof.bracket, proof.load_factor
         if self.settings.model.by_floor and not proof.outbid and proof.status is Status.COLLAPSE:
@@ -165,12 +203,15 @@ class Evaluator:
         )
 
     def _floor(self, proof: Proof, scale: float, start: float) -> Evaluation:
-        """The evaluation by the bound below every λ without dilation: the lowest found closes its bracket."""
+        """Convert a proof of a lower bound on λ over all solutions without dilation.
+
+        `low` is the proven bound and `high` the lowest λ found.
+        """
         bound, found = proof.extra["lowest_proven"], proof.extra["lowest_found"]
         return Evaluation(
             status=Status.UNCERTIFIED if bound is None else Status.COLLAPSE,
             low=math.nan if bound is None else bound,
-            high=math.nan if found is None else float(found),  # time may be up before anything is found
+            high=math.nan if found is None else float(found),  # None if nothing was found in time
             associative=proof.associative * scale,
             zero_dilation=math.nan if bound is None else bound,
             settled=BOUND if bound is None else SOLVE,
@@ -178,7 +219,7 @@ class Evaluator:
         )
 
     def _at_a_vertex(self, labels: Bits, waiting: Bits | None, start: float) -> Evaluation | None:
-        """The evaluation by the force method; None where its vertex does not prove a narrow bracket."""
+        """Evaluate by the force method; return None if its vertex proves no narrow bracket."""
         if self._force_method is None:
             own = self._analysis
             self._force_method = ForceMethod(own.template, own.prover, own.repair)

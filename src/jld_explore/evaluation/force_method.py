@@ -1,16 +1,18 @@
-"""Both sides of λ of one labelling at a vertex, where they prove as much as possible about other labellings.
+"""Bound λ of one labelling from both sides at a vertex whose proofs cover many labellings.
 
-The forces and the mechanism that prove one λ are seldom unique. Interior points choose the middle of them, where
-nothing is exactly at rest and little is exactly free; a linear program chooses those that leave most faces free
-(docs/method.md (6.7)). It is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x, and
-the redundants x, three for each further face, are all that equilibrium leaves open. With rows G F ≤ h of both labels of
-every face, its dual is
+The forces and the mechanism that prove one λ are seldom unique.
+Interior points choose the centre of the optimal set, where few faces are exactly at rest or exactly free.
+A linear program chooses the solutions that leave most faces free (docs/method.md (6.7)).
+The program is stated by the force method: a tree of faces carries all loads, F = F₀ + λ F₁ + Z x.
+The redundants x, three for each further face, are all that equilibrium leaves open.
+With rows G F ≤ h of both labels of every face, its dual is
 
     minimise (h − G F₀)·z   subject to   Zᵀ Gᵀ z = 0,   F₁·Gᵀ z = 1,   0 ≤ z ≤ z_max
 
-and a labelling changes z_max alone: large for its own rows, small for those of the other labels, which are then
-kept where that costs no λ. One HiGHS object serves all labellings. Planar programs without cones only. Each
-labelling begins at the same basis, so that what comes back depends on it alone.
+A labelling changes only z_max: large for its own rows, small for those of the other labels.
+The rows of other labels are then satisfied where this does not reduce λ.
+One HiGHS object serves all labellings. Only planar programs without cones are supported.
+Each labelling starts from the same basis, so that its result depends on that labelling alone.
 """
 
 from __future__ import annotations
@@ -32,20 +34,42 @@ from jld_core.solvers import highs_of
 from jld_explore.evaluation.certificates import Mechanism, Proofs, forces_of, mechanism_of
 
 LARGEST: Final = 64
-"""Faces, beyond which a vertex takes longer than an interior point and its proofs: 4.7 ms against 2.2 at 88 faces."""
+"""Largest number of faces for the force method. At 88 faces a vertex takes 4.7 ms, an interior point with proofs 2.2
+ms.
+"""
 
 
 @dataclass(frozen=True)
 class VertexSettings:
-    """How vertices are chosen; every number is dimensionless, of forces and jumps scaled to order one.
+    """Parameters of the choice of vertices, dimensionless.
 
-    margin: slack asked of every row, so that a vertex is inside after rounding. tie: price of motion where rows have
-    no slack to spare, and idle motions none. unit: of costs: HiGHS tells forces apart by 1e-10, which is more than
-    the margin. most: that a row of the labelling itself may move: where it does, nothing carries the loads.
-    most_of_others: that a row of another label may move: so little that no λ is given up for it. passes: times that
-    other labels are weighed anew by what the answer before leaves of them. excess: below which another label is nearly
-    met. met: excess that is rounding. given_up: share of λ that other labels may cost. same: relative difference
-    between bounds that labellings of one family show. unbounded: stands for a dissipation that has no bound.
+    Forces and jumps are scaled to order one.
+
+    Attributes
+    ----------
+    margin : float
+        Slack required of every row, so that a vertex is admissible after rounding.
+    tie : float
+        Cost of motion where rows have no spare slack, which excludes idle motions.
+    unit : float
+        Scale factor of costs. HiGHS resolves forces to 1e-10, which is more than `margin`.
+    most : float
+        Largest move of a row of the labelling itself.
+        A move above half of it shows that no forces carry the loads, and no vertex is returned.
+    most_of_others : float
+        Largest move of a row of another label; small enough that λ is not reduced for it.
+    passes : int
+        Number of times the weights of other labels are updated from the previous result.
+    excess : float
+        Violation below which another label is nearly satisfied.
+    met : float
+        Violation that counts as rounding.
+    given_up : float
+        Share of λ that may be lost to satisfy other labels.
+    same : float
+        Relative difference up to which bounds identify labellings of one family.
+    unbounded : float
+        Finite value that replaces an unbounded dissipation.
     """
 
     margin: float = 1e-12
@@ -63,7 +87,17 @@ class VertexSettings:
 
 @dataclass(frozen=True)
 class Vertex:
-    """What was found of one labelling: a state (None where it stands for no λ ≥ 0), a motion, and their proofs."""
+    """Result of the force method for one labelling.
+
+    Attributes
+    ----------
+    state : State or None
+        Statically admissible forces; None if the labelling stands for no λ ≥ 0.
+    motion : Motion
+        Mechanism.
+    proofs : Proofs
+        Bounds that state and motion prove for other labellings.
+    """
 
     state: State | None
     motion: Motion
@@ -71,7 +105,24 @@ class Vertex:
 
 
 class ForceMethod:
-    """The linear program of one template; `usable` says whether it has one."""
+    """Linear program of the force method for one template.
+
+    Parameters
+    ----------
+    template : Template
+        Program of the assembly.
+    prover : Prover
+        Computes proven bounds from forces and velocities.
+    repair : Repair
+        Provides the motion that opens all joints.
+    settings : VertexSettings, optional
+        Parameters of the choice of vertices.
+
+    Attributes
+    ----------
+    usable : bool
+        True if the template has such a program: planar, no cones, at most `LARGEST` faces, all elements connected.
+    """
 
     def __init__(
         self, template: Template, prover: Prover, repair: Repair, settings: VertexSettings | None = None
@@ -92,7 +143,7 @@ class ForceMethod:
             self.usable = True
 
     def _state(self, tree: Ints) -> None:
-        """State the program with a tree (t,) of faces as the base structure."""
+        """Set up the program with a tree (t,) of faces as the base structure."""
         template, pattern, q = self.template, self.template.yield_set.pattern, self.template.assembly.freedoms
         self._matrix = matrix = template.matrix.toarray()
         self._base = (q * tree[:, None] + np.arange(q)).ravel()
@@ -124,21 +175,31 @@ class ForceMethod:
         one, free = np.append(np.zeros(len(program) - 1), 1.0), np.full(len(self._cost), np.inf)
         price = self.settings.unit * (self._cost - self.settings.margin)
         self._highs = highs_of(program, price, one, one, self._nothing, free, _OPTIONS)
-        # the labelling of all rows at once, which none is weaker than
+        # Solve with the rows of both labels, the most restrictive program; all labellings start from its basis.
         self._highs.run()
         self._start = self._highs.getBasis()
 
     # --- one labelling ----------------------------------------------------------------------------------
 
     def solve(self, labels: Bits, waiting: Bits | None = None) -> Vertex | None:
-        """The best forces and mechanism of one labelling; None where none were found that prove anything.
+        """Compute forces and mechanism of one labelling, or None if they prove no bounds.
 
-        labels: (m,) True dry. waiting: (k, m) labellings that the forces had better carry as well.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+        waiting : (k, m) bool array, optional
+            Other labellings that the forces should satisfy as well.
+
+        Returns
+        -------
+        Vertex or None
+            State, motion and their proofs.
         """
         found = self._solve(labels, waiting, self.settings.margin)
         if found is not None and (found.state is None or found.state.admissible):
             return found
-        # sets that leave no room at all: no margin can be kept
+        # No margin can be kept where the yield sets have no interior; use costs on motion instead.
         try:
             self._price(self.settings.tie)
             return self._solve(labels, waiting, 0.0)
@@ -146,6 +207,7 @@ class ForceMethod:
             self._price(-self.settings.margin)
 
     def _solve(self, labels: Bits, waiting: Bits | None, margin: float) -> Vertex | None:
+        """Compute a vertex of one labelling with a given margin of the rows, or None."""
         chosen = self.settings
         own = labels[self._face] == self._dry
         if not self._run(np.where(own, chosen.most, 0.0), anew=bool(margin)):
@@ -161,13 +223,13 @@ class ForceMethod:
         if falls:
             return Vertex(None, motion, Proofs((), (mechanism,)))
         if not margin:
-            # what made idle motions dear has made room for forces, too
+            # Remove the extra cost of idle motions, since it also relaxed the limits of the forces.
             self._price(0.0)
             if not self._run(np.where(own, chosen.most, 0.0)):
                 return None
         family = self._family(mechanism, motion.bound, labels, waiting)
         points = [self._point()]
-        # where it is known for whom, and there is nobody, nothing is gained by other forces
+        # If no waiting labelling belongs to the family, other forces bring no gain.
         for _ in range(chosen.passes if waiting is None or family is not None else 0):
             weights = self._weights(points[-1], labels, own, family)
             if weights is None or not self._run(np.where(own, chosen.most, chosen.most_of_others * weights)):
@@ -182,11 +244,14 @@ class ForceMethod:
         return Vertex(state, motion, Proofs(forces, (mechanism,)))
 
     def _price(self, extra: float) -> None:
-        """Set what each row costs beside its limit."""
+        """Set the cost of each row to its limit plus an extra cost."""
         self._highs.changeColsCost(len(self._places), self._places, self.settings.unit * (self._cost + extra))
 
     def _run(self, most: Floats, *, anew: bool = False) -> bool:
-        """Solve under bounds (k,); False where there is no optimum. anew: from the basis all labellings begin at."""
+        """Solve with upper bounds (k,) on the moves of the rows; return False without an optimum.
+
+        With `anew` the solver starts from the common basis of all labellings, else from its last basis.
+        """
         self._highs.changeColsBounds(len(self._places), self._places, self._nothing, most)
         if anew:
             self._highs.clearSolver()
@@ -195,22 +260,22 @@ class ForceMethod:
         return bool(self._highs.getModelStatus() == highspy.HighsModelStatus.kOptimal)
 
     def _point(self) -> Floats:
-        """Forces and λ of the answer, (q·m + 1,)."""
+        """Return forces and λ of the current solution, (q·m + 1,)."""
         free = np.array(self._highs.getSolution().row_dual) / self.settings.unit
         return np.asarray(self._table @ free + self._dead_point)
 
     def _moves(self) -> Floats:
-        """(k,) how much each row moves in the answer."""
+        """Return how far each row moves in the current solution, (k,)."""
         return np.array(self._highs.getSolution().col_value)
 
     def _velocity(self, moves: Floats) -> Floats:
-        """Velocities (q·free,) with these moves: those of the tree's faces say them all."""
+        """Return the velocities (q·free,) of given row moves, using the faces of the tree."""
         return np.asarray(-(moves @ self._tree_rows) @ self._inverse)
 
     # --- other labels -----------------------------------------------------------------------------------
 
     def _family(self, mechanism: Mechanism, bound: float, labels: Bits, waiting: Bits | None) -> Bits | None:
-        """Others of the waiting that the mechanism gives the same bound; None where there are none."""
+        """Return the waiting labellings with the same bound by the mechanism, or None."""
         if waiting is None:
             return None
         if self._asked[0] is not waiting:
@@ -222,9 +287,9 @@ class ForceMethod:
         return family if len(family) else None
 
     def _weights(self, point: Floats, labels: Bits, own: Bools, family: Bits | None) -> Floats | None:
-        """(k,) weight of keeping each row of another label: large where little lacks, or much hangs on it.
+        """Return (k,) weights for satisfying each row of other labels, None if all are satisfied.
 
-        None where the point meets the rows of every label.
+        A weight is large where the violation is small or where many labellings depend on the row.
         """
         excess = np.maximum(self._rows @ point[:-1] - self._limit, 0.0)
         lacking = np.bincount(self._face[~own], excess[~own], len(labels))
@@ -242,18 +307,22 @@ class ForceMethod:
     # --- proofs -----------------------------------------------------------------------------------------
 
     def _admitted(self, point: Floats, labels: Bits, *, exact: bool) -> State:
-        """The state of a point. exact: a vertex meets its equations exactly, so rounding is no violation."""
+        """Return the state of a point; with `exact`, remove violations of the size of rounding."""
         state = self.prover.state(point, labels)
         if exact and not state.admissible:
             noise = tolerances.ROUNDING * max(1.0, float(abs(state.forces).max()))
             if state.slack >= -noise and state.error <= noise:
-                # rows that give way by so much raise λ by the work of their moves at the most
+                # Relaxing the rows by the noise raises λ at most by the work of their moves.
                 given = 2.0 * noise * float(self._moves().sum())
                 return State(state.forces, state.load - given, 0.0, 0.0)
         return state
 
     def _checked(self, velocity: Floats, labels: Bits) -> Motion:
-        """The motion with every joint opened by more than rounding, or, in confined assemblies, rid of rounding."""
+        """Return the motion corrected for rounding, so that its dissipation is finite.
+
+        If the joints can open, every joint opens by more than rounding. In confined assemblies rounding is set to
+        zero.
+        """
         opening = self.repair.opening()
         size = float(abs(velocity).max())
         if opening is not None and np.isfinite(size):
@@ -266,7 +335,7 @@ class ForceMethod:
         if not np.isfinite(motion.margin):
             return motion
         rest = tolerances.VERTEX_ROUNDING * float(abs(motion.velocity).max())
-        # a vertex meets its equations exactly: what is left of them in floating point is zero
+        # A vertex satisfies its equations exactly, so residuals of the size of rounding are zero.
         jumps = np.where(abs(motion.jumps) < rest, 0.0, motion.jumps)
         margins = [self.template.yield_set.margin(jumps, label) for label in (labels, ~labels)]
         tight = [(margin < 0.0) & (margin > -rest) for margin in margins]
@@ -275,11 +344,15 @@ class ForceMethod:
 
 
 def _both(pattern: RowPattern) -> tuple[Floats, Floats]:
+    """Return the row coefficients of a yield set for the labels dry and inner."""
     return pattern.dry, pattern.inner
 
 
 def _tree(assembly: Assembly) -> Ints | None:
-    """Faces that join every element to the supports in one way, by as few faces as may be; None where some are not."""
+    """Return faces that connect each element to the supports in one way, with few faces.
+
+    Return None if some elements are not connected.
+    """
     faces, free = assembly.interfaces, assembly.elements.free
     node = np.zeros(len(assembly.elements), dtype=np.int64)
     node[free] = np.arange(1, len(free) + 1)
@@ -298,9 +371,10 @@ def _tree(assembly: Assembly) -> Ints | None:
 
 _OPTIONS: Final[dict[str, bool | int | float | str]] = {
     "solver": "simplex",
-    "simplex_iteration_limit": 20_000,  # some hundred times what a labelling takes
-    "presolve": "off",  # these programs are too small to gain by it
-    "simplex_scale_strategy": 0,  # rows and columns are of order one already
+    "simplex_iteration_limit": 20_000,  # About a hundred times the iterations of one labelling.
+    "presolve": "off",  # These programs are too small to profit from presolve.
+    "simplex_scale_strategy": 0,  # Rows and columns are already of order one.
     "primal_feasibility_tolerance": 1e-10,
     "dual_feasibility_tolerance": 1e-10,
 }
+"""Options of HiGHS for the small linear programs of `ForceMethod`."""

@@ -1,4 +1,4 @@
-"""One process at a time writes into a folder."""
+"""Lock a folder so that only one process at a time writes into it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,23 @@ if sys.platform != "win32":
 
 
 class FolderLock:
-    """Keeps other processes from writing into a folder, until it is released or this process is gone."""
+    """Exclusive lock of a folder, held until `release` or the end of the process.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder.
+
+    Raises
+    ------
+    InputError
+        If another process holds the lock.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._handle: int | None = None
         if sys.platform == "win32":
-            return  # there the file itself is locked
+            return  # On Windows the SQLite file itself is locked.
         self._handle = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -27,12 +38,12 @@ class FolderLock:
             raise busy(folder) from None
 
     def release(self) -> None:
-        """Let others write; once more does nothing."""
+        """Release the lock; repeated calls have no effect."""
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
 
 
 def busy(folder: Path) -> InputError:
-    """What a process is told that comes second."""
+    """Return the error for a folder that another process has locked."""
     return InputError(str(folder), "another process is at work in it", "a folder of its own for each study")

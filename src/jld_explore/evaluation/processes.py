@@ -1,7 +1,8 @@
-"""Worker processes of our own: tasks in, results as they finish, and an end when time is up.
+"""Run tasks in local worker processes and return results as they finish, up to a deadline.
 
-joblib's workers (loky), without joblib's loop around them: that one dispatches from threads of its own, so that a run
-which is given up, as every run with a time limit is, ends in warnings and tracebacks from those threads.
+The processes are those of joblib (loky), without joblib's own dispatch loop.
+That loop dispatches from its own threads, which print warnings and tracebacks when a run is stopped early.
+Every run with a time limit is stopped early.
 """
 
 from __future__ import annotations
@@ -23,30 +24,38 @@ from jld_core.deadline import Deadline
 from jld_explore.evaluation.deferred_signals import deferred_signals
 
 DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
-"""What is raised where a worker died or hung."""
+"""Exceptions raised when a worker died or hung."""
 
 GRACE: Final = 0.3
-"""Seconds after a deadline in which evaluations that were begun may end."""
+"""Seconds after a deadline in which evaluations already begun may finish."""
 
 _AHEAD: Final = 2
-"""Tasks for each process that are sent ahead; where a worker dies all of them are suspected."""
+"""Tasks per process that are submitted ahead; if a worker dies, all of them are suspected."""
 
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
-"""Environment of a worker: one BLAS thread, since the matrices are small, and jobs are what the cores are for."""
+"""Environment of a worker: one BLAS thread, since matrices are small and the jobs use the cores."""
 
 
 class Processes:
-    """`jobs` processes. hang: seconds without any result after which they are taken to hang."""
+    """Pool of local worker processes, started on first use.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes.
+    hang : float
+        Seconds without any result after which the processes count as hung.
+    """
 
     def __init__(self, jobs: int, hang: float) -> None:
         self.jobs, self.hang = jobs, hang
         self._executor: Any = None
-        # workers that are stopped on purpose are no news; loky says so from a thread of its own
+        # Workers are stopped on purpose; loky warns about it from a thread of its own.
         warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
 
     def submit(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
-        """Begin a task."""
+        """Submit a task and return its future."""
         with deferred_signals():
             self._executor = get_reusable_executor(
                 max_workers=self.jobs,
@@ -58,18 +67,33 @@ class Processes:
         return future
 
     def close(self) -> None:
-        """Stop all processes at once, whatever they are at."""
+        """Terminate all processes at once, including those with unfinished tasks."""
         executor, self._executor = self._executor, None
         if executor is None:
             return
-        # not shutdown(kill_workers=True): where tasks wait still, loky's own thread trips over them and says so
+        # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
         for process in list((executor._processes or {}).values()):
             process.terminate()
         executor.shutdown(wait=True)
 
 
 class Flight:
-    """Tasks of one run, some of them sent ahead. deadline: of the run, or None."""
+    """Tasks of one run, submitted in part, whose results are iterated over.
+
+    Parameters
+    ----------
+    processes : Processes
+        Pool that runs the tasks.
+    deadline : Deadline or None
+        Deadline of the run.
+
+    Attributes
+    ----------
+    sent : list of int
+        Numbers of the tasks submitted so far.
+    late : bool
+        True if the iteration ended because the deadline passed.
+    """
 
     def __init__(self, processes: Processes, deadline: Deadline | None) -> None:
         self._processes, self._deadline = processes, deadline
@@ -79,18 +103,23 @@ class Flight:
         self.late = False
 
     def begin(self, tasks: Iterator[tuple[int, Callable[..., Any], tuple[Any, ...]]]) -> None:
-        """Send tasks: number, work and its arguments; the first ones at once, the others as these come back."""
+        """Submit tasks (number, function, arguments): some at once, others as results arrive."""
         self._left = deque(tasks)
         self._send()
 
     def _send(self) -> None:
+        """Submit tasks until `_AHEAD` tasks per process are in progress."""
         while self._left and len(self._flying) < _AHEAD * self._processes.jobs:
             number, work, arguments = self._left.popleft()
             self.sent.append(number)
             self._flying[self._processes.submit(work, arguments)] = number
 
     def __iter__(self) -> Iterator[Any]:
-        """Results as they come. Where time is up and none came for GRACE seconds it ends, and `late` says so."""
+        """Yield results as they finish; stop and set `late` if the deadline ends the wait.
+
+        Raises TimeoutError if no result arrives within `hang` seconds and the deadline has not passed.
+        The wait for one result lasts at most until `GRACE` seconds after the deadline.
+        """
         while self._flying:
             patience = self._processes.hang
             if self._deadline is not None:
@@ -109,12 +138,13 @@ class Flight:
 
 
 def worker_init(parent: int) -> None:
-    """Begin a worker: leave Ctrl-C to the parent, and do not outlive it when it is killed."""
+    """Initialise a worker: ignore Ctrl-C, and exit when the parent process has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
 
 
 def _leave_with(parent: int) -> None:
+    """Exit this process when its parent is no longer the given process; check every 0.5 s."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)

@@ -1,7 +1,7 @@
-"""What matters while a study runs: labellings that can still be the best, or on the front.
+"""Compute pruning thresholds: the λ a labelling must exceed to be best or on the front.
 
-The associative λ of a labelling bounds all its answers without dilation from above. Where that bound does not
-exceed an answer known of a labelling that counts as well, it can be neither the best nor on the front.
+The associative λ of a labelling is an upper bound on all its solutions without dilation.
+A labelling is pruned if this bound does not exceed a known λ of a labelling with equal or better counts.
 """
 
 from __future__ import annotations
@@ -18,18 +18,35 @@ from jld_explore.space import SearchSpace
 
 
 class IncumbentFront:
-    """The largest λ known for what the scene's front counts. space: whose front."""
+    """Largest λ known for each combination of the scene's front counts.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space whose front defines the counts.
+    """
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
         self._known = Envelope(len(space.search.front.axes))
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
+        """Update the front with evaluations of labellings (k, m); only those that collapse count."""
         good = np.array([found.status is Status.COLLAPSE for found in evaluations], dtype=bool)
         value = np.array([found.load_factor for found in evaluations])[good]
         self._known.learn(value, front_counts(self.space, labellings[good]))
 
     def below(self, labellings: Bits) -> Floats:
-        """(k,) λ at or below which each of labellings (k, m) does not matter, scene units; −inf: it does."""
+        """Return the pruning threshold of each labelling.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        (k,) float array
+            λ, scene units, at or below which a labelling does not matter; −inf if any λ matters.
+        """
         return self._known.best(front_counts(self.space, labellings))

@@ -1,8 +1,8 @@
-"""How drivers compare evaluations: the order of the results table, and objectives where there are numbers.
+"""Rank evaluations: the order of the results table and the objectives of drivers.
 
-Collapse comes first, by λ; then locked, uncertified, unstable and failed, each a rank of its own and never a
-number. Locked stands below every number although it carries any load: one such labelling answers the question
-whether the load can be unbounded, and more of them would draw a search away from the largest finite λ.
+Collapse comes first, sorted by λ. Locked, uncertified, unstable and failed follow, each as a rank without a number.
+Locked ranks below every number although a locked labelling carries any load.
+One such labelling answers whether the load can be unbounded; more would draw a search away from the largest finite λ.
 """
 
 from __future__ import annotations
@@ -20,18 +20,42 @@ from jld_explore.evaluation.evaluation import BOUND, Evaluation
 from jld_explore.space import SearchSpace, count_named, values_of
 
 ORDER: Final = (Status.COLLAPSE, Status.LOCKED, Status.UNCERTIFIED, Status.UNSTABLE, Status.FAILED)
-"""Statuses, the best first."""
+"""Statuses in the order of the results table, best first."""
 
 
 def worth(evaluation: Evaluation) -> float:
-    """What a driver goes by: λ; of a labelling that was not worth a solve its upper bound; else 0."""
+    """Return the number by which a driver compares an evaluation.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+        Result of one labelling.
+
+    Returns
+    -------
+    float
+        λ of a collapse, the upper bound of a pruned labelling, else 0; scene units.
+    """
     if evaluation.settled == BOUND:
         return evaluation.high
     return evaluation.load_factor if evaluation.status is Status.COLLAPSE else 0.0
 
 
 def meets(space: SearchSpace, evaluation: Evaluation) -> bool:
-    """Whether a labelling is proven to carry what is required; True where nothing is. Locked ones carry any load."""
+    """Return True if a labelling provably reaches the required load factor.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space with the requirement `search.require`, which may be None.
+    evaluation : Evaluation
+        Result of one labelling.
+
+    Returns
+    -------
+    bool
+        True without a requirement and for locked labellings, which carry any load.
+    """
     required = space.search.require
     if required is None or evaluation.status is Status.LOCKED:
         return True
@@ -39,20 +63,49 @@ def meets(space: SearchSpace, evaluation: Evaluation) -> bool:
 
 
 def may_meet(space: SearchSpace, evaluation: Evaluation) -> bool:
-    """Whether a labelling is not proven to carry less than is required."""
+    """Return True unless a labelling provably misses the required load factor.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space with the requirement `search.require`, which may be None.
+    evaluation : Evaluation
+        Result of one labelling.
+
+    Returns
+    -------
+    bool
+        False for unstable labellings and for those whose upper bound is below the threshold.
+    """
     required = space.search.require
     if required is None or meets(space, evaluation):
         return True
     if evaluation.status is Status.UNSTABLE:
         return False
-    # there may be other solutions without dilation than the one found; the associative λ bounds them all
+    # Solutions without dilation are not unique; the associative λ bounds all of them from above.
     high = evaluation.high if math.isnan(evaluation.zero_dilation) else evaluation.associative
     return not high < required.threshold
 
 
 def aims(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """(k,) the number to be made large: λ; where a load factor is required, what λ has of it, and from there on the
-    better the first count of the scene's front the more. Without a number 0.
+    """Compute the objective that a driver maximises.
+
+    Without a requirement the objective is `worth`. With a required load factor it is λ up to the requirement.
+    Beyond the requirement it grows with the quality of the first count of the scene's front.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space with requirement and front.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    evaluations : sequence of Evaluation
+        Results of the k labellings.
+
+    Returns
+    -------
+    (k,) float array
+        Objectives, scene units of λ; 0 for an evaluation without a number.
     """
     value = np.array([worth(found) for found in evaluations], dtype=np.float64)
     required = space.search.require
@@ -66,22 +119,60 @@ def aims(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]
 
 
 def standing(evaluation: Evaluation, aim: float | None = None) -> tuple[int, float]:
-    """What sorts evaluations, the best first: place of the status, then −λ, or −aim where given, if there is one."""
+    """Return the key that sorts evaluations, best first.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+        Result of one labelling.
+    aim : float, optional
+        Objective from `aims` that replaces `worth`.
+
+    Returns
+    -------
+    tuple of (int, float)
+        Rank of the status, then the negative objective for rank 0 and 0.0 for other ranks.
+    """
     place = _place(evaluation)
     return place, -(worth(evaluation) if aim is None else aim) if place == 0 else 0.0
 
 
 def _place(evaluation: Evaluation) -> int:
+    """Return the rank of the status in `ORDER`, 0 for an evaluation settled by a bound."""
     return 0 if evaluation.settled == BOUND else ORDER.index(evaluation.status)
 
 
 def places(evaluations: Sequence[Evaluation]) -> Ints:
-    """(k,) place of each status in ORDER, 0 for collapse and for what has a number to go by."""
+    """Return the rank of each evaluation's status.
+
+    Parameters
+    ----------
+    evaluations : sequence of Evaluation
+        Results of k labellings.
+
+    Returns
+    -------
+    (k,) int array
+        Positions in `ORDER`; 0 for collapse and for evaluations settled by a bound.
+    """
     return np.array([_place(found) for found in evaluations], dtype=np.int64)
 
 
 def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
-    """(k, c) the counts of the scene's front of labellings (k, m), with the signs that make less better."""
+    """Compute the counts of the scene's front, signed so that less is better.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space with the axes of the front.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (k, c) float array
+        Values of the c counts; counts to be maximised are negated.
+    """
     graph, shapes = space.graph, space.limits.block_shapes
     found = [
         (-1.0 if sense == "max" else 1.0) * values_of(count_named(name), space.assembly, labellings, graph, shapes)
@@ -91,22 +182,38 @@ def front_counts(space: SearchSpace, labellings: Bits) -> Floats:
 
 
 class Envelope:
-    """The largest λ known for what counts as well or better. size: counts of the front."""
+    """Largest λ known among labellings whose counts are equal or better.
+
+    Parameters
+    ----------
+    size : int
+        Number c of counts of the front.
+
+    Attributes
+    ----------
+    values : (p,) float array
+        λ of the non-dominated labellings, descending.
+    counts : (p, c) float array
+        Counts of these labellings; less is better.
+    """
 
     def __init__(self, size: int) -> None:
         self.values, self.counts = np.empty(0), np.empty((0, size))
 
     def learn(self, values: Floats, counts: Floats) -> None:
-        """Take in λ (k,) of labellings that count (k, c), less being better."""
+        """Add λ (k,) of labellings with counts (k, c) and drop dominated labellings.
+
+        Less is better for every count.
+        """
         values, counts = np.concatenate([self.values, values]), np.concatenate([self.counts, counts])
-        # the best first: what comes later matters only where it counts better than all before
+        # Sort by descending λ: a later entry matters only if no earlier one has equal or better counts.
         order = np.lexsort((*counts.T, -values))
         values, counts = values[order], counts[order]
         kept = ~np.triu(_as_good(counts, counts), 1).any(axis=0)
         self.values, self.counts = values[kept], counts[kept]
 
     def best(self, counts: Floats) -> Floats:
-        """(k,) for counts (k, c); −inf where nothing is known."""
+        """Return (k,) largest λ known for counts (k, c) or better; −inf if nothing is known."""
         if not len(self.values):
             return np.full(len(counts), -np.inf)
         as_good = _as_good(self.counts, counts)
@@ -114,7 +221,7 @@ class Envelope:
 
 
 def _as_good(counts: Floats, others: Floats) -> Bools:
-    """(a, b) where counts (a, c) are none worse than others (b, c)."""
+    """Return (a, b) True where all counts (a, c) are at most those of others (b, c)."""
     found = np.ones((len(counts), len(others)), dtype=bool)
     for one, other in zip(counts.T, others.T, strict=True):
         found &= one[:, None] <= other[None]
@@ -122,8 +229,21 @@ def _as_good(counts: Floats, others: Floats) -> Bools:
 
 
 def objectives(space: SearchSpace, labellings: Bits, evaluations: Sequence[Evaluation]) -> Floats:
-    """(k, 1 + c) what is minimised: −λ (see `aims`), and the counts of the scene's front with the signs of senses.
+    """Compute the objectives that a driver minimises: −λ (see `aims`) and the front counts.
 
-    labellings: (k, m). Rows without collapse have no λ: theirs is 0 and must be kept apart by `places`.
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space with requirement and front.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    evaluations : sequence of Evaluation
+        Results of the k labellings.
+
+    Returns
+    -------
+    (k, 1 + c) float array
+        Objectives, with signs such that less is better.
+        Rows without collapse have 0 instead of λ; use `places` to tell them apart.
     """
     return np.column_stack([-aims(space, labellings, evaluations), front_counts(space, labellings)])

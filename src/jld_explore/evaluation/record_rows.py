@@ -1,4 +1,4 @@
-"""How rows of a record are written and compared: checksums, proofs as rows, and what a record must agree with."""
+"""Write and compare rows of a record: checksums, rows of proofs, and the header check."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ BOUND: Final = "bound"
 """Key of the proven bound in the table `meta`."""
 
 WITHDRAWN: Final = "withdrawn"
-"""Key of the reasons for which bounds were withdrawn."""
+"""Key of the reasons for withdrawn bounds in the table `meta`."""
 
 CONFLICTS_OF: Final = "conflicts of"
-"""Key of what the conflicts on record depend on."""
+"""Key in the table `meta` of the problem for which the recorded conflicts were proven."""
 
 _CHANGING: Final = {CONFLICTS_OF, BOUND, WITHDRAWN}
-"""Keys that may differ between a record and the study that goes on with it."""
+"""Keys of `meta` that may differ between a record and the study that resumes it."""
 
 
 def checksum(kind: str, value: float, *parts: bytes) -> int:
     """Return the checksum of a row: its kind, its number and the bytes of its other columns."""
-    # SQLite keeps no sign of a zero, so that −0.0 is read as 0.0
+    # SQLite does not store the sign of zero; adding 0.0 turns −0.0 into 0.0.
     return zlib.crc32(b"".join([kind.encode(), np.float64(value + 0.0).tobytes(), *parts]))
 
 
 def proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, bytes, int]]:
-    """Rows of a solve's proofs: kind, value, what is known under either label, checksum."""
+    """Yield the rows of a solve's proofs: kind, value, data per label (dry, inner), checksum."""
     if proofs is None:
         return
     for forces in proofs.forces:
@@ -46,7 +46,7 @@ def proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, bytes
 
 
 def parsed(value: object) -> Any:
-    """Return a JSON text as what it says; None for what is no JSON."""
+    """Parse a JSON text; return None for invalid JSON."""
     try:
         return json.loads(str(value))
     except ValueError:
@@ -54,7 +54,7 @@ def parsed(value: object) -> Any:
 
 
 def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
-    """Raise InputError naming the first entry in which a record differs from the study that wants to go on."""
+    """Raise InputError for the first entry in which a record differs from the current study."""
     for key in sorted((old.keys() | new.keys()) - _CHANGING):
         if old.get(key) != new.get(key):
             raise InputError(
@@ -65,6 +65,7 @@ def require_same(path: str, old: dict[str, Any], new: dict[str, Any]) -> None:
 
 
 def _shown(value: object) -> str:
+    """Return a value as JSON text of at most 60 characters for messages."""
     if isinstance(value, float) and math.isnan(value):
         return "none"
     text = json.dumps(value)

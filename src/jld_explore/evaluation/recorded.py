@@ -1,4 +1,4 @@
-"""Labellings evaluated once: what is on record is taken from there, the rest goes to workers and onto the record."""
+"""Evaluate each labelling once: reuse recorded evaluations, compute and record the others."""
 
 from __future__ import annotations
 
@@ -19,7 +19,19 @@ from jld_explore.space import orbit_sizes
 
 @dataclass(frozen=True)
 class Sent:
-    """Labellings (k, m), what is found of them so far, the positions of those the workers have, and their run."""
+    """Labellings under evaluation.
+
+    Attributes
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    found : list of Evaluation or None
+        Evaluations known so far, one entry per labelling.
+    missing : (j,) int array
+        Positions of the labellings sent to the workers.
+    run : Run or None
+        Run of the workers; None if no labelling was sent.
+    """
 
     labellings: Bits
     found: list[Evaluation | None]
@@ -28,21 +40,39 @@ class Sent:
 
 
 class Evaluating(Protocol):
-    """What a study asks: send labellings, and take their evaluations when their turn comes."""
+    """Protocol of an evaluator for a study: send labellings, then take their evaluations."""
 
     def send(self, labellings: Bits) -> Sent:
         """Begin to evaluate labellings (k, m)."""
 
     def take(self, sent: Sent) -> list[Evaluation] | None:
-        """Evaluations in the order sent; None where time ran out."""
+        """Return the evaluations in the order sent; None if time ran out."""
 
 
 class RecordedEvaluator:
-    """Workers with a record.
+    """Evaluator that runs workers and records every evaluation.
 
-    group: symmetries (g, m), which say how many labellings one stands for. deadline: after which none is begun.
-    front: what does not matter is not solved to the end. proofs: evaluations come with what they prove about others.
-    report: told what is known, as it comes. solved: how many the workers evaluated.
+    Parameters
+    ----------
+    workers : Workers
+        Workers that solve labellings not on record.
+    records : Records
+        Record on disk.
+    group : (g, m) int array
+        Symmetries as face permutations, which determine the multiplicity of a labelling.
+    deadline : Deadline, optional
+        Time after which no further labelling is begun.
+    front : IncumbentFront, optional
+        Source of pruning thresholds; without it every labelling is solved to the end.
+    proofs : bool
+        Return recorded evaluations with the bounds they prove for other labellings.
+    report : callable
+        Function called with each list of evaluations as it becomes known.
+
+    Attributes
+    ----------
+    solved : int
+        Number of labellings that the workers evaluated.
     """
 
     def __init__(
@@ -62,19 +92,32 @@ class RecordedEvaluator:
         self._front, self._proofs, self._report = front, proofs, report
 
     def send(self, labellings: Bits, waiting: Bits | None = None) -> Sent:
-        """Begin to evaluate what is not on record. waiting: (j, m) labellings that wait as well."""
+        """Begin to evaluate the labellings not on record.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+
+        Returns
+        -------
+        Sent
+            Labellings under evaluation, for `take`.
+        """
         found = self._recalled(labellings)
         missing = _missing(found)
         run = None
         if missing.size:
             floors = None if self._front is None else self._front.below(labellings[missing])
-            # a search that ends for lack of time has something to show at least
+            # A search with an empty record evaluates its first labelling in any case, so that it has a result.
             owed, self._empty = self._empty, False
             run = self._workers.run(labellings[missing], self._deadline, floors, waiting, owed=owed)
         return Sent(labellings, found, missing, run)
 
     def take(self, sent: Sent) -> list[Evaluation] | None:
-        """Evaluations in the order sent, recorded as they come; None where time ran out."""
+        """Return the evaluations in the order sent, recording each; None if time ran out."""
         found, labellings, missing = sent.found, sent.labellings, sent.missing
         self._report([evaluation for evaluation in found if evaluation is not None])
         if sent.run is not None:
@@ -91,7 +134,7 @@ class RecordedEvaluator:
         return complete if len(complete) == len(found) else None
 
     def settle(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
-        """Record what needed no solve, labellings (k, m); of those on record, what the record says."""
+        """Record evaluations (k) that needed no solve; return recorded ones where they exist."""
         stored = self.records.find_all(labellings)
         new = _missing(stored)
         if new.size:
@@ -102,6 +145,7 @@ class RecordedEvaluator:
         return told
 
     def _recalled(self, labellings: Bits) -> list[Evaluation | None]:
+        """Return the recorded evaluation of each labelling, None if it is not on record."""
         found = self.records.find_all(labellings)
         if not self._proofs:
             return found
@@ -112,4 +156,5 @@ class RecordedEvaluator:
 
 
 def _missing(found: list[Evaluation | None]) -> Ints:
+    """Return the positions of the entries that are None."""
     return np.array([n for n, evaluation in enumerate(found) if evaluation is None], dtype=np.int64)

@@ -1,11 +1,12 @@
-"""The record of a study: one SQLite file of evaluations, of what their solves prove, and of conflicts.
+"""Keep the record of a study: one SQLite file of evaluations, proofs and conflicts.
 
-What belongs together is one transaction: a labelling is on record with all that its solve proved, or not at all, so a
-kill at any moment loses nothing that was finished and leaves nothing half-written. One process at a time has it open to
-write; anybody may read it meanwhile. Tables, fronts and pictures are pure functions of it, so to resume is to replay.
+One transaction writes a labelling with all bounds that its solve proved.
+A kill at any moment therefore loses no finished evaluation and leaves no partial row.
+One process at a time has the file open for writing; any process may read it meanwhile.
+Tables, fronts and pictures are pure functions of the record, so resuming a study replays it.
 
-Numbers are in scene units, blank (NULL) where not computed. Every row carries a checksum of its content, so that a
-flipped bit is found where SQLite itself would not look.
+Numbers are in scene units, blank (NULL) where not computed.
+Every row has a checksum of its content, which detects flipped bits that SQLite does not check.
 """
 
 from __future__ import annotations
@@ -52,21 +53,23 @@ from jld_explore.evaluation.rows import (
 from jld_explore.space import keys
 
 RECORDS_FILE: Final = "records.sqlite3"
+"""Name of the SQLite file of records in the folder of a study."""
 SCENE_FILE: Final = "scene.json"
-"""Copy of the scene beside the record, written after the tables of the record were made."""
+"""Name of the copy of the scene beside the record, written after the tables of the record exist."""
 
 SYNC: Final = 0.2
-"""Seconds after which what was written is waited for until the disk has it: a wait costs as much as some solves."""
+"""Seconds after which a transaction waits until the disk holds all data; a wait costs as much as some solves."""
 
 _PATIENCE: Final = 5.0
-"""Seconds to wait for those who read: to begin a file anew they must be done."""
+"""Seconds to wait for readers to finish, which is necessary before a file can be begun anew."""
 
 _TOGETHER: Final = 1 << 15
-"""Rows read at a time."""
+"""Number of rows read at a time, which limits temporary memory."""
 
 _FORMAT: Final = 3
+"""Version of the file format; a record of another version cannot be resumed."""
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
-"""What a checksum of a conflict is of beside its columns, by what proves it: see `Evidence` of the exact driver."""
+"""Prefix of a conflict's checksum by the kind of its proof (`Evidence` of the exact driver)."""
 
 _TABLES: Final = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL /* JSON: what a study must agree with to go on */);
@@ -91,11 +94,34 @@ CREATE TABLE conflicts (
 
 
 class Records:
-    """What is known of one study, on disk; written by the parent process alone.
+    """Record of one study on disk, written by the parent process alone.
 
-    folder: made where it is not there. header: what a study that goes on must agree with. faces: m. cases: load cases.
-    Raises InputError: another process has it open, it is damaged, or of another study; OSError with the name of the
-    file where the disk does not do as asked.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the record, created if missing.
+    header : dict
+        Facts in which a study that resumes the record must agree.
+    faces : int
+        Number m of faces.
+    cases : int
+        Number of values per evaluation for load cases and nominal material values.
+
+    Attributes
+    ----------
+    bound : float or None
+        Proven upper bound on λ over the whole space, scene units.
+    withdrawn : list of str
+        Reasons for which bounds were withdrawn.
+    began_anew : bool
+        True if an empty file was found and begun anew.
+
+    Raises
+    ------
+    InputError
+        If another process has the record open, or if it is damaged or of another study.
+    OSError
+        If the disk fails or is full, with the name of the file.
     """
 
     def __init__(self, folder: Path, header: dict[str, Any], faces: int, cases: int = 0) -> None:
@@ -122,20 +148,20 @@ class Records:
                 self._open(wanted)
         except BaseException:
             self.close()
-            if fresh:  # nothing is half made
+            if fresh:  # Remove the incomplete files.
                 for ending in ("", "-wal", "-shm"):
                     self.path.with_name(self.path.name + ending).unlink(missing_ok=True)
             raise
 
     def _open(self, wanted: dict[str, Any]) -> None:
-        """Make the tables of a file that has none, else take in what it holds."""
+        """Create the tables of an empty file, else read its content."""
         if sys.platform == "win32":
             self._file.execute("PRAGMA locking_mode=EXCLUSIVE")
         self._file.execute("PRAGMA journal_mode=WAL")
         self._file.execute("PRAGMA synchronous=NORMAL")
         names = {name for (name,) in self._file.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not names:
-            if (self.folder / SCENE_FILE).exists():  # written once there are tables
+            if (self.folder / SCENE_FILE).exists():  # The scene is written only after the tables exist.
                 raise self._damaged("it has no tables, though a search was begun here")
             with self._transaction():
                 for statement in _TABLES.split(";")[:-1]:
@@ -154,11 +180,11 @@ class Records:
     # --- evaluations ------------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        """Take in all evaluations. Raises InputError for one that is not as it was written."""
+        """Read all evaluations; raise InputError if the checksum of a row is wrong."""
         columns = ", ".join(COLUMNS)
         found = self._file.execute(f"SELECT {columns} FROM evaluations ORDER BY id")
         parts: list[Rows] = []
-        # some at a time, so that what is not yet numbers stays small
+        # Read some rows at a time to limit the memory of rows not yet converted.
         while content := found.fetchmany(_TOGETHER):
             try:
                 rows, wrong = from_columns(self.type, content)
@@ -176,23 +202,27 @@ class Records:
 
     @property
     def rows(self) -> NDArray[np.void]:
-        """All evaluations, in the order in which they were finished, as `record_type` lays them out."""
+        """All evaluations in the order in which they finished, with the fields of `record_type`."""
         return self._table[: self._count]
 
     def __len__(self) -> int:
+        """Return the number of recorded evaluations."""
         return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """What is known of a labelling (m,), its proofs apart; None where nothing is."""
+        """Return the evaluation of a labelling (m,) without its proofs; None if not on record."""
         return self.find_all(labelling[None])[0]
 
     def find_all(self, labellings: Bits) -> list[Evaluation | None]:
-        """The same of labellings (k, m)."""
+        """Return the evaluation of each labelling (k, m) without proofs; None if not on record."""
         places = [self._index.get(key) for key in keys(labellings)]
         return [None if place is None else evaluation_of(self._table[place]) for place in places]
 
     def proofs(self, labelling: Bits) -> Proofs:
-        """What the solve of a labelling (m,) on record proved about others."""
+        """Return the bounds that the recorded solve of a labelling (m,) proved for others.
+
+        Raises KeyError if the labelling is not on record, InputError if a row is damaged.
+        """
         position = self._index[np.packbits(labelling).tobytes()]
         columns = "kind, value, dry, inner, checksum"
         with self._told():
@@ -215,10 +245,18 @@ class Records:
         return Proofs(tuple(forces), tuple(mechanisms))
 
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write finished evaluations with their proofs; they outlive this process at once, and the machine within SYNC
-        seconds. What is on record already stays.
+        """Write finished evaluations with their proofs; keep labellings already on record.
 
-        labellings: (k, m); multiplicities: k orbit sizes.
+        The rows survive the end of this process at once, and a crash of the machine after at most `SYNC` seconds.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        multiplicities : sequence of k int
+            Orbit sizes under the symmetries.
+        evaluations : sequence of Evaluation
+            Results of the k labellings.
         """
         rows = rows_of(self.type, labellings, multiplicities, evaluations)
         named = keys_of(rows)
@@ -241,18 +279,39 @@ class Records:
             if proofs:
                 self._file.executemany("INSERT INTO proofs VALUES (?, ?, ?, ?, ?, ?, ?)", proofs)
         if end > len(self._table):
-            # room for as much again, so that a million appends copy the table twenty times, not a million
+            # Double the table, so that a million appends copy it only about twenty times.
             self._table = np.concatenate([self._table[:start], np.empty(max(1024, end), dtype=self.type)])
         self._table[start:end] = rows
         self._index.update(zip(named, range(start, end), strict=True))
-        self._count = end  # last: an interruption before this leaves no half-written row in the tables
+        self._count = end  # Set the count last, so that an interruption leaves no partial row visible.
 
     # --- conflicts --------------------------------------------------------------------------------------
 
     def conflicts(self, key: str) -> tuple[Bits, Bits, Floats, Ints]:
-        """Conflicts on record: (k, m) faces decided, (k, m) their labels, (k,) bounds, (k,) evidence.
+        """Return the conflicts on record that were proven for the problem `key`.
 
-        key: what they were proven of; those of another key are forgotten.
+        Conflicts of another key are deleted.
+
+        Parameters
+        ----------
+        key : str
+            Description of the problem for which conflicts are valid.
+
+        Returns
+        -------
+        decided : (k, m) bool array
+            Faces whose label belongs to the conflict.
+        labels : (k, m) bool array
+            Labels of these faces, True = dry.
+        bounds : (k,) float array
+            Upper bounds on λ of all labellings that contain the conflict.
+        evidence : (k,) int array
+            Kind of the proof of each conflict.
+
+        Raises
+        ------
+        InputError
+            If a row is damaged.
         """
         columns = "decided, labels, bound, closed, checksum"
         with self._told():
@@ -275,13 +334,34 @@ class Records:
         return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
 
     def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
-        """Write a conflict: (m,) faces decided, (m,) their labels, no labelling with which has a λ above the bound."""
+        """Write one conflict: no labelling that contains it has a λ above the bound.
+
+        Parameters
+        ----------
+        decided : (m,) bool array
+            Faces whose label belongs to the conflict.
+        labels : (m,) bool array
+            Labels of these faces, True = dry.
+        bound : float
+            Upper bound on λ.
+        """
         self.add_conflicts(decided[None], labels[None], [bound], [0])
 
     def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:
-        """The same of conflicts (k, m), together: a transaction each would take longer than finding them.
+        """Write conflicts in one transaction.
 
-        evidence: (k,) what proves each, as a number of the table.
+        One transaction per conflict would take longer than finding the conflicts.
+
+        Parameters
+        ----------
+        decided : (k, m) bool array
+            Faces whose label belongs to each conflict.
+        labels : (k, m) bool array
+            Labels of these faces, True = dry.
+        bounds : sequence of k float
+            Upper bounds on λ.
+        evidence : sequence of k int
+            Kind of the proof of each conflict, a number of `_EVIDENCE`.
         """
         rows = []
         packed = np.packbits(decided, axis=1), np.packbits(labels, axis=1)
@@ -293,14 +373,17 @@ class Records:
             self._file.executemany(f"INSERT INTO conflicts ({columns}) VALUES (?, ?, ?, ?, ?)", rows)
 
     def forget_conflicts(self) -> None:
-        """Delete all conflicts: one of them, or what was derived from them, has been contradicted."""
+        """Delete all conflicts, because one of them or a consequence has been contradicted."""
         with self._told(), self._transaction():
             self._file.execute("DELETE FROM conflicts")
 
     # --- the bound --------------------------------------------------------------------------------------
 
     def withdraw_bound(self, reason: str) -> None:
-        """Delete the bound, and write down why; `withdrawn` holds the reasons, those of earlier runs too."""
+        """Delete the proven bound and record the reason.
+
+        `withdrawn` holds all reasons, including those of earlier runs.
+        """
         self.withdrawn = [*self.withdrawn, reason]
         with self._told(), self._transaction():
             self._file.execute("DELETE FROM meta WHERE key = ?", (BOUND,))
@@ -308,9 +391,9 @@ class Records:
         self.bound = None
 
     def keep_bound(self, bound: float) -> None:
-        """Write a proven upper bound on λ over the whole space, scene units, where it is lower than the one on record.
+        """Write a proven upper bound on λ of the whole space if it is lower than the recorded one.
 
-        `bound` is the one on record, None where there is none.
+        `bound` is in scene units; the attribute `bound` is the recorded one, None if there is none.
         """
         if self.bound is not None and bound >= self.bound:
             return
@@ -320,6 +403,7 @@ class Records:
         self.bound = bound
 
     def _bound_of(self, found: Any) -> float | None:
+        """Return the recorded bound, or None; raise InputError if its checksum is wrong."""
         if found is None:
             return None
         try:
@@ -333,7 +417,7 @@ class Records:
     # --- the file ---------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Wait until the disk has all that was written, close the file and let go of it; once more does nothing."""
+        """Write all data to disk, close the file and release the lock; repeating it has no effect."""
         try:
             with self._told():
                 if self._file is not None:
@@ -343,7 +427,7 @@ class Records:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """All that is written within, or nothing; now and then the disk is waited for."""
+        """Run statements as one transaction; every `SYNC` seconds also wait for the disk."""
         now = time.monotonic()
         late = now - self._synced >= SYNC
         if late:
@@ -362,7 +446,7 @@ class Records:
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """What goes wrong with the file, in one line with its name."""
+        """Convert SQLite errors to InputError or OSError with the name of the file."""
         try:
             yield
         except sqlite3.Error as error:
@@ -370,18 +454,19 @@ class Records:
             if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
                 raise busy(self.folder) from None
             if code in _DISK:
-                # of a disk without room for what it keeps beside the file it says less than is known
+                # SQLite reports a general I/O error if the disk has no room for its auxiliary files.
                 full = code == sqlite3.SQLITE_IOERR and shutil.disk_usage(self.folder).free < _BESIDE
                 number = errno.ENOSPC if full else _DISK[code]
                 raise OSError(number, os.strerror(number), str(self.path)) from None
             raise self._damaged(str(error)) from None
 
     def _damaged(self, how: str) -> InputError:
+        """Return the error for a damaged file."""
         return InputError(str(self.path), f"it is damaged ({how})", "a file as jld explore left it, or a new folder")
 
 
 _BESIDE: Final = 1 << 16
-"""Bytes that SQLite keeps beside the file, at the least."""
+"""Bytes that SQLite's auxiliary files need at least."""
 
 _DISK: Final = {
     sqlite3.SQLITE_FULL: errno.ENOSPC,
@@ -390,3 +475,4 @@ _DISK: Final = {
     sqlite3.SQLITE_CANTOPEN: errno.EACCES,
     sqlite3.SQLITE_PERM: errno.EACCES,
 }
+"""System error number for each SQLite error code that concerns the disk or permissions."""

@@ -1,7 +1,7 @@
-"""Evaluations as rows of numbers, in memory, and as the columns of a record on disk.
+"""Convert evaluations to rows of numbers in memory and to columns of a record on disk.
 
-A row holds a labelling packed to bits, codes of its status and of how it was settled, and numbers in scene units, NaN
-where not computed; its checksum is of all its bytes.
+A row holds a labelling packed to bits, codes of its status and of how it was settled, and numbers.
+Numbers are in scene units, NaN where not computed. The checksum covers all bytes of the row.
 """
 
 from __future__ import annotations
@@ -21,12 +21,16 @@ from jld_core.limit import Status
 from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
 
 Rows = NDArray[np.void]
+"""Structured array of evaluations with the fields of `record_type`."""
 
 _STATUSES: Final = tuple(Status)
+"""Statuses; the position is the code in a row."""
 _SETTLED: Final = (SOLVE, CERTIFICATE, BOUND)
+"""Ways in which a labelling is settled; the position is the code in a row."""
 _NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
+"""Attributes of `Evaluation` that are stored as float64."""
 COLUMNS: Final = ("labelling", "multiplicity", "status", "settled", *_NUMBERS, "governing", "cases", "checksum")
-"""Of the table of evaluations, their number apart."""
+"""Columns of the table of evaluations, without their number."""
 
 _CODES: Final = {str(status): code for code, status in enumerate(_STATUSES)}
 _SETTLED_CODES: Final = {name: code for code, name in enumerate(_SETTLED)}
@@ -36,8 +40,10 @@ _numbers: Final = attrgetter(*_NUMBERS)
 
 
 def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
-    """Layout of one evaluation for scenes of m faces and c load cases: labelling packed to bits, codes, numbers in
-    scene units."""
+    """Return the structured type of one evaluation for m faces and c load cases.
+
+    The fields are the packed labelling, codes, and numbers in scene units.
+    """
     fields = [(name, "<f8") for name in _NUMBERS]
     head = [("labelling", "u1", ((faces + 7) // 8,)), ("multiplicity", "<u4"), ("status", "u1"), ("settled", "u1")]
     return np.dtype([*head, *fields, ("governing", "<i4"), ("cases", "<f8", (cases,))])
@@ -46,27 +52,27 @@ def record_type(faces: int, cases: int = 0) -> np.dtype[np.void]:
 def rows_of(
     kind: np.dtype[np.void], labellings: Bits, multiplicities: Sequence[int], found: Sequence[Evaluation]
 ) -> Rows:
-    """Rows of evaluations. labellings: (k, m); multiplicities: k orbit sizes."""
+    """Return the rows of evaluations of labellings (k, m) with k multiplicities (orbit sizes)."""
     rows = np.zeros(len(found), dtype=kind)
     rows["labelling"] = np.packbits(labellings, axis=1)
     rows["multiplicity"] = multiplicities
     rows["status"] = [_CODES[one.status] for one in found]
     rows["settled"] = [_SETTLED_CODES[one.settled] for one in found]
     values = np.array([_numbers(one) for one in found], dtype=np.float64).reshape(-1, len(_NUMBERS))
-    # one zero and one NaN, as the file has them
+    # The file has one zero and one NaN, so remove the sign of zeros and the payload of NaNs.
     values = np.where(np.isnan(values), np.nan, values + 0.0)
     for name, column in zip(_NUMBERS, values.T, strict=True):
         rows[name] = column
     rows["governing"] = [one.governing for one in found]
     if width := rows["cases"].shape[1]:
         cases = [one.cases or (math.nan,) * width for one in found]
-        # time may have run out before the first of a portion
+        # Reshape also works for an empty list, if time ran out before the first evaluation.
         rows["cases"] = np.array(cases, dtype=np.float64).reshape(-1, width)
     return rows
 
 
 def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
-    """Each row as COLUMNS has it."""
+    """Yield each row as a tuple of the columns `COLUMNS`."""
     return zip(
         keys_of(rows),
         rows["multiplicity"].tolist(),
@@ -81,9 +87,9 @@ def columns_of(rows: Rows) -> Iterator[tuple[Any, ...]]:
 
 
 def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) -> tuple[Rows, int | None]:
-    """Rows out of what `columns_of` gave, and the first that has not its checksum, None where all have.
+    """Return the rows of given columns and the first row with a wrong checksum, else None.
 
-    Raises KeyError, TypeError, ValueError or OverflowError for what no row can hold.
+    Raises KeyError, TypeError, ValueError or OverflowError for values that no row can hold.
     """
     rows = np.zeros(len(content), dtype=kind)
     columns = dict(zip(COLUMNS, zip(*content, strict=True), strict=True))
@@ -103,37 +109,70 @@ def from_columns(kind: np.dtype[np.void], content: Sequence[tuple[Any, ...]]) ->
 
 
 def keys_of(rows: Rows) -> list[bytes]:
-    """The packed labelling of each row."""
+    """Return the packed labelling of each row as bytes."""
     width = rows.dtype["labelling"].itemsize
     content = rows["labelling"].tobytes()
     return [content[n : n + width] for n in range(0, len(content), width)]
 
 
 def statuses(rows: Rows) -> NDArray[np.object_]:
-    """Status of each row by name, (k,)."""
+    """Return the status of each row by name.
+
+    Parameters
+    ----------
+    rows : (k,) structured array
+        Rows with the fields of `record_type`.
+
+    Returns
+    -------
+    (k,) object array of str
+        Names of the statuses.
+    """
     return np.asarray(_STATUS_NAMES[rows["status"]])
 
 
 def settled(rows: Rows) -> NDArray[np.object_]:
-    """How each row was settled, (k,): by a solve, a certificate or a bound."""
+    """Return how each row was settled: "solve", "certificate" or "bound".
+
+    Parameters
+    ----------
+    rows : (k,) structured array
+        Rows with the fields of `record_type`.
+
+    Returns
+    -------
+    (k,) object array of str
+        Values of `Evaluation.settled`.
+    """
     return np.asarray(_SETTLED_NAMES[rows["settled"]])
 
 
 def load_factors(rows: Rows) -> Floats:
-    """λ of each row, (k,), as `Evaluation.load_factor` has it."""
+    """Return λ of each row, as `Evaluation.load_factor`.
+
+    Parameters
+    ----------
+    rows : (k,) structured array
+        Rows with the fields of `record_type`.
+
+    Returns
+    -------
+    (k,) float array
+        λ without dilation where computed, else associative; NaN for rows settled by a bound. Scene units.
+    """
     zero = rows["zero_dilation"]
     found = np.where(np.isnan(zero), rows["associative"], zero)
     return np.asarray(np.where(rows["settled"] == _SETTLED_CODES[BOUND], np.nan, found))
 
 
 def checksums(rows: Rows) -> list[int]:
-    """A number of each row's bytes."""
+    """Return the CRC-32 of each row's bytes."""
     raw, size = memoryview(rows.tobytes()), rows.dtype.itemsize
     return [zlib.crc32(raw[n : n + size]) for n in range(0, len(raw), size)]
 
 
 def evaluation_of(row: np.void) -> Evaluation:
-    """What a row says, proofs apart."""
+    """Convert a row to an evaluation without proofs."""
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
     low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
     cases, governing = tuple(row["cases"].tolist()), int(row["governing"])

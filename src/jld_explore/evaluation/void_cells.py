@@ -1,4 +1,4 @@
-"""Evaluation of labellings that leave cells out: each set of cells that stay is a structure of its own."""
+"""Evaluate labellings that leave cells out, each on the structure of the remaining cells."""
 
 from __future__ import annotations
 
@@ -17,14 +17,24 @@ from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings
 
 _KEPT: Final = 64
-"""Structures whose evaluators are kept at hand."""
+"""Largest number of structures whose evaluators are cached."""
 
 
 class VoidCellsEvaluator:
-    """Evaluates labellings of an assembly with a sink (`space.void`), each on the structure that it leaves."""
+    """Evaluator of labellings that leave cells out (`space.void`).
+
+    Each labelling is evaluated on the structure of the cells that remain.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with a sink: m faces, followed by c faces from cells to the sink.
+    settings : EvaluatorSettings
+        Model and settings; the batch solver is never used.
+    """
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings) -> None:
-        # nearly every labelling leaves another structure, and one alone is solved before its batch solver is made
+        # Nearly every labelling leaves a different structure; one solve is faster than making its batch solver.
         self.settings, self._sink = replace(settings, many=False), assembly.sink
         gone = np.arange(len(assembly.elements)) == assembly.sink
         self._real, self._faces = without(assembly, gone)
@@ -38,7 +48,24 @@ class VoidCellsEvaluator:
         waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
-        """Evaluate labellings (k, m + c); arguments as for `Evaluator.evaluate_all`."""
+        """Evaluate labellings, grouped by the cells they leave out.
+
+        Parameters
+        ----------
+        labellings : (k, m + c) bool array
+            Labels of faces (True = dry), then of cells (True = stays).
+        floors : (k,) float array, optional
+            Pruning thresholds of λ, scene units (see `Evaluator.evaluate`).
+        waiting : optional
+            Ignored, since bounds do not transfer between structures.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+
+        Returns
+        -------
+        list of Evaluation
+            Evaluations of the first labellings, all k unless the deadline passes.
+        """
         found: list[Evaluation | None] = [None] * len(labellings)
         groups: dict[bytes, list[int]] = {}
         for row, labels in enumerate(labellings):
@@ -55,13 +82,13 @@ class VoidCellsEvaluator:
         return [answer for answer in found[:done] if answer is not None]
 
     def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
-        """Evaluate one labelling (m + c,)."""
+        """Evaluate one labelling (m + c,); `waiting` is ignored."""
         evaluator, kept = self._of(labels)
         answer: Evaluation = evaluator.evaluate(labels[kept], floor, None)
         return answer
 
     def _of(self, labels: Bits) -> tuple[Any, Any]:
-        """The evaluator of what a labelling leaves, and the faces that are left."""
+        """Return the evaluator of the remaining structure and the remaining faces."""
         stays = labels[len(self._faces) :]
         key = np.packbits(stays).tobytes()
         if key not in self._made:

@@ -1,9 +1,11 @@
-"""Asking the pool before solving, and feeding it with what was solved.
+"""Settle labellings by bounds from past solves, solve the others, and add their bounds.
 
-Labellings that a driver asks for together are settled in rounds: the pool settles what it can, then a few of
-those it leaves open are solved, and what they prove is added in the order of the round. Which are solved, and
-what the pool holds at any time, follows from the labellings asked alone, never from workers or clocks. What
-every solve proved is on record beside its evaluation, so that a study that is gone on with has the same pool.
+Labellings that a driver requests together are settled in rounds.
+The pool settles what it can, then a few of the remaining labellings are solved.
+The bounds they prove are added in the order of the round.
+The content of the pool and the choice of labellings depend only on the requested labellings.
+They do not depend on workers or clocks.
+The bounds of every solve are recorded with its evaluation, so that a resumed study has the same pool.
 """
 
 from __future__ import annotations
@@ -23,17 +25,25 @@ from jld_explore.evaluation.force_method import LARGEST
 from jld_explore.evaluation.recorded import RecordedEvaluator, Sent
 
 _MANY: Final = 512
-"""Labellings asked together that speak for those to come: fewer do not say what forces will be good for."""
+"""Number of labellings requested together from which they count as representative of later ones."""
 
 _DIGITS: Final = 9
-"""Digits of a scaled bound that tell one family of labellings from another."""
+"""Decimal digits of a scaled bound that distinguish one family of labellings from another."""
 
 
 class CertificateEvaluator:
-    """Evaluates labellings with a pool, and by another evaluator what the pool leaves open.
+    """Evaluator that uses bounds from past solves, and another evaluator for the remainder.
 
-    solver: evaluates with proofs. pool: what is known. template: of the assembly. gap: width of a bracket that counts
-    as solved.
+    Parameters
+    ----------
+    solver : RecordedEvaluator
+        Evaluator that solves and returns proofs.
+    pool : Pool
+        Bounds from past solves.
+    template : Template
+        Program of the assembly.
+    gap : float
+        Relative width of a bracket that counts as solved.
     """
 
     def __init__(self, solver: RecordedEvaluator, pool: Pool, template: Template, gap: float) -> None:
@@ -45,16 +55,16 @@ class CertificateEvaluator:
         self._asks = _asks(template.assembly)
 
     def send(self, labellings: Bits) -> Sent:
-        """See `Evaluating`; the pool is asked when the turn of labellings (k, m) comes, as it knows more by then."""
+        """Store labellings (k, m) for `take`, which queries the pool as late as possible."""
         return Sent(labellings, [], np.empty(0, dtype=np.int64), None)
 
     def take(self, sent: Sent) -> list[Evaluation] | None:
-        """See `Evaluating`."""
+        """Return the evaluations in the order sent; None if time ran out."""
         labellings = sent.labellings
         found: list[Evaluation | None] = [None] * len(labellings)
         many = len(labellings) >= _MANY
         bounds = self.pool.ask(labellings)
-        # those that ask most of forces first: what carries them carries others as well
+        # Solve the labellings that constrain forces most first, since their forces also carry other labellings.
         left = np.lexsort((*labellings.T[::-1], -np.round(labellings @ self._asks, _DIGITS)))
         while left.size:
             known = self._settled(bounds.take(left))
@@ -83,6 +93,7 @@ class CertificateEvaluator:
         return [evaluation for evaluation in found if evaluation is not None]
 
     def _settled(self, bounds: Bounds) -> Bools:
+        """Return a mask of the labellings that are unstable or have a narrow bracket."""
         known = np.isfinite(bounds.low) & np.isfinite(bounds.high)
         low, high = np.where(known, bounds.low, 0.0), np.where(known, bounds.high, 0.0)
         size = np.maximum(np.maximum(abs(low), abs(high)), self.floor)
@@ -90,14 +101,19 @@ class CertificateEvaluator:
         return np.asarray(bounds.unstable | (known & narrow))
 
     def _evaluation(self, bounds: Bounds, n: int) -> Evaluation:
+        """Convert the bounds of labelling n to an evaluation in scene units."""
         if bounds.unstable[n]:
             return Evaluation(Status.UNSTABLE, math.nan, math.nan, math.nan, settled=CERTIFICATE)
         low, high = float(bounds.low[n]) * self.scale, float(bounds.high[n]) * self.scale
         return Evaluation(Status.COLLAPSE, low, high, 0.5 * (low + high), settled=CERTIFICATE)
 
     def _round(self, high: Floats) -> Ints:
-        """Positions of those to solve next: in order, one of each upper bound, any number without one."""
-        # a mechanism bounds whole families of labellings by the same number, up to rounding
+        """Return the positions of the labellings to solve next, in order.
+
+        Each finite upper bound is represented once; labellings without an upper bound are not limited.
+        The round has at most `_round_size` labellings.
+        """
+        # A mechanism gives all labellings of a family the same bound, up to rounding.
         value = np.where(np.isfinite(high), np.round(high, _DIGITS), np.inf)
         chosen: list[int] = []
         seen: set[float] = set()
@@ -113,12 +129,26 @@ class CertificateEvaluator:
 
 
 def is_small(template: Template) -> bool:
-    """Is a labelling solved sooner than it is sent to a worker? Measured on planar walls, with the pool."""
+    """Return True if solving a labelling is faster than sending it to a worker.
+
+    Parameters
+    ----------
+    template : Template
+        Program of the assembly.
+
+    Returns
+    -------
+    bool
+        True for programs without cones and at most `LARGEST` faces; measured on planar walls with the pool.
+    """
     return not template.structure.cones and len(template.assembly.interfaces) <= LARGEST
 
 
 def _asks(assembly: Assembly) -> Floats:
-    """(m,) what a dry face asks of forces, from 1 to 2: the more, the less the dead load presses it."""
+    """Return (m,) weights from 1 to 2 of how much a dry face constrains forces.
+
+    The weight is larger where the dead load presses the face less.
+    """
     dead = assembly.elements.weight.sum(axis=0)
     size = float(np.linalg.norm(dead))
     if size == 0.0:

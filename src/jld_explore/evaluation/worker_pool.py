@@ -1,8 +1,8 @@
-"""Places at which work goes on that keeps something from task to task: processes of our own, or workers of a cluster.
+"""Provide workers that keep state between tasks: local processes or workers of a cluster.
 
-`Workers` hands each task to whoever is free; a **seat** is one process that is given task after task, so that it is
-told only what is new. A seat whose process dies, or whose worker leaves, is lost with what it kept, and
-another takes its place.
+`Workers` gives each task to any free worker.
+A `PoolWorker` is one process that receives task after task, so that each task needs to contain new data only.
+If its process dies or its cluster worker leaves, its state is lost and another worker replaces it.
 """
 
 from __future__ import annotations
@@ -25,54 +25,81 @@ from jld_explore.evaluation.deferred_signals import deferred_signals
 from jld_explore.evaluation.processes import SINGLE_THREADED, worker_init
 
 _LIVES: Final = 10
-"""Processes of our own that may be begun in the place of dead ones; what kills so many is no accident."""
+"""Number of local processes that may replace dead ones; more deaths than this are not accidental."""
 
 
 _LOOK: Final = 0.5
-"""Seconds after which a cluster is asked again which workers it has."""
+"""Seconds between queries of a cluster for its present workers."""
 
 
 class PoolWorker:
-    """One process, or one worker of a cluster. name: not another's, ever. place: its address on a cluster."""
+    """Local process or cluster worker that keeps state between tasks.
+
+    Parameters
+    ----------
+    executor : Executor
+        Executor with this single worker.
+    place : str, optional
+        Address of the worker on a cluster; None for a local process.
+
+    Attributes
+    ----------
+    name : str
+        Unique name, never reused.
+    """
 
     def __init__(self, executor: Any, place: str | None = None) -> None:
         self.name, self.place = uuid.uuid4().hex, place
         self._executor: Executor = executor
 
     def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Begin a task; the future raises where the process died meanwhile."""
+        """Submit a task; its future raises an error if the process has died."""
         with deferred_signals():
             return self._executor.submit(work, *arguments)
 
     def close(self) -> None:
-        """Stop a process of our own at once, whatever it is at; a worker of a cluster is let go."""
+        """Terminate a local process at once; release a worker of a cluster."""
         processes: dict[int, Any] = getattr(self._executor, "_processes", None) or {}
         for process in list(processes.values()):
             process.terminate()
-        # a cluster that has gone away cannot be told
+        # Ignore errors of a cluster that no longer exists.
         with suppress(Exception):
             self._executor.shutdown(wait=self.place is None)
 
 
 class WorkerPool:
-    """As many seats as there are jobs, or workers where a study is on a cluster."""
+    """Pool of one `PoolWorker` per job, or per worker of the cluster in use.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of local processes; ignored on a cluster.
+    """
 
     def __init__(self, jobs: int) -> None:
         self._client = client_of_cluster()
         self._jobs, self._left = jobs, jobs + _LIVES
         self._looked = -math.inf
         self._seats: list[PoolWorker] = []
-        # workers that are stopped on purpose are no news; loky says so from a thread of its own
+        # Workers are stopped on purpose; loky warns about it from a thread of its own.
         warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
 
     def __iter__(self) -> Iterator[PoolWorker]:
+        """Iterate over the workers."""
         return iter(self._seats)
 
     def __len__(self) -> int:
+        """Return the number of workers."""
         return len(self._seats)
 
     def fill(self) -> list[PoolWorker]:
-        """Have a seat for every job, or for every worker that is there; those whose workers have left are returned."""
+        """Add missing workers and return the cluster workers that have left.
+
+        Returns
+        -------
+        list of PoolWorker
+            Workers removed from the pool; always empty for local processes.
+        """
         if self._client is None:
             while len(self._seats) < self._jobs and self._left > 0:
                 self._left -= 1
@@ -83,7 +110,7 @@ class WorkerPool:
         self._looked = time.monotonic()
         try:
             present = list(self._client.ncores())
-        except (OSError, RuntimeError):  # a scheduler that has gone has no workers
+        except (OSError, RuntimeError):  # A scheduler that has stopped has no workers.
             present = []
         gone = [seat for seat in self._seats if seat.place not in present]
         for seat in gone:
@@ -96,21 +123,23 @@ class WorkerPool:
         return gone
 
     def lose(self, seat: PoolWorker) -> None:
-        """Give a seat up, whose process has died; `fill` puts another in its place."""
+        """Remove a worker whose process has died; `fill` replaces it."""
         self._seats.remove(seat)
         seat.close()
 
     def close(self) -> None:
-        """Give all up."""
+        """Remove and close all workers."""
         for seat in list(self._seats):
             self.lose(seat)
 
 
 def _process() -> ProcessPoolExecutor:
+    """Start the executor of one local process."""
     return ProcessPoolExecutor(max_workers=1, initializer=_begin, initargs=(os.getpid(),), env=SINGLE_THREADED)
 
 
 def _begin(parent: int) -> None:
+    """Initialise a local process and disable loky's check for memory leaks."""
     worker_init(parent)
-    # what grows here is kept on purpose; loky would take it for a leak, and the process for one to be replaced
+    # State grows on purpose; loky would treat it as a memory leak and replace the process.
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize

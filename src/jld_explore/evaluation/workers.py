@@ -1,8 +1,9 @@
-"""Evaluation of many labellings in worker processes; each owns its template and solver.
+"""Evaluate many labellings in workers; each worker has its own template and solver.
 
-A worker that dies or hangs costs its batch, not the run: what was in flight is tried once more, alone, and
-recorded as failed if that ends the same way. Inside `joblib.parallel_config(backend=...)` with another backend
-than joblib's own processes (a dask or ray cluster) that backend does the work, whatever `jobs` is.
+A worker that dies or hangs affects its batch, not the run.
+Batches that were in progress are repeated one at a time and recorded as failed if they fail again.
+Within `joblib.parallel_config(backend=...)` with a backend such as dask or ray, that backend does the work.
+The number `jobs` is then ignored.
 """
 
 from __future__ import annotations
@@ -37,42 +38,52 @@ from jld_explore.evaluation.evaluator import EvaluatorSettings
 from jld_explore.evaluation.processes import DEATHS, Flight, Processes
 
 HANG: Final = 600.0
-"""Seconds without any result after which the workers are taken to hang."""
+"""Seconds without any result after which workers count as hung."""
 
 _TASKS: Final = 8
-"""Tasks that labellings asked together are cut into at the least, so that workers finish together."""
+"""Smallest number of tasks into which labellings are split, so that workers finish at similar times."""
 
 _MOST: Final = 64
-"""Labellings of a task at the most."""
+"""Largest number of labellings per task."""
 
 _IN_LANES: Final = 200_000
-"""Faces of the labellings of a task at the most, where the batch solver solves them, many at once: within a second."""
+"""Largest number of faces over all labellings of a task for the batch solver, which takes about a second."""
 
 _FEWEST: Final = 32
-"""Labellings of such a task at the least: with fewer lanes stand idle, and another portion is under way anyhow."""
+"""Smallest number of labellings of a task for the batch solver; fewer leave SIMD lanes idle."""
 
 _THREADS: Final = 2
-"""Threads of one process that are of use: what is not within a solver waits for its turn."""
+"""Largest useful number of threads in one process; code outside a solver waits for the interpreter lock."""
 
 _TURN: Final = 5e-4
-"""Seconds a thread waits for the interpreter at the most: the usual 5 ms are as long as the batch solver takes for a
-generation of 48 labellings of 88 faces, and a search took a tenth longer by the clock."""
+"""Largest wait of a thread for the interpreter, s.
 
-_own = threading.local()  # a cluster's workers may run several threads, and an evaluator has one
-_last: Final[
-    dict[str, Any]
-] = {}  # the evaluator of this process made last, by its recipe, for threads to make theirs of
+The default of 5 ms equals the time of the batch solver for a generation of 48 labellings with 88 faces.
+With the default a search took 10 % longer in wall-clock time.
+"""
+
+_own = threading.local()  # An evaluator is for one thread, but workers of a cluster may run several threads.
+_last: Final[dict[str, Any]] = {}  # Last evaluator of this process by digest; other threads make twins of it.
 
 
 MakeEvaluator = Callable[[Assembly, EvaluatorSettings], Any]
-"""Makes what evaluates labellings in a worker; of a module's own names, so that it can be sent there."""
+"""Type of a function that makes the evaluator of a worker; defined at module level so that it can be pickled."""
 
 
 @dataclass(frozen=True)
 class WorkerSpec:
-    """What a worker needs to make its evaluator: a pickle of its maker, assembly and settings, and its digest.
+    """Pickled data from which a worker makes its evaluator.
 
-    version: of the program that made it; a worker of a cluster that joins later may have another.
+    Attributes
+    ----------
+    content : bytes
+        Pickle of the function that makes the evaluator, the assembly and the settings.
+    digest : str
+        SHA-256 of the content and the name of the batch solver.
+    parent : int
+        Process id of the process that made this specification.
+    version : str
+        Version of jld that made it; a worker of a cluster may have another one.
     """
 
     content: bytes
@@ -82,13 +93,20 @@ class WorkerSpec:
 
     @classmethod
     def of(cls, assembly: Assembly, settings: EvaluatorSettings, make: MakeEvaluator = evaluator_of) -> WorkerSpec:
+        """Make the specification of an assembly, settings and a function that makes evaluators."""
         content = pickle.dumps((make, assembly, settings))
-        # what an evaluator answers with is part of what it is
+        # Include the batch solver in the digest, since results depend on it.
         kernel = (chosen() or "none").encode()
         return cls(content, hashlib.sha256(kernel + content).hexdigest(), os.getpid())
 
     def evaluator(self) -> Any:
-        """The evaluator that this thread keeps: a twin of one that this process has already, where there can be one."""
+        """Return the evaluator of this thread, if possible as a twin of another thread's.
+
+        Raises
+        ------
+        InputError
+            If the worker has another version of jld.
+        """
         if getattr(_own, "digest", None) != self.digest:
             known = _last.get(self.digest)
             if known is None:
@@ -106,7 +124,20 @@ class WorkerSpec:
 
 
 def batch_size(faces: int, asked: int) -> int:
-    """Labellings per task, for scenes of so many faces and so many labellings asked together."""
+    """Compute the number of labellings per task.
+
+    Parameters
+    ----------
+    faces : int
+        Number of faces of the scene.
+    asked : int
+        Number of labellings requested together.
+
+    Returns
+    -------
+    int
+        Labellings per task, from 1 to `_MOST`.
+    """
     return int(np.clip(min(3000 // max(faces, 1), -(-asked // _TASKS)), 1, _MOST))
 
 
@@ -120,18 +151,40 @@ def evaluate_batch(
     waiting: Bits | None = None,
     owed: bool = False,
 ) -> tuple[int, list[Evaluation]]:
-    """Evaluate one batch in this process, with the evaluator this thread keeps.
+    """Evaluate one batch in this process with the evaluator of this thread.
 
-    labellings: (k, m). deadline: after which no further labelling is begun. floors (k,)
-    and waiting (j, m): see `Evaluator.evaluate`. Returns the batch's number and the evaluations, k or those up to
-    the deadline. owed: all are evaluated, a search without dilation as far as it gets by the deadline.
+    Parameters
+    ----------
+    recipe : WorkerSpec
+        Specification of the evaluator.
+    number : int
+        Number of the batch.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    deadline : Deadline, optional
+        Time after which no further labelling is begun.
+    floors : (k,) float array, optional
+        Pruning thresholds (see `Evaluator.evaluate`).
+    waiting : (j, m) bool array, optional
+        Other labellings about which proofs should say as much as possible.
+    owed : bool
+        Evaluate all labellings regardless of the deadline.
+        The deadline then limits only the search without dilation, whose result so far is used.
+        If nothing is known by the deadline, the batch is evaluated without a limit.
+
+    Returns
+    -------
+    number : int
+        Number of the batch.
+    evaluations : list of Evaluation
+        Evaluations of all k labellings, or of those finished by the deadline.
     """
     if os.getpid() != recipe.parent and threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process handles Ctrl-C.
     evaluator = recipe.evaluator()
     if owed and deadline is not None:
         try:
-            # what is known of them when time is up is taken
+            # Use the results known when the deadline passes.
             with deadline.enforced():
                 return number, evaluator.evaluate_all(labellings, floors, waiting)
         except DeadlinePassed:
@@ -140,13 +193,27 @@ def evaluate_batch(
 
 
 class Workers:
-    """A pool of `jobs` processes for one recipe; with one job everything runs in this process.
+    """Pool of workers for one specification; with one job everything runs in this process.
 
-    hang: seconds without any result after which the workers are taken to hang. quick: labellings are solved sooner
-    than they are sent, so stay in this process, in as many threads as are of use. lanes: the same, since the batch
-    solver
-    solves them. deaths: how often workers died or
-    hung.
+    Parameters
+    ----------
+    recipe : WorkerSpec
+        Specification of the evaluator.
+    jobs : int
+        Number of processes, or limit of threads.
+    faces : int
+        Number of faces of the scene.
+    hang : float
+        Seconds without any result after which workers count as hung.
+    quick : bool
+        Stay in this process, in a few threads, because solving is faster than sending.
+    batch : bool
+        As `quick`, because the batch solver settles nearly all labellings.
+
+    Attributes
+    ----------
+    deaths : int
+        Number of times that workers died or hung.
     """
 
     def __init__(
@@ -166,7 +233,7 @@ class Workers:
             sys.setswitchinterval(min(_TURN, self._turn))
         self.processes = Processes(jobs, hang)
         if self.outside:
-            # tasks given up at the end of a run are no news
+            # Tasks abandoned at the end of a run are expected.
             warnings.filterwarnings("ignore", message=r"\d+ tasks (which were|have been)", module="joblib")
 
     def run(
@@ -178,11 +245,27 @@ class Workers:
         *,
         owed: bool = False,
     ) -> Run:
-        """Begin to evaluate (k, m) labellings, behind those that were begun before.
+        """Begin to evaluate labellings, after the runs begun before.
 
-        deadline: what was not begun by then is left out. floors (k,) and waiting (j, m):
-        see `Evaluator.evaluate`. owed: the first labelling is evaluated however late it
-        is. With one job, and on a cluster, evaluation waits until results are asked for.
+        With one job, and on a cluster, the evaluation starts when results are requested.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        deadline : Deadline, optional
+            Time after which no further labelling is begun.
+        floors : (k,) float array, optional
+            Pruning thresholds (see `Evaluator.evaluate`).
+        waiting : (j, m) bool array, optional
+            Other labellings about which proofs should say as much as possible.
+        owed : bool
+            Evaluate the first labelling regardless of the deadline.
+
+        Returns
+        -------
+        Run
+            Iterator over the results.
         """
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
         run = Run(self, labellings, deadline, floors, waiting, owed)
@@ -192,18 +275,21 @@ class Workers:
             try:
                 run.begin()
             except _deaths():
-                run.stop()  # it begins again when its turn comes
+                run.stop()  # The run starts again when its results are requested.
         return run
 
     def submit(self, tasks: Iterable[tuple[Any, ...]]) -> list[Callable[[], tuple[int, list[Evaluation]]]]:
-        """What waits for the result of each task, arguments of `evaluate_batch`: by threads at once, where there are
-        several, so that they go on while this one looks at results and asks for more; else when it is called."""
+        """Return one function per task that waits for its result.
+
+        With several threads the tasks start at once, otherwise when the function is called.
+        Each task is a tuple of arguments of `evaluate_batch`.
+        """
         if self._threads is None:
             return [partial(evaluate_batch, *task) for task in tasks]
         return [self._threads.submit(evaluate_batch, *task).result for task in tasks]
 
     def parallel(self, tasks: Iterator[Any]) -> Iterator[tuple[int, list[Evaluation]]]:
-        """Results of tasks from a cluster as they finish; tasks are taken at once, and more when some are done."""
+        """Yield results of tasks from a cluster as they finish; new tasks replace finished ones."""
         how: dict[str, Any] = {
             "return_as": "generator_unordered",
             "batch_size": 1,
@@ -213,7 +299,7 @@ class Workers:
         return iter(joblib.Parallel(**how)(tasks))
 
     def close(self) -> None:
-        """Stop all worker processes at once, whatever they are at; a cluster's are not ours to stop."""
+        """Terminate all local workers at once; workers of a cluster are not stopped."""
         for run in self.begun:
             run.stop()
         self.begun = []
@@ -224,10 +310,10 @@ class Workers:
 
 
 class Run:
-    """Labellings under evaluation; to iterate is to wait for (where they stand, their evaluations).
+    """Labellings under evaluation; iterating yields (slice, evaluations) as they finish.
 
-    Several may be begun, so that workers go on while the results of an earlier one are looked at. Where workers
-    die, those of the run that is waited for are suspected; the other runs begin again when their turn comes.
+    Several runs may be in progress, so that workers stay busy while earlier results are processed.
+    If workers die, the tasks of the run being iterated are suspected. The other runs start again when iterated.
     """
 
     def __init__(
@@ -247,11 +333,11 @@ class Run:
         self._labellings, self._floors, self._waiting = labellings, floors, waiting
         size = batch_size(workers.faces, len(labellings))
         if workers.quick:
-            # as few tasks as there are threads, so that these seldom wait
+            # Use as few tasks as threads, so that threads seldom wait.
             most = max(_MOST, _IN_LANES // workers.faces) if workers.batch else _MOST
             least = _FEWEST if workers.batch else 1
             size = max(least, min(most, -(-len(labellings) // workers.threads)))
-        # what is owed is a task of its own, which no deadline cuts short
+        # The labelling to be evaluated in any case is a separate task, independent of the deadline.
         starts = [0, *range(1, len(labellings), size)] if self._owed else list(range(0, len(labellings), size))
         ends = [*starts[1:], len(labellings)]
         self._slices = [slice(low, high) for low, high in zip(starts, ends, strict=True)]
@@ -261,12 +347,12 @@ class Run:
         self._here: list[Callable[[], tuple[int, list[Evaluation]]]] | None = None
 
     def submit(self) -> None:
-        """Hand all tasks to the threads of this process."""
+        """Submit all tasks to the threads of this process."""
         self._here = self._workers.submit(self._arguments(number) for number in range(len(self._slices)))
 
     def begin(self, numbers: list[int] | None = None) -> None:
-        """Send tasks to the workers; numbers: of those to send, None for all that are not done."""
-        # what is owed is evaluated here, while the workers start
+        """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
+        # Evaluate the labelling needed in any case in this process, while the workers start.
         waiting = [n for n in range(len(self._slices)) if n not in self._done and not (self._owed and n == 0)]
         numbers = waiting if numbers is None else numbers
         self._workers.begun.append(self)
@@ -275,16 +361,16 @@ class Run:
             self._results = self._workers.parallel(self._tasks(numbers))
             return
         flight = Flight(self._workers.processes, self._deadline)
-        # known before the first is sent, which fails where a worker has died meanwhile
+        # Set these before the first submission, which fails if a worker has died.
         self._results, self._sent = flight, flight.sent
         flight.begin((number, evaluate_batch, self._arguments(number)) for number in numbers)
 
     def stop(self) -> None:
-        """Forget what was sent; what it would have given is evaluated again."""
+        """Discard the results of submitted tasks; they are evaluated again later."""
         self._results = None
 
     def _joined(self, results: list[tuple[int, list[Evaluation]]]) -> Iterator[tuple[slice, list[Evaluation]]]:
-        """Results of tasks side by side, as one where none is cut short by the deadline."""
+        """Merge results of adjacent tasks into one if the deadline cut none of them short."""
         parts = [self._slices[number] for number, _ in results]
         whole = slice(parts[0].start, parts[-1].stop)
         evaluations = [evaluation for _, found in results for evaluation in found]
@@ -295,22 +381,28 @@ class Run:
             yield slice(part.start, part.start + len(found)), found
 
     def _arguments(self, number: int) -> tuple[Any, ...]:
+        """Return the arguments of `evaluate_batch` for one task."""
         part = self._slices[number]
         owed, floors = self._owed and number == 0, self._floors[part]
         return self._workers.recipe, number, self._labellings[part], self._deadline, floors, self._waiting, owed
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
+        """Yield joblib tasks and note them as sent."""
         for number in numbers:
             self._sent.append(number)
             yield joblib.delayed(evaluate_batch)(*self._arguments(number))
 
     def __iter__(self) -> Iterator[tuple[slice, list[Evaluation]]]:
+        """Yield (slice, evaluations) as tasks finish.
+
+        Tasks of dead workers are repeated once, one at a time, and then recorded as failed.
+        """
         workers = self._workers
         if workers.here:
             if self._here is None:
                 self.submit()
             tasks = self._here or []
-            # all threads are waited for together, and what they found is recorded at once
+            # Wait for all threads together, so that their results are recorded in one transaction.
             for first in range(0, len(tasks), workers.threads):
                 yield from self._joined([result() for result in tasks[first : first + workers.threads]])
             return
@@ -323,7 +415,7 @@ class Run:
         while len(self._done) < len(self._slices):
             suspects = [number for number, count in strikes.items() if count == 1 and number not in self._done]
             try:
-                if suspects:  # one at a time, so that a second death has one culprit
+                if suspects:  # Repeat suspected tasks one at a time, so that a second death identifies the task.
                     self.begin(suspects[:1])
                 elif self._results is None:
                     self.begin()
@@ -350,7 +442,7 @@ class Run:
 
 
 def _deaths() -> tuple[type[BaseException], ...]:
-    """What is raised where a worker died or hung; a cluster's own words for it where one is in use."""
+    """Return the exceptions raised when a worker died or hung, including those of a cluster."""
     known: tuple[type[BaseException], ...] = (*DEATHS, multiprocessing.TimeoutError)
     distributed = sys.modules.get("distributed")
     if distributed is not None:

@@ -1,30 +1,30 @@
-"""A finished study: tables, front, pictures, words.
+"""Write, read and show the results of a search: tables, front, pictures and pages.
 
-- `CaseSolver`: solves labellings of one assembly under each of its load cases, on templates that are built once
-- `Exploration`: a finished search
-- `Page`: the page of a search, which a notebook shows in a frame
-- `assembly`: what `jld check` prints
-- `asset`: text of a file of the front end
-- `asset_names`: files of the front end that a browser loads
-- `check_certificate_file`: refuse a file that no certificate can be written to
-- `check_folder`: refuse a folder that may not be written into
-- `check_writable`: refuse a folder that cannot be made
-- `csv_of`: a table as CSV, safe for spreadsheets
-- `filled`: a template with its parts put in
-- `loads_of`: live loads as they are drawn
-- `on_front`: which rows are on a front
-- `page_data`: the object that a page is made of
-- `read_folder`: a folder → Exploration
-- `results_table`: the table of results
-- `scene_page`: HTML of a scene, solved
-- `show_page`: a finished search → Page
-- `solution_of`: what is proven of one layout, by load case, ready to be drawn
-- `study_data`: the data of the page of a search, as `page_data` has it
-- `study_page`: HTML of a search
+- `CaseSolver`: solver of labellings under all load cases that reuses its templates
+- `Exploration`: finished search with its tables
+- `Page`: page of a search for a notebook
+- `assembly`: describe an assembly and its search space for `jld check`
+- `asset`: return the text of a front-end file
+- `asset_names`: list the front-end files that a browser loads
+- `check_certificate_file`: check that a certificate file can be written
+- `check_folder`: check that a results folder may be written into
+- `check_writable`: check that a folder can be made or written into
+- `csv_of`: convert a table to CSV that is safe for spreadsheets
+- `filled`: insert parts into a template
+- `loads_of`: list the live loads for drawing
+- `on_front`: return which rows are on the Pareto front
+- `page_data`: assemble the data of a page
+- `read_folder`: read a results folder as an `Exploration`
+- `results_table`: make the table of results
+- `scene_page`: make the HTML page of a scene with its solution
+- `show_page`: make the page of a finished search for a notebook
+- `solution_of`: convert a limit analysis result to the data of a drawing
+- `study_data`: assemble the data of the page of a search
+- `study_page`: make the HTML page of a search
 - `write_pictures`: draw all pictures of a search
 - `write_report`: write the page of a search
 - `write_tables`: write all tables of a search
-- `write_text`: write a file whole or not at all
+- `write_text`: write a text file atomically
 """
 
 from __future__ import annotations

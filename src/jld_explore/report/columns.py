@@ -1,4 +1,4 @@
-"""The tables as text: safe to open in a spreadsheet, with units and meanings of all columns in a file beside them."""
+"""Convert tables to spreadsheet-safe text, and describe units and meanings of columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Columns = dict[str, dict[str, str]]
-"""By column: its unit ("" for none) and what it means."""
+"""Unit ("" for none) and meaning by the name of the column."""
 
 _FACES: Final = {
     "index": ("", "place of the face in a labelling, counted from 0"),
@@ -63,17 +63,23 @@ _CONVERGENCE: Final = {
 
 
 def ranked_by(results: pd.DataFrame) -> str:
-    """What layouts are ranked by: λ, or with load cases the least λ over what is required of it, by results.csv."""
+    """Return the name of the ranking quantity: λ, or with load cases the governing factor.
+
+    The governing factor is the least λ over the required factor of each case.
+    """
     return "λ / required" if "governing" in results.columns else "λ"
 
 
 def value_in_words(results: pd.DataFrame, value: float) -> str:
-    """A value of what layouts are ranked by, short enough to stand above a small drawing."""
+    """Return a value of the ranking quantity as short text, for the title of a small drawing."""
     return f"{value:#.4g} × required" if "governing" in results.columns else f"λ = {value:#.4g}"
 
 
 def columns(assembly: Assembly) -> dict[str, Columns]:
-    """columns.json: by file and column, unit and meaning. Load factors multiply the live load and have no unit."""
+    """Return the content of columns.json: unit and meaning by file and column.
+
+    Load factors multiply the live load and have no unit.
+    """
     length = assembly.units[0]
     ends = {f"{axis}{end}": (length, f"{axis} of end {end} of the face") for end in (0, 1) for axis in "xyz"}
     if assembly.dimension == 2:
@@ -103,7 +109,7 @@ def columns(assembly: Assembly) -> dict[str, Columns]:
 
 
 def _sizes(assembly: Assembly) -> dict[str, tuple[str, str]]:
-    """Columns of blocks.csv that depend on the dimension."""
+    """Return the columns of blocks.csv that depend on the dimension."""
     length, planar = assembly.units[0], assembly.dimension == 2
     axes = "xy" if planar else "xyz"
     kind, unit = ("length", length) if planar else ("area", f"{length}²")
@@ -117,13 +123,24 @@ def _sizes(assembly: Assembly) -> dict[str, tuple[str, str]]:
 
 
 def csv_of(table: pd.DataFrame) -> str:
-    """A table as CSV. A text that a spreadsheet would run, as it begins with = + - @, gets an apostrophe before it."""
-    import pandas as pd  # slow to import, and for tables alone
+    """Convert a table to CSV that is safe for spreadsheets.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Table.
+
+    Returns
+    -------
+    str
+        CSV without index. A text that begins with = + - @ gets a leading apostrophe, so that no formula is run.
+    """
+    import pandas as pd  # slow to import and needed for tables only
 
     texts = table.select_dtypes(include=["object", "string"]).columns
     safe = table.copy(deep=False)
     for name in texts:
-        # few tables have such a text, and looking at first letters is quick
+        # Few tables have such texts, and a check of first letters is fast.
         if {value[:1] for value in table[name] if isinstance(value, str)}.intersection(RUN_BY_SPREADSHEETS):
             safe[name] = pd.Series([harmless(value) for value in table[name]], index=table.index, dtype=object)
     safe.columns = pd.Index([harmless(name) for name in table.columns])

@@ -1,4 +1,4 @@
-"""What is known of each point of a front: proven, the best found by a search for it, or merely visited on the way."""
+"""Classify each point of a front: proven, found by a search for it, or visited."""
 
 from __future__ import annotations
 
@@ -13,20 +13,40 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PROVEN: Final = "proven"
+"""Evidence of a point that is proven to be on the front."""
 FOUND: Final = "found"
+"""Evidence of a point that is the best found by a search for it."""
 VISITED: Final = "visited"
+"""Evidence of a point that was evaluated during a search with another aim."""
 
 COLUMN: Final = "evidence"
+"""Name of the column of the evidence."""
 
 
 def front_rows(
     front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str], *, complete: bool, aimed: bool
 ) -> list[dict[str, Any]]:
-    """`best_by_count` of summary.json: count, load_factor, bound, proven and evidence for each value of the count that
-    is on the front or that the driver speaks of; of two counts `count` is the list of both.
+    """Return `best_by_count` of summary.json for all counts on the front or of the driver.
 
-    front: rows of the results that no other row beats. summary: of the study so far, with the driver's own front where
-    it has one. complete: every class of the space has its evaluation. aimed: the driver looked for the whole front.
+    Each row has count, load_factor, bound, proven and evidence; with two counts `count` is a list.
+
+    Parameters
+    ----------
+    front : DataFrame
+        Rows of the results that no other row dominates.
+    summary : mapping
+        Summary of the study, with the driver's own front if it has one.
+    counts : sequence of str
+        Names of the counts.
+    complete : bool
+        True if every class of the space has been evaluated.
+    aimed : bool
+        True if the driver searched for the whole front.
+
+    Returns
+    -------
+    list of dict
+        Rows sorted by count.
     """
     given = {row["count"]: row for row in summary.get("front") or [] if not isinstance(row["count"], list)}
     rows = []
@@ -35,7 +55,7 @@ def front_rows(
         value = _value(values)
         best = group.sort_values("load_factor", ascending=False, kind="stable").iloc[0]
         known = given.pop(value, None) if len(values) == 1 else None
-        # of several that tie the one on the front may carry less by rounding
+        # Of several tied rows, the one on the front may have a slightly smaller λ.
         strongest = bool(best["rank"] == 1 or best["bracket_hi"] >= summary["best"])
         sure = bool(complete or (known or {}).get("proven") or (strongest and summary["proven"]))
         bound = (known or {}).get("bound")
@@ -50,19 +70,19 @@ def front_rows(
                 COLUMN: PROVEN if sure else FOUND if aimed or strongest else VISITED,
             }
         )
-    # counts whose best is below that of another count are on no front, and known all the same
+    # Counts whose best is dominated are not on the front, but their bounds are known.
     rest = [{**row, COLUMN: PROVEN if row["proven"] else FOUND} for row in given.values()]
     return sorted([*rows, *rest], key=lambda row: row["count"] if isinstance(row["count"], list) else [row["count"]])
 
 
 def _value(values: Sequence[Any]) -> Any:
-    """Counts as JSON has them: a number, or of several the list."""
+    """Return counts as in JSON: a number, or a list for several counts."""
     numbers = [value if isinstance(value, float) else int(str(value)) for value in values]
     return numbers if len(numbers) > 1 else numbers[0]
 
 
 def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
-    """The rows of a front without those merely visited, and (k,) which of them are proven."""
+    """Return the rows of a front that are not merely visited, and a (k,) mask of proven ones."""
     if COLUMN not in front:
         return front, np.zeros(len(front), dtype=bool)
     known = front[front[COLUMN] != VISITED]
@@ -70,12 +90,15 @@ def known_front(front: pd.DataFrame) -> tuple[pd.DataFrame, Bools]:
 
 
 def with_evidence(front: pd.DataFrame, summary: Mapping[str, Any], counts: Sequence[str]) -> pd.DataFrame:
-    """The front with its column, from `front` of a summary; what a summary does not know was merely visited."""
+    """Return the front with its column `evidence`, taken from `front` of a summary.
+
+    Points that the summary does not contain were merely visited.
+    """
     told = summary.get("front") or []
     known = {str(row["count"]): row.get(COLUMN, PROVEN if row["proven"] else FOUND) for row in told}
     return front.assign(**{COLUMN: [known.get(str(value), VISITED) for value in values_on(front, counts)]})
 
 
 def values_on(front: pd.DataFrame, counts: Sequence[str]) -> list[Any]:
-    """The count of each row of a front as summary.json has it."""
+    """Return the count of each row of a front as in summary.json."""
     return [_value(row) for row in zip(*(front[name].tolist() for name in counts), strict=True)]

@@ -1,4 +1,4 @@
-"""A finished study, as tables and words."""
+"""Represent a finished study by its tables and its summary."""
 
 from __future__ import annotations
 
@@ -24,11 +24,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Exploration(NotebookRepr):
-    """A finished study: its tables (columns as in results.csv), its summary and its folder.
+    """Finished study with its tables, summary and folder.
 
-    results: one row per class, ranked. front: those of its rows that are on the front. summary: as in summary.json.
-    model: what was modelled. In a notebook it shows what was found, the front with its layouts, and the first rows
-    of both tables.
+    A notebook shows facts, the front with its layouts, and the first rows of both tables.
+
+    Attributes
+    ----------
+    scene : Scene
+        Scene of the search.
+    assembly : Assembly
+        Structure without the sink of void cells.
+    results : DataFrame
+        One row per class, ranked, with the columns of results.csv.
+    front : DataFrame
+        Rows of `results` on the front, with a column `evidence`.
+    summary : dict
+        Content of summary.json.
+    folder : Path
+        Results folder.
+    stop_reason : StopReason
+        Reason why the search ended.
+    model : SolveOptions
+        Model of the search.
     """
 
     scene: Scene
@@ -48,26 +65,47 @@ class Exploration(NotebookRepr):
         return f"Exploration({self.scene.name!r}, {len(self.results)} classes, {found}, in {self.folder})"
 
     def layout(self, rank: int | None = None) -> Layout:
-        """One layout as blocks: that of the N-th row of the results, default the strongest.
+        """Return one layout as blocks.
 
-        Rows that tie share a rank and keep their order, so that N tells them apart; rows without a rank, those that
-        are locked, uncertified or unstable, follow after. Raises InputError where there is no such row.
+        Rows that tie share a rank but keep their order, so `rank` is the number of the row.
+        Rows without a rank (locked, uncertified or unstable) follow after those with one.
+
+        Parameters
+        ----------
+        rank : int, optional
+            Number of the row of the results, from 1. Default: the strongest layout.
+
+        Returns
+        -------
+        Layout
+            Blocks of the layout.
+
+        Raises
+        ------
+        InputError
+            If there is no such row.
         """
         return Layout(self.scene, *cut(self.assembly, str(self.row(rank)["labelling"])))
 
     def result(self, rank: int | None = None) -> LimitAnalysisResult:
-        """The limit analysis of one layout, by the model of the search; rank as in `layout`."""
+        """Return the limit analysis of one layout by the search's model; `rank` as in `layout`."""
         layout = self.layout(rank)
         return solve(layout.assembly, layout.labels, **vars(self.model))
 
     def blocks(self, rank: int | None = None) -> pd.DataFrame:
-        """The blocks of one layout, columns as in blocks.csv; rank as in `layout`."""
-        import pandas as pd  # slow to import, and for tables alone
+        """Return the blocks of one layout as in blocks.csv; `rank` as in `layout`."""
+        import pandas as pd  # slow to import and needed for tables only
 
         return pd.DataFrame(self.layout(rank).table())
 
     def row(self, rank: int | None = None) -> pd.Series[Any]:
-        """The N-th row of the results, default the strongest layout. Raises InputError where there is none."""
+        """Return one row of the results, by default the strongest layout; `rank` as in `layout`.
+
+        Raises
+        ------
+        InputError
+            If there is no such row, or no ranked layout.
+        """
         ranked = int(np.count_nonzero(self.results["status"] == str(Status.COLLAPSE)))
         if rank is None and not ranked:
             problem = f"no layout of {self.folder} has a load factor to be ranked by"

@@ -1,4 +1,4 @@
-"""A study's folder: tables and pictures written."""
+"""Check results folders, and write tables and pictures into them."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 _DRAWING: Final = 1.2
-"""Seconds that one picture takes at the most, what it loads included; it is not begun with less left."""
+"""Longest time of one picture including imports, s; a picture is not begun with less time left."""
 
 PICTURES: Final = ("best", "pareto", "distribution", "dry_frequency", "convergence")
-"""What is drawn of a search, in order."""
+"""Names of the pictures of a search, in the order in which they are drawn."""
 
 RESERVED: Final = frozenset(
     [
@@ -43,11 +43,24 @@ RESERVED: Final = frozenset(
         *(f"{name}.png" for name in PICTURES),
     ]
 )
-"""Files of a results folder, which nothing else may be written to."""
+"""File names in a results folder that are reserved for the search."""
 
 
 def check_folder(folder: Path, resume: bool) -> None:
-    """Raise InputError for a folder that may not be written into."""
+    """Check that a results folder may be written into.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+    resume : bool
+        True if the folder must hold a study to resume; else it must be new or empty.
+
+    Raises
+    ------
+    InputError
+        If the folder is not writable, is not empty, or has no study to resume.
+    """
     check_writable(folder)
     if not folder.exists() or not any(folder.iterdir()):
         return
@@ -60,7 +73,18 @@ def check_folder(folder: Path, resume: bool) -> None:
 
 
 def check_writable(folder: Path) -> None:
-    """Raise InputError where no folder of this name can be made or written into."""
+    """Check that a folder exists or can be made, and is writable.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder; its parents need not exist.
+
+    Raises
+    ------
+    InputError
+        If the path is a file or a broken link, or the folder is not writable.
+    """
     missing = itertools.takewhile(lambda place: not place.exists(), (folder, *folder.absolute().parents))
     for place in missing:
         if place.is_symlink():
@@ -100,7 +124,20 @@ def check_certificate_file(path: Path, folder: Path) -> None:
 
 
 def write_tables(study: Study, reason: StopReason) -> Exploration:
-    """Write every table of a study that ended for a reason."""
+    """Write all tables of a finished study.
+
+    Parameters
+    ----------
+    study : Study
+        Study that has ended.
+    reason : StopReason
+        Reason why it ended.
+
+    Returns
+    -------
+    Exploration
+        Tables and summary as written.
+    """
     results = tables.results_table(study.records, study.assembly, study.space, study.driver.name)
     real = study.assembly if study.space.void is None else study.space.void.real
     axes = study.scene.search.front.axes
@@ -114,13 +151,13 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
     model = study.settings.model
     found["model"] = model.facts()
     if model.effective_area:
-        # proven with the areas of each labelling frozen, which says nothing of other fixed points
+        # A proof holds for the effective areas of one fixed point and not for other fixed points.
         found |= {"proven": False, "bound": None, "gap": None}
     found |= study.driver.facts(results, complete)
     aimed = study.driver.settings.get("aim") == "front"
     sure = complete and bool(found["proven"])
     asked = required.facts(results, study.scene.search, complete=complete, finished=study.driver.finished)
-    # what is proven of a count says nothing of the front of λ
+    # A proof for the count under a required load factor is no proof for the front of λ.
     known = {**found, "proven": found["proven"] and not asked}
     every = front_rows(front, known, counts, complete=sure, aimed=aimed)
     on_front = {str(value) for value in values_on(front, counts)}
@@ -146,11 +183,30 @@ def write_tables(study: Study, reason: StopReason) -> Exploration:
 def write_pictures(
     done: Exploration, ending: str = "png", out: Path | None = None, deadline: Deadline | None = None
 ) -> tuple[list[Path], list[str]]:
-    """Draw the front with its layouts and, where one was found, the best layout, and what else is known.
+    """Draw the pictures of a search: best layout, front, distributions and convergence.
 
-    ending: "png", "svg" or "pdf". out: folder written into, default the study's own. deadline: what was not begun by
-    then is left out. Returns what was written and the names of what was left out.
-    Raises InputError for another ending.
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    ending : str
+        "png", "svg" or "pdf".
+    out : Path, optional
+        Folder of the pictures. Default: the folder of the study.
+    deadline : Deadline, optional
+        Time after which no picture is begun.
+
+    Returns
+    -------
+    written : list of Path
+        Files written.
+    missing : list of str
+        Names of pictures omitted for lack of time.
+
+    Raises
+    ------
+    InputError
+        If the ending is unknown.
     """
     written, missing = [], []
     for name in PICTURES:
@@ -169,12 +225,12 @@ def write_pictures(
 
 
 def _drawings(name: str, done: Exploration) -> dict[str, Callable[[], Figure]]:
-    """What draws one of PICTURES, and what belongs to it, by name; empty where there is nothing to be drawn.
+    """Return the functions that draw one of `PICTURES`, by file name; empty without data.
 
-    Nothing slow is loaded or solved before something is drawn.
+    Nothing is imported or solved before a function is called.
     """
     if name == "best":
-        # of several load cases the best picture shows the one that governs, and each has one of its own
+        # With load cases "best" shows the governing case, and every case has a picture of its own.
         best = _Best(done)
         each = {f"best-{k}": partial(best.draw, case.name) for k, case in enumerate(done.assembly.cases, 1)}
         return {name: best.draw, **each}
@@ -191,17 +247,18 @@ class _Best:
 
     @cached_property
     def _found(self) -> LimitAnalysisResult:
+        """Limit analysis of the best layout."""
         return solve(*cut(self._done.assembly, self._done.summary["best_labelling"]), **vars(self._done.model))
 
     def draw(self, case: str | None = None) -> Figure:
-        """Draw the layout under one load case, by name; None: the one that governs."""
+        """Draw the layout under one load case given by name; None means the governing case."""
         from jld_explore.report import pictures as drawings
 
         return drawings.plot_best(self._found if case is None else self._found.cases[case])
 
 
 def _drawn(name: str, done: Exploration) -> Figure:
-    """Draw one of PICTURES other than the best layout."""
+    """Draw one of `PICTURES` other than the best layout."""
     from jld_explore.report import pictures as drawings
     from jld_explore.report.pictures_of_three import front_picture
 
@@ -217,6 +274,14 @@ def _drawn(name: str, done: Exploration) -> Figure:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
+    """Write a text file atomically.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    text : str
+        Content, encoded as UTF-8.
+    """
     with whole_file(path) as fresh:
         fresh.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Fronts: rows that no other row beats in λ and in the scene's counts."""
+"""Compute the Pareto front of λ and the scene's counts."""
 
 from __future__ import annotations
 
@@ -9,27 +9,40 @@ import numpy as np
 from jld_core.arrays import Bools, Floats
 
 _TOGETHER: Final = 1 << 24
-"""Comparisons made at once."""
+"""Number of comparisons made at once, which limits temporary memory."""
 
 _DIGITS: Final = 12
-"""Digits of counts that are compared, beside the largest."""
+"""Decimal digits to which counts are compared, relative to the largest count."""
 
 
 def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
-    """(k,) True where no other row is at least as good in all objectives and better in one.
+    """Return which rows are not dominated in λ and the counts.
 
-    load_factors: (k,) λ, more is better; NaN is never on the front. counts: (k,), or (k, c) for several counts. senses:
-    "max" or "min" for each count.
+    A row is dominated if another is at least as good in all objectives and better in one.
+
+    Parameters
+    ----------
+    load_factors : (k,) float array
+        λ, more is better; rows with NaN are never on the front.
+    counts : (k,) or (k, c) array
+        Values of c counts.
+    *senses : str
+        "max" or "min" for each count.
+
+    Returns
+    -------
+    (k,) bool array
+        True on the front.
     """
     signs = np.array([1.0 if sense == "max" else -1.0 for sense in senses])
     worth = np.asarray(counts, dtype=float).reshape(len(load_factors), len(senses)) * signs
-    # sums of lengths and masses that are one differ by rounding
+    # Equal sums of lengths or masses may differ by rounding.
     worth = np.round(worth / np.maximum(abs(worth).max(axis=0, initial=0.0), 1e-300), _DIGITS)
     mask = np.zeros(len(worth), dtype=bool)
     rows = np.flatnonzero(np.isfinite(load_factors))
     if rows.size == 0:
         return mask
-    # the best of all that count alike, and of those what none beats
+    # Take the best row for each combination of counts, then those that no other dominates.
     level, group = np.unique(worth[rows], axis=0, return_inverse=True)
     group = group.reshape(-1)
     best = np.full(len(level), -np.inf)
@@ -40,9 +53,9 @@ def on_front(load_factors: Floats, counts: Floats, *senses: str) -> Bools:
 
 
 def _unbeaten(best: Floats, level: Floats) -> Bools:
-    """(p,) rows that no other is as good as in every number; levels (p, c) differ."""
+    """Return (p,) mask of non-dominated rows; the count levels (p, c) differ from row to row."""
     if level.shape[1] == 1:
-        # ascending, so what counts more stands behind
+        # Levels ascend, so rows with better counts follow.
         behind = np.maximum.accumulate(best[::-1])[::-1]
         return best > np.concatenate([behind[1:], [-np.inf]])
     kept = np.empty(len(best), dtype=bool)
@@ -50,6 +63,6 @@ def _unbeaten(best: Floats, level: Floats) -> Bools:
     for low in range(0, len(best), step):
         part = slice(low, low + step)
         beaten = (best >= best[part, None]) & (level >= level[part, None]).all(axis=2)
-        # each is as good as itself
+        # Each row dominates itself in this comparison.
         kept[part] = beaten.sum(axis=1) == 1
     return kept

@@ -1,4 +1,4 @@
-"""What a notebook shows of a finished study: facts, the front with its layouts, first rows of tables; or its page."""
+"""Show a finished study in a notebook: facts, front and first rows, or its page."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from jld_explore.report.page_of_study import PATIENCE, study_page
 
 
 class ExplorationView:
-    """A finished study."""
+    """Notebook representation of a finished study."""
 
     def svg(self, thing: Exploration) -> str | None:
-        """The front with its layouts; None where the structure is too large to be drawn unasked."""
+        """Return the front with its layouts as SVG, None if the structure is too large."""
         if len(thing.assembly.elements) > notebook.LARGEST:
             return None
         from jld_core.views.figures import svg_of
@@ -25,7 +25,7 @@ class ExplorationView:
         return svg_of(front_picture(thing))
 
     def html(self, thing: Exploration, drawing: str | None) -> str:
-        """Its facts, its drawing and the first rows of its tables."""
+        """Return facts, drawing and the first rows of both tables as HTML."""
         tables_of = {"strongest": words.best_rows(thing), f"front, {words.front_name(thing)}": thing.front}
         parts = [
             f"<p>{name}</p>{table[words.columns(thing)].to_html(index=False)}" for name, table in tables_of.items()
@@ -38,7 +38,15 @@ register_repr(Exploration, ExplorationView())
 
 @dataclass(frozen=True)
 class Page:
-    """The page of a search, which a notebook shows in a frame of its own. text: its HTML. height: pixels."""
+    """Page of a search that a notebook shows in a frame.
+
+    Attributes
+    ----------
+    text : str
+        HTML of the page.
+    height : int
+        Height of the frame, pixels.
+    """
 
     text: str
     height: int = 900
@@ -52,8 +60,20 @@ class Page:
 
 
 def show_page(done: Exploration, height: int = 900, patience: float = PATIENCE) -> Page:
-    """The page of a search as a notebook shows it, whole and alive; nothing is written.
+    """Make the interactive page of a finished search for a notebook; no file is written.
 
-    height: pixels. patience: seconds for solving what is drawn; the best come first.
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    height : int
+        Height of the frame, pixels.
+    patience : float
+        Time limit for solving layouts to be drawn, s; the best come first.
+
+    Returns
+    -------
+    Page
+        Page for the notebook.
     """
     return Page(study_page(done, patience), height)

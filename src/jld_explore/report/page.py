@@ -1,7 +1,7 @@
-"""One file that shows a search: the page's modules, its style and its data, joined into HTML that loads nothing.
+"""Make a self-contained HTML page from modules, style and data of the front end.
 
-The front end under `assets/` is plain modules that a browser runs as they are; `linked` joins them into one script, so
-that a page opens from disk, where browsers refuse to import.
+The front end under `assets/` consists of plain modules that a browser runs unchanged.
+`linked` joins them into one script, because browsers refuse imports in pages opened from disk.
 """
 
 from __future__ import annotations
@@ -26,16 +26,40 @@ _BUNDLE: Final = re.compile(r"export\{([^}]*)\};?\s*$")
 _TOKEN: Final = re.compile(r"\{\{(\w+)\}\}")
 
 PLANAR: Final = {"figures.js": "figures_planar.js"}
-"""Modules that stand for others in pages of planar scenes, which need no WebGL."""
+"""Modules replaced in pages of planar scenes, which need no WebGL."""
 
 
 def asset(name: str, wing: str = "report") -> str:
-    """Text of a file of the front end."""
+    """Return the text of a front-end file.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file under `assets/`.
+    wing : str
+        Sub-package that holds it, "report" or "studio".
+
+    Returns
+    -------
+    str
+        Content of the file.
+    """
     return _assets(wing).joinpath(name).read_text(encoding="utf-8")
 
 
 def asset_names(wing: str = "report") -> list[str]:
-    """Files of the front end that a browser loads: modules and styles, those of vendors under their folder."""
+    """List the front-end files that a browser loads.
+
+    Parameters
+    ----------
+    wing : str
+        Sub-package that holds them, "report" or "studio".
+
+    Returns
+    -------
+    list of str
+        Modules and styles, and modules of vendors as "vendor/...", sorted.
+    """
     own = [entry.name for entry in _assets(wing).iterdir() if entry.name.endswith((".js", ".css"))]
     vendor = _assets(wing).joinpath("vendor")
     theirs = [f"vendor/{entry.name}" for entry in vendor.iterdir()] if vendor.is_dir() else []
@@ -43,13 +67,15 @@ def asset_names(wing: str = "report") -> list[str]:
 
 
 def _assets(wing: str) -> Traversable:
+    """Return the folder of front-end files of a sub-package."""
     return files(f"jld_explore.{wing}").joinpath("assets")
 
 
 def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
-    """One script from a module and all it imports, each in a scope of its own, in the order of need.
+    """Join a module and all its imports into one script, in dependency order.
 
-    entry: its file name. instead: modules that stand for others. Raises ValueError for a circle of imports.
+    Each module has its own scope. `instead` names replacements of modules.
+    Raises ValueError for circular imports and for text that would end the script element.
     """
     instead = instead or {}
     done: dict[str, str] = {}
@@ -72,6 +98,7 @@ def linked(entry: str, instead: Mapping[str, str] | None = None) -> str:
 
 
 def _scoped(name: str, text: str, instead: Mapping[str, str], last: bool) -> str:
+    """Return a module as a block with its own scope, with imports and exports rewritten."""
     text = _IMPORT.sub(lambda m: f"const {{{m[1].replace(' as ', ': ')}}} = {_place(m[2], instead)};\n", text)
     text = _STAR.sub(lambda m: f"const {m[1]} = {_place(m[2], instead)};\n", text)
     bundle = _BUNDLE.search(text)
@@ -88,13 +115,14 @@ def _scoped(name: str, text: str, instead: Mapping[str, str], last: bool) -> str
 
 
 def _place(name: str, instead: Mapping[str, str]) -> str:
+    """Return the expression for an imported module."""
     return f'$modules["{instead.get(name, name)}"]'
 
 
 def page(data: Mapping[str, Any]) -> str:
-    """HTML of a report, self-contained.
+    """Return the self-contained HTML of a report from `page_data`.
 
-    data: as from `page_data`. Its policy lets only this script and this style run, by their hashes.
+    Its content security policy admits only this script and this style, by their hashes.
     """
     script = linked("report.js", PLANAR if data["structure"]["dimension"] == 2 else None)
     style = asset("page.css")
@@ -116,15 +144,34 @@ def page(data: Mapping[str, Any]) -> str:
 
 
 def packed(data: Mapping[str, Any]) -> str:
-    """Data as base64 of gzip of JSON: letters and digits only, whatever the names in a scene are."""
+    """Return data as base64 of gzipped JSON, which is safe in HTML for any names in a scene."""
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return base64.b64encode(gzip.compress(text.encode("utf-8"), compresslevel=6, mtime=0)).decode("ascii")
 
 
 def filled(template: str, parts: Mapping[str, str]) -> str:
-    """A template with each {{name}} replaced by its part, which is not read again."""
+    """Replace each {{name}} in a template by its part; parts are not expanded again.
+
+    Parameters
+    ----------
+    template : str
+        Text with {{name}} tokens.
+    parts : mapping of str to str
+        Replacement of each token.
+
+    Returns
+    -------
+    str
+        Text with all tokens replaced.
+
+    Raises
+    ------
+    KeyError
+        If a token has no part.
+    """
     return _TOKEN.sub(lambda found: parts[found[1]], template)
 
 
 def _hash(text: str) -> str:
+    """Return the SHA-256 of a text in the form of a content security policy."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

@@ -1,7 +1,8 @@
-"""What a page shows, as one JSON object: structure, loads and solutions (the contract is docs/guide/page.md).
+"""Assemble the data of a page as JSON: structure, loads and solutions.
 
-Python computes everything that needs mechanics or geometry; the page only places marks where it is told to. Numbers
-are rounded to what a drawing or a tooltip can show; `results.csv` keeps them in full.
+The format is documented in docs/guide/page.md.
+Python computes everything that needs mechanics or geometry, and the page only draws.
+Numbers are rounded for drawings and tooltips; `results.csv` keeps full precision.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from jld_core.views import look, quantities
 from jld_explore.space import beside_nothing, omitted, to_string
 
 FORMAT: Final = "jld-page"
+"""Identifier of the data format."""
 VERSION: Final = 1
+"""Version of the data format."""
 PLACES: Final = 9
-"""Significant digits of places and load factors."""
+"""Significant digits of coordinates and load factors."""
 DIGITS: Final = 6
 """Significant digits of forces, velocities and utilisations."""
 
@@ -42,11 +45,39 @@ def page_data(
     summary: Mapping[str, Any] | None = None,
     studio: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The object that a page is made of.
+    """Assemble the data of a page.
 
-    kind: "report" or "studio". candidates: (m,) faces whose label may be chosen. facts: shown by name. how: a sentence
-    on how to get forces that the page does not hold, {rank} in it. table: as from `table_of`. solutions: by number
-    of the row. convergence: name, solves, seconds, best. studio: what the studio adds.
+    Parameters
+    ----------
+    kind : str
+        "report" or "studio".
+    scene : Scene
+        Scene.
+    assembly : Assembly
+        Structure with m faces.
+    candidates : (m,) bool array
+        Faces whose label may be chosen.
+    facts : mapping of str to str
+        Facts shown by name.
+    warnings : sequence of str
+        Warnings shown.
+    how : str
+        Sentence on how to get forces that the page does not hold, with {rank} in it.
+    table : dict, optional
+        Table from `table_of`.
+    solutions : mapping of int to dict, optional
+        Data from `solution_of` by the number of the row.
+    convergence : sequence of dict
+        Curves with name, solves, seconds and best.
+    summary : mapping, optional
+        Summary of the study.
+    studio : mapping, optional
+        Additional data of the studio.
+
+    Returns
+    -------
+    dict
+        Data that can be written as JSON.
     """
     return {
         "format": FORMAT,
@@ -70,7 +101,7 @@ def page_data(
 
 
 def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
-    """Elements and faces, in the order of the assembly; places in scene units."""
+    """Return elements and faces in the order of the assembly, coordinates in scene units."""
     elements, faces = assembly.elements, assembly.interfaces
     planar = assembly.dimension == 2
     weight = np.linalg.norm(elements.weight, axis=1)
@@ -108,7 +139,10 @@ def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
 
 
 def _bare_edges(assembly: Assembly) -> list[dict[str, Any]]:
-    """Pieces of the outlines of free elements that no interface covers: element, from, to."""
+    """Return the pieces of the outlines of free elements that no interface covers.
+
+    Each piece has the element and its two ends.
+    """
     touching: list[list[Floats]] = [[] for _ in assembly.elements.ids]
     for k, polygon in enumerate(assembly.interfaces.polygon):
         touching[assembly.interfaces.a[k]].append(polygon)
@@ -134,7 +168,7 @@ def _bare_edges(assembly: Assembly) -> list[dict[str, Any]]:
 
 
 def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) -> list[tuple[float, float]]:
-    """What intervals leave of [0, length], pieces no longer than `near` apart."""
+    """Return the parts of [0, length] that intervals leave uncovered, if longer than `near`."""
     found, at = [], 0.0
     for low, high in sorted(covered):
         if low - at > near:
@@ -146,12 +180,23 @@ def _gaps(covered: Iterable[tuple[float, float]], length: float, near: float) ->
 
 
 def cases_of(assembly: Assembly) -> list[str]:
-    """Names of the load cases; one empty name where the scene has one only."""
+    """Return the names of the load cases; one empty name for a scene with a single load."""
     return [case.name for case in assembly.cases] or [""]
 
 
 def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
-    """Live loads as they are drawn: on points, on all bodies together, and couples."""
+    """List the live loads for drawing: on points, on all bodies together, and couples.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with its load cases.
+
+    Returns
+    -------
+    list of dict
+        Loads with case, kind, element, position and vector, scene units.
+    """
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
     found: list[dict[str, Any]] = []
     for name, case in zip(cases_of(assembly), assembly.by_case, strict=True):
@@ -168,13 +213,22 @@ def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
 
 
 def _load(case: str, kind: str, element: str, at: Any, vector: Any) -> dict[str, Any]:
+    """Return one load as data."""
     return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
 
 
 def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
-    """What is proven of one layout, in all and by load case, ready to be drawn.
+    """Convert a limit analysis result to the data of a drawing, by load case.
 
-    In all: λ, or with several load cases the least of each case's λ over what is required of it.
+    Parameters
+    ----------
+    result : LimitAnalysisResult
+        Result of one layout.
+
+    Returns
+    -------
+    dict
+        λ (with load cases the governing factor), bracket and status, and for each case forces and mechanism.
     """
     cases = result.cases or {"": result}
     names = list(cases)
@@ -192,7 +246,10 @@ def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
 
 
 def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str, Any]:
-    """A solution of what a labelling leaves, by the faces and elements of the whole structure; None beside nothing."""
+    """Extend a solution of the remaining structure to the faces and elements of the whole one.
+
+    Omitted elements get zeros, and faces beside them get zeros as well.
+    """
     gone = omitted(assembly, text)
     faces = np.flatnonzero(~beside_nothing(text)).tolist()
     elements = np.flatnonzero(~gone).tolist()
@@ -219,8 +276,9 @@ def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str,
 
 
 def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
+    """Return the data of one load case: λ, forces, thrust and mechanism."""
     if result.falling is not None:
-        result = replace(result, mechanism=result.falling)  # what proves that it falls is what there is to see
+        result = replace(result, mechanism=result.falling)  # Show the mechanism that proves instability.
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
     found: dict[str, Any] = {
         "name": name,
@@ -258,7 +316,7 @@ def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
 
 
 def rounded(values: Any, digits: int = PLACES) -> Any:
-    """Nested lists of numbers with so many significant digits; None for NaN and infinities."""
+    """Round to significant digits and return nested lists, with None for NaN and infinities."""
     array = np.asarray(values, dtype=float)
     if array.ndim == 0:
         return float(f"{array:.{digits}g}") if np.isfinite(array) else None
@@ -266,7 +324,7 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
         power = np.where((array == 0.0) | ~np.isfinite(array), 0.0, np.floor(np.log10(abs(array))))
     clean = abs(power) < 280
     factor = 10.0 ** np.where(clean, digits - 1 - power, 0.0)
-    # dividing by a power of ten gives the double nearest to the decimal number, which prints short
+    # Division by a power of ten gives the double nearest to the decimal number, which prints short.
     shift = 10.0 ** np.where(clean, np.abs(digits - 1 - power), 0.0)
     whole = np.round(np.where(digits - 1 - power >= 0, array * shift, array / shift))
     short = np.where(digits - 1 - power >= 0, whole / shift, whole * shift)
@@ -274,6 +332,7 @@ def rounded(values: Any, digits: int = PLACES) -> Any:
 
 
 def _plain(array: Floats) -> Any:
+    """Return an array as nested lists, with None for values that are not finite."""
     if array.ndim > 1:
         return [_plain(row) for row in array]
     return [float(v) if np.isfinite(v) else None for v in array]

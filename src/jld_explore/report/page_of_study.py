@@ -1,4 +1,4 @@
-"""Pages of finished searches and of single scenes: which rows and which forces they hold."""
+"""Make pages of finished searches and single scenes, and choose the layouts they contain."""
 
 from __future__ import annotations
 
@@ -31,27 +31,56 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NAME: Final = "report.html"
-"""The page in a study's folder."""
+"""File name of the page in the folder of a study."""
 
 SOLVED: Final = 50
-"""Rows from the top whose forces and mechanism a page holds, besides those of the front."""
+"""Number of best rows whose forces and mechanism a page holds, besides those of the front."""
 
 PATIENCE: Final = 1.5
-"""Seconds after which no further row is solved for a page: a search with a time limit must end soon after it."""
+"""Seconds after which no further row is solved for a page, since a search must end soon after its time limit."""
 
 DEAR: Final = 1.0
-"""Seconds past a deadline that solving the best row may take."""
+"""Seconds after a deadline that solving the best row may take."""
 
 HOW: Final = "To get them: jld solve FOLDER --rank {rank}, or jld plot FOLDER --rank {rank}."
+"""Sentence of the page on how to get forces that it does not hold."""
 
 
 def study_page(done: Exploration, patience: float = PATIENCE, dear: float = math.inf) -> str:
-    """HTML of a finished search, self-contained. patience, dear: see `study_data`."""
+    """Make the self-contained HTML page of a finished search.
+
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    patience : float
+        Time limit for solving layouts, s (see `study_data`).
+    dear : float
+        Largest solve time of a layout, s (see `study_data`).
+
+    Returns
+    -------
+    str
+        HTML.
+    """
     return page(study_data(done, patience, dear=dear))
 
 
 def scene_page(scene: Scene, assembly: Assembly) -> str:
-    """HTML of a scene with its own labels, solved."""
+    """Make the HTML page of a scene with its own labels, solved.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    assembly : Assembly
+        Assembly of the scene.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
     found = CaseSolver(assembly).solve(assembly.labels, stands=True)
     facts = {**facts_of_assembly(assembly), **facts_of_result(found)}
     candidates = assembly.free_faces
@@ -74,10 +103,25 @@ def study_data(
     studio: Mapping[str, Any] | None = None,
     dear: float = math.inf,
 ) -> dict[str, Any]:
-    """The data of the page of a search, as `page_data` has it.
+    """Assemble the data of the page of a search (see `page_data`).
 
-    patience: seconds for solving what is drawn; the best come first. dear: seconds above which even the first is left
-    out, by what its evaluation took.
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    patience : float
+        Time limit for solving layouts to be drawn, s; the best come first.
+    kind : str
+        "report" or "studio".
+    studio : mapping, optional
+        Additional data of the studio.
+    dear : float
+        Solve time, s, above which no layout is solved, not even the first; estimated by the time of its evaluation.
+
+    Returns
+    -------
+    dict
+        Data that can be written as JSON.
     """
     rows = chosen_rows(done.results, done.front)
     axes = done.scene.search.front.axes
@@ -101,21 +145,43 @@ def study_data(
 
 
 class CaseSolver:
-    """Solves labellings of one assembly under each of its load cases, on templates that are built once.
+    """Solver of labellings of one assembly under each of its load cases.
 
-    Threads may share it: they take turns.
+    Templates are built once. Threads may share the solver; they solve one at a time.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    model : SolveOptions, optional
+        Model. Default: associative friction, as in `solve`.
     """
 
     def __init__(self, assembly: Assembly, model: SolveOptions | None = None) -> None:
-        """model: default associative friction, as `solve` has it."""
+        """Build the limit analyses of all load cases."""
         self.assembly, self.model = assembly, model or SolveOptions()
-        self._turn = threading.Lock()  # an analysis holds one solver, which is one thread's at a time
+        self._turn = threading.Lock()  # A limit analysis may be used by one thread at a time.
         self._analyses = [limit_analysis(case, self.model, reference=assembly.labels) for case in assembly.by_case]
 
     def solve(self, labels: Bits, stands: bool = False) -> LimitAnalysisResult:
-        """One labelling (m,). stands: also decide whether it stands without live load.
+        """Solve one labelling.
 
-        Raises InputError where a material that it needs is missing.
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+        stands : bool
+            Also decide whether the structure stands without live load.
+
+        Returns
+        -------
+        LimitAnalysisResult
+            Result, with load cases that of the governing case.
+
+        Raises
+        ------
+        InputError
+            If a required material is missing.
         """
         require_materials(self.assembly, labels, ~labels)
         found: dict[str, LimitAnalysisResult] = {}
@@ -129,6 +195,7 @@ class CaseSolver:
 
 
 def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, dict[str, Any]]:
+    """Solve rows in order of importance until time runs out; return data by position."""
     start = time.perf_counter()
     found: dict[int, dict[str, Any]] = {}
     solver = CaseSolver(done.assembly, done.model)
@@ -144,7 +211,7 @@ def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: flo
 
 
 def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
-    """Positions of the rows whose forces are worth most: the best, the front, the following."""
+    """Return the positions of rows to solve, in order: the best, the front, the next ranks."""
     ranked = np.flatnonzero(rows["rank"].notna())[:SOLVED].tolist()
     edge = np.flatnonzero(rows.index.isin(front.index)).tolist()
     return list(dict.fromkeys([*ranked[:1], *edge, *ranked]))
@@ -153,9 +220,23 @@ def _worth(rows: pd.DataFrame, front: pd.DataFrame) -> Sequence[int]:
 def write_report(
     done: Exploration, out: Path | None = None, patience: float = PATIENCE, deadline: Deadline | None = None
 ) -> Path:
-    """Write the page of a search into its folder, or into `out`. Returns the file.
+    """Write the page of a search.
 
-    patience: seconds for solving what is drawn, the best first; no more than is left to the deadline.
+    Parameters
+    ----------
+    done : Exploration
+        Finished search.
+    out : Path, optional
+        Folder of the page. Default: the folder of the study.
+    patience : float
+        Time limit for solving layouts to be drawn, s; the best come first.
+    deadline : Deadline, optional
+        Deadline that also limits the solves.
+
+    Returns
+    -------
+    Path
+        File written.
     """
     dear = math.inf
     if deadline is not None and deadline.limited:

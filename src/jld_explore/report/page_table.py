@@ -1,4 +1,4 @@
-"""The table of a page: the rows of results.csv by column, rounded, with what is known of each row."""
+"""Make the table of a page: the columns of results.csv, rounded, with each row's evidence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST: Final = 20_000
-"""Rows that a page holds: the strongest, and the front."""
+"""Largest number of strongest rows on a page; the front is added."""
 
 TITLES: Final = {
     "multiplicity": "mirror images",
@@ -25,13 +25,17 @@ TITLES: Final = {
     "load_factor_zero_dilation": "λ without dilation",
     "seconds": "seconds",
 }
+"""Titles of columns whose name is not a good title."""
 _FIRST: Final = ("rank", "load_factor", "bracket_lo", "bracket_hi", "governing", "status")
+"""Columns shown first."""
 _LAST: Final = ("load_factor_associative", "load_factor_zero_dilation", "multiplicity", "settled", "seconds", "driver")
+"""Columns shown last."""
 _NO_COUNT: Final = ("rank", "multiplicity", "seconds", "load_factor", "bracket_lo", "bracket_hi")
+"""Beginnings of the names of numeric columns that are no counts."""
 
 
 def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) -> pd.DataFrame:
-    """The rows of a page, in the order of the results: the first ones, and all of the front."""
+    """Return the rows of a page in the order of the results: the first `most`, and the front."""
     if len(results) <= most:
         return results
     kept = np.arange(len(results)) < most
@@ -42,12 +46,12 @@ def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) ->
 def table_of(
     results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], left_out: int
 ) -> dict[str, Any]:
-    """The object `table` of a page's data.
+    """Return the object `table` of a page's data.
 
-    results: columns of results.csv, the rows to show. front: those of them on the front, with a column `evidence`.
-    axes: counts of the front, each with its sense. left_out: rows that are not shown.
+    `results` holds the rows to show and `front` those on the front, with a column `evidence`.
+    `axes` holds the counts of the front, each with its sense. `left_out` is the number of rows not shown.
     """
-    import pandas as pd  # here and below: slow to import, and for tables alone
+    import pandas as pd  # here and below: slow to import and needed for tables only
 
     count, sense = axes[0]
     texts = results["labelling"].astype(str)
@@ -81,18 +85,20 @@ def table_of(
 
 
 def _ordered(names: list[str]) -> list[str]:
-    """Rank and λ first, then what is counted, then how it was found."""
+    """Order column names: rank and λ first, then counts, then how each row was found."""
     first = [name for name in _FIRST if name in names]
     last = [name for name in _LAST if name in names]
     return [*first, *(name for name in names if name not in first and name not in last), *last]
 
 
 def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> dict[str, Any]:
+    """Return one column as data."""
     kind, shown = _values(values, digits=4 if name == "seconds" else 10)
     return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": shown}
 
 
 def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
+    """Return the kind of a column ("integer", "number" or "text") and its values."""
     import pandas as pd
 
     if pd.api.types.is_integer_dtype(values):
@@ -103,6 +109,7 @@ def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
 
 
 def _title(name: str, assembly: Assembly) -> str:
+    """Return the title of a column."""
     if name.startswith("load_factor["):
         return f"λ, {name[len('load_factor[') : -1]}"
     count = _counts().get(name)
@@ -110,16 +117,18 @@ def _title(name: str, assembly: Assembly) -> str:
 
 
 def _unit(name: str, assembly: Assembly) -> str:
+    """Return the unit of a column, "" for none."""
     count = _counts().get(name)
     return "" if count is None else count.unit(assembly)
 
 
 def _counts() -> dict[str, Count]:
+    """Return all counts by name."""
     return {count.name: count for count in registered()}
 
 
 def curve_of(name: str, history: pd.DataFrame) -> dict[str, Any]:
-    """One curve of convergence from the columns of convergence.csv, at its steps."""
+    """Return one convergence curve from the columns of convergence.csv."""
     found = history[np.isfinite(history["best"].astype(float))]
     return {
         "name": name,
@@ -130,7 +139,7 @@ def curve_of(name: str, history: pd.DataFrame) -> dict[str, Any]:
 
 
 def facts_of_summary(summary: Mapping[str, Any], results: pd.DataFrame) -> dict[str, str]:
-    """What is proven, by name: the best λ with its bracket, the bound over all layouts and the gap, versions."""
+    """Return proven facts by name: bracket of the best λ, bound on all layouts, gap, versions."""
     facts: dict[str, str] = {}
     best = results[results["load_factor"].notna()].head(1)
     if summary.get("best") is not None and len(best):

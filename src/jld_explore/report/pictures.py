@@ -1,6 +1,6 @@
-"""Pictures of a study: the front with its layouts, distributions, dry faces of the best, convergence.
+"""Draw pictures of a study: front with layouts, distributions, dry faces, convergence.
 
-Pure functions of the tables: nothing is solved here, and nothing is written.
+The functions depend on the tables alone; they solve nothing and write nothing.
 """
 
 from __future__ import annotations
@@ -31,11 +31,12 @@ from jld_explore.report.evidence import known_front
 from jld_explore.space import Count, count_named, cut, dry_of, registered
 
 FIRST: Final = registered()[0].name
-"""The count that pictures weigh λ against where none is named."""
+"""Default count of the front in pictures."""
 
 SHARE: Final = LinearSegmentedColormap.from_list("share", ["#C9C9C9", "#D89A2B", "#8C2300"])
+"""Colours of the share of layouts in which a face is dry."""
 MANY: Final = 5000
-"""Dots from which a scatter is stored as an image, so that vector files stay small."""
+"""Number of dots from which a scatter plot is stored as an image, so that vector files stay small."""
 
 LINES: Final = (
     ("#0072B2", "solid"),
@@ -46,6 +47,7 @@ LINES: Final = (
     ("#E69F00", (0, (1.0, 1.0))),
     ("#56B4E9", (0, (9.0, 2.0))),
 )
+"""Colours and dash patterns of convergence curves."""
 
 
 def plot_pareto(
@@ -57,12 +59,32 @@ def plot_pareto(
     sense: str = "max",
     layouts: int = 8,
 ) -> Figure:
-    """λ against the front's count: all labellings that collapse, the front, and layouts along it.
+    """Plot λ against a count: all layouts that collapse, the front, and layouts along it.
 
-    results, front: tables with the columns of results.csv, front a part of results. count: a registered
-    one. sense: "max" or "min", the better direction of the count. layouts: largest
-    number of layouts drawn; numbers in circles say which point each belongs to.
-    Raises ValueError for another count or sense, or labellings that do not fit the assembly.
+    Numbers in circles link layouts and points.
+
+    Parameters
+    ----------
+    results, front : DataFrame
+        Tables with the columns of results.csv; `front` is a part of `results`.
+    assembly : Assembly
+        Structure.
+    count : str
+        Name of a registered count.
+    sense : str
+        "max" or "min", the better direction of the count.
+    layouts : int
+        Largest number of layouts drawn.
+
+    Returns
+    -------
+    Figure
+        Figure.
+
+    Raises
+    ------
+    ValueError
+        If count or sense is unknown, or labellings do not fit the assembly.
     """
     if count not in [known.name for known in registered()] or sense not in ("max", "min"):
         raise ValueError(f"count {count!r} and sense {sense!r}: no such front")
@@ -110,15 +132,14 @@ def plot_pareto(
 
 
 def plot_best(result: LimitAnalysisResult) -> Figure:
-    """The best labelling in full: labels, forces and mechanism."""
+    """Draw the best labelling in full: labels, forces and mechanism."""
     return core.figure_of_result(result)
 
 
 def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
-    """λ of the labellings that collapse, one box for each value of a count, with every labelling as a dot.
+    """Draw λ of the labellings that collapse as box plots by an integer count, with all dots.
 
-    results: columns of results.csv. count: one in whole numbers. The numbers along the top
-    say how many classes each box holds.
+    Numbers along the top give the number of classes of each box. `results` has the columns of results.csv.
     """
     shown = collapsed(results)
     figure = figure_of(8.0, 4.6)
@@ -153,10 +174,11 @@ def plot_distribution(results: pd.DataFrame, count: str = FIRST) -> Figure:
 
 
 def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50) -> Figure:
-    """On the layout: in what share of the `top` best labellings each face is dry, by width and colour.
+    """Draw the share of the `top` best labellings in which each face is dry.
 
-    results: columns of results.csv; each class counts once, with the labelling that stands for it. Faces to
-    supports stay thin. Raises ValueError for labellings that do not fit the assembly.
+    Width and colour of a face show the share. `results` has the columns of results.csv.
+    Each class counts once, by its representative labelling.
+    Faces to supports stay thin. Raises ValueError for labellings that do not fit the assembly.
     """
     best = collapsed(results).sort_values("load_factor", ascending=False, kind="stable").head(top)
     lower, upper = extent(assembly, projection_of(assembly))
@@ -188,10 +210,10 @@ def plot_dry_frequency(results: pd.DataFrame, assembly: Assembly, top: int = 50)
 
 
 def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
-    """Best λ so far against solves and against seconds, one line for each history.
+    """Plot the best λ so far against solves and against seconds, one line per history.
 
-    histories: by name, tables with the columns `solves` (so far), `seconds` (since the start) and `best`
-    (best λ so far, blank while there is none), in order.
+    The histories are tables by name with the columns `solves` (so far), `seconds` (since the start) and `best`.
+    `best` is the best λ so far, blank while there is none.
     """
     figure = figure_of(9.6, 4.2)
     names = {"solves": "programs solved", "seconds": "time [s]"}
@@ -227,9 +249,9 @@ def plot_convergence(histories: dict[str, pd.DataFrame]) -> Figure:
 
 
 def labels_of(text: object, assembly: Assembly) -> Bits:
-    """(m,) labels from letters d, i and v (beside nothing, not dry), in the order of the interfaces.
+    """Convert letters d, i and v to (m,) labels in the order of the interfaces; v is not dry.
 
-    Raises ValueError where it does not fit.
+    Raises ValueError if the text does not fit the assembly.
     """
     count = len(assembly.interfaces)
     if not isinstance(text, str) or len(text) != count:
@@ -238,14 +260,17 @@ def labels_of(text: object, assembly: Assembly) -> Bits:
 
 
 def collapsed(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows with a finite load factor, by proof."""
+    """Return the rows with a proven finite load factor."""
     kept = (table["status"] == str(Status.COLLAPSE)) & np.isfinite(table["load_factor"].astype(float))
     return table[kept]
 
 
 def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int) -> list[int]:
-    """Indices of points (k, 2) that lie well apart on paper: the ends first, then always the farthest from
-    those taken, until circles would touch. every: all points on the axes; inches: size of the axes."""
+    """Select indices of points (k, 2) that lie well apart on paper.
+
+    The ends come first, then always the point farthest from those selected, until circles would touch.
+    `every` holds all points on the axes; `inches` is the size of the axes.
+    """
     if not len(points):
         return []
     scale = np.array(inches) / np.maximum(np.ptp(every, axis=0), 1e-300)
@@ -262,7 +287,19 @@ def spread(points: Floats, every: Floats, inches: tuple[float, float], most: int
 
 @dataclass(frozen=True)
 class Gallery:
-    """Layouts in one row or two along the foot of a figure. count: layouts; cell: width and height of each, inches."""
+    """Layouts in one or two rows along the bottom of a figure.
+
+    Attributes
+    ----------
+    count : int
+        Number of layouts.
+    columns : int
+        Number of layouts per row.
+    cell : tuple of (float, float)
+        Width and height of each layout, inches.
+    width : float
+        Width of the figure, inches.
+    """
 
     count: int
     columns: int
@@ -271,23 +308,23 @@ class Gallery:
 
     @classmethod
     def of(cls, count: int, assembly: Assembly, width: float) -> Gallery:
-        """Room for so many layouts across a figure of this width."""
+        """Return the gallery of `count` layouts for a figure of given width, inches."""
         columns = count if count <= 5 else math.ceil(count / 2)
         wide = width / max(columns, 4)
         return cls(count, columns, (wide, _thumbnail_height(assembly, wide) + 0.42), width)
 
     @property
     def rows(self) -> int:
-        """Rows of layouts."""
+        """Number of rows of layouts."""
         return -(-self.count // self.columns) if self.count else 0
 
     @property
     def height(self) -> float:
-        """Inches."""
+        """Height of the gallery, inches."""
         return self.rows * self.cell[1]
 
     def draw(self, figure: Figure, number: int, assembly: Assembly, labelling: object, words: str) -> None:
-        """One layout with its number in a circle and words above."""
+        """Draw one layout with its number in a circle and words above."""
         width, total = figure.get_size_inches()
         row, column = divmod(number, self.columns)
         left = (width - min(self.columns, self.count) * self.cell[0]) / 2.0 + column * self.cell[0]
@@ -297,13 +334,13 @@ class Gallery:
         rest, labels = cut(assembly, str(labelling))
         core.draw_assembly(thumb, rest, labels, plain=True)
         if rest is not assembly:
-            # at the scale of the whole
+            # Use the scale of the whole structure.
             frame(thumb, assembly, list(extent(assembly, projection_of(assembly))), bare=True)
         y = (bottom + self.cell[1] - 0.2) / total
         figure.text((left + 0.2) / width, y, str(number + 1), **circle())
         text = figure.text((left + 0.36) / width, y, words, fontsize=8, va="center", color=INK)
         room = (self.cell[0] - 0.42) * figure.dpi
-        # by steps: hinting rounds widths, so a smaller size need not be narrower
+        # Try sizes in steps: hinting rounds widths, so that a smaller size need not be narrower.
         for size in (7.5, 7.0, 6.5, 6.0):
             if text.get_window_extent().width <= room:
                 break
@@ -311,13 +348,14 @@ class Gallery:
 
 
 def _thumbnail_height(assembly: Assembly, width: float) -> float:
+    """Return the height of a layout's drawing for a given width, inches."""
     lower, upper = extent(assembly, projection_of(assembly))
     span = upper - lower
     return float(np.clip((width - 0.16) * span[1] / span[0], 0.3, 2.2))
 
 
 def caption(results: pd.DataFrame) -> str:
-    """How many labellings the table holds and what became of those that are not on the axes."""
+    """Return the number of labellings in the table by status."""
     tally = results["status"].value_counts()
     parts = [f"{int(tally.get(str(s), 0))} {s}" for s in Status if s is not Status.FAILED or str(s) in tally]
     total = int(results["multiplicity"].sum()) if "multiplicity" in results else len(results)
@@ -325,29 +363,33 @@ def caption(results: pd.DataFrame) -> str:
 
 
 def _whole_numbers(ax: Axes, count: Count) -> None:
+    """Use integer ticks for an integer count."""
     if count.integer:
         ax.xaxis.set_major_locator(MaxNLocator(nbins=12, integer=True, min_n_ticks=1))
 
 
 def say_nothing(ax: Axes, text: str) -> None:
+    """Write a text in the middle of empty axes."""
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=10, color=SOFT)
     ax.set_xticks([])
     ax.set_yticks([])
 
 
 def circle() -> dict[str, Any]:
+    """Return the style of a number in a circle."""
     box = {"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": FRONT, "linewidth": 1.1}
     return {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold", "color": INK, "bbox": box}
 
 
 def figure_of(width: float, height: float) -> Figure:
+    """Make a figure of given size, inches."""
     figure = Figure(figsize=(width, height), dpi=120)
     FigureCanvasAgg(figure)
     return figure
 
 
 def axes_of(figure: Figure, inches: tuple[float, float, float, float]) -> Axes:
-    """Axes at left, bottom, width, height in inches, with small ticks and without a box."""
+    """Add axes at left, bottom, width, height in inches, with small ticks and without a box."""
     width, height = figure.get_size_inches()
     left, bottom, wide, high = inches
     ax = figure.add_axes((left / width, bottom / height, wide / width, high / height))

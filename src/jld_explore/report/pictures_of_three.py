@@ -1,4 +1,4 @@
-"""The front of three objectives, so that it can be read: the best λ for every pair of counts, and layouts along it."""
+"""Draw the front of λ and two counts: the best λ for every pair of counts, and layouts."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from jld_explore.report.pictures import (
 from jld_explore.space import count_named
 
 STRENGTH: Final = LinearSegmentedColormap.from_list("strength", ["#FFFFFF", "#F3D9A4", "#D89A2B"])
-"""λ from the weakest of the front to the strongest; ink stays legible on all of it."""
+"""Colours of λ from the weakest to the strongest of the front; text is legible on all of them."""
 
 _CELLS: Final = 22
-"""Values of a count up to which pairs are squares with their λ written in."""
+"""Number of values of a count up to which pairs are drawn as squares with λ written inside."""
 
 
 def front_picture(done: Exploration) -> Figure:
-    """The front of a study with its layouts."""
+    """Draw the front of a study with its layouts, for one count or two."""
     axes = done.scene.search.front.axes
     if len(axes) > 1:
         return plot_three(done.results, done.front, done.assembly, axes=axes)
@@ -58,10 +58,25 @@ def plot_three(
     axes: Sequence[tuple[str, str]],
     layouts: int = 8,
 ) -> Figure:
-    """The best λ for every pair of two counts; what is on the front stands out, and layouts of it below.
+    """Draw the best λ for every pair of two counts, emphasise the front, and draw its layouts.
 
-    results, front: tables with the columns of results.csv, front a part of results. axes: the two counts with their
-    better directions. layouts: largest number drawn; numbers in circles say which point each belongs to.
+    Numbers in circles link layouts and points.
+
+    Parameters
+    ----------
+    results, front : DataFrame
+        Tables with the columns of results.csv; `front` is a part of `results`.
+    assembly : Assembly
+        Structure.
+    axes : sequence of (str, str)
+        The two counts with their better directions, "max" or "min".
+    layouts : int
+        Largest number of layouts drawn.
+
+    Returns
+    -------
+    Figure
+        Figure.
     """
     (first, _), (second, _) = axes
     counted = [count_named(name) for name, _ in axes]
@@ -95,7 +110,7 @@ def plot_three(
     bar.set_label(f"load factor {ranked_by(results)} of the front [–]", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     for number, k in enumerate(chosen):
-        # beside the number or the dot, not over it
+        # Place the circle beside the number or dot.
         shift = (0.33, 0.3) if squares else (0.0, 0.0)
         at = float(points[k, 0]) + shift[0], float(points[k, 1]) + shift[1]
         away = (0.0, 0.0) if squares else (11.0, 11.0)
@@ -108,7 +123,7 @@ def plot_three(
 
 
 def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
-    """Each pair of counts a square with its best λ; the front filled, and framed by what is known of it."""
+    """Draw each pair of integer counts as a square with its best λ; fill and frame the front."""
     first, second, value = shown.columns
     on_front = {(x, y): (v, known) for (x, y, v), known in zip(points, sure, strict=True)}
     most = shown.groupby([first, second], as_index=False)[value].max().to_numpy(dtype=float)
@@ -146,7 +161,7 @@ def _squares(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: 
 
 
 def _dots(ax: Axes, shown: pd.DataFrame, points: Floats, sure: Bools, scale: Normalize) -> None:
-    """Counts that are no small whole numbers: every layout a dot, the front coloured by λ."""
+    """Draw every layout as a dot and the front coloured by λ, for counts with many values."""
     first, second, _ = shown.columns
     ax.plot(shown[first], shown[second], "o", color=DOTS, alpha=0.4, markersize=3.0, markeredgewidth=0.0, zorder=1.0)
     for part, width, words in ((sure, 1.8, "proven"), (~sure, 0.9, "best found")):

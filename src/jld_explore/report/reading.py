@@ -1,4 +1,4 @@
-"""A study's folder read back: every file is judged before anything is made of it."""
+"""Read the folder of a study; every file is validated before use."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LEFT: Final = "a file as jld explore left it, or jld explore --resume to write it again"
+"""Remedy in error messages about damaged files."""
 _NUMBERS: Final = ("multiplicity", "load_factor", "bracket_lo", "bracket_hi", "seconds")
 
 
 class _Point(BaseModel):
-    """A point of the front, as far as others rely on it."""
+    """Fields of a point of the front that other code relies on."""
 
     model_config = ConfigDict(extra="allow")
     count: Any
@@ -40,7 +41,7 @@ class _Point(BaseModel):
 
 
 class _Summary(BaseModel):
-    """summary.json, as far as others rely on it."""
+    """Fields of summary.json that other code relies on."""
 
     model_config = ConfigDict(extra="allow")
     best: float | None
@@ -63,7 +64,23 @@ class _Summary(BaseModel):
 
 
 def read_folder(folder: Path) -> Exploration:
-    """A finished study read back from its folder. Raises InputError where a file is missing, damaged or of another."""
+    """Read a finished study from its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder.
+
+    Returns
+    -------
+    Exploration
+        Tables and summary.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, damaged or of another scene.
+    """
     for name in (RECORDS_FILE, "scene.json", "results.parquet", "summary.json"):
         if not (folder / name).exists():
             if (folder / RECORDS_FILE).exists() and (folder / "scene.json").exists():
@@ -95,19 +112,20 @@ def read_folder(folder: Path) -> Exploration:
 
 
 def history_of(folder: Path) -> pd.DataFrame | None:
-    """The table of convergence.csv; None where there is none. Raises InputError where it is damaged."""
-    import pandas as pd  # here and below: slow to import, and for tables alone
+    """Return the table of convergence.csv, None if there is none; raise InputError if damaged."""
+    import pandas as pd  # here and below: slow to import and needed for tables only
 
     path = folder / tables.CONVERGENCE
     if not path.exists():
         return None
     try:
         return pd.read_csv(path)[["solves", "seconds", "best"]].astype(float)
-    except (KeyError, ValueError) as error:  # what pandas raises for text that is no table is a ValueError
+    except (KeyError, ValueError) as error:  # pandas raises ValueError for text that is no table
         raise _damaged(path, str(error)) from None
 
 
 def _summary(path: Path, faces: int) -> dict[str, Any]:
+    """Read and validate summary.json."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
@@ -128,6 +146,7 @@ def _summary(path: Path, faces: int) -> dict[str, Any]:
 
 
 def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
+    """Read and validate results.parquet."""
     import pandas as pd
 
     try:
@@ -151,7 +170,7 @@ def _results(path: Path, assembly: Assembly, counts: list[str]) -> pd.DataFrame:
 
 
 def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
-    """What a summary says was modelled; a solver that was handed in is taken for the default one."""
+    """Return the model of a summary; a custom solver is replaced by the default one."""
     known = dict(facts)
     if known.get("solver") not in SOLVERS:
         known["solver"] = "auto"
@@ -164,4 +183,5 @@ def _model(path: Path, facts: dict[str, Any]) -> SolveOptions:
 
 
 def _damaged(path: Path, how: str) -> InputError:
+    """Return the error for a damaged file."""
     return InputError(str(path), f"it is damaged ({how.splitlines()[0]})", LEFT)

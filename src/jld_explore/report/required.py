@@ -1,4 +1,4 @@
-"""What tables and the summary say where a load factor is required: what meets it, and the best count among that."""
+"""Report which layouts reach a required load factor, and the best count among them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMN: Final = "meets"
+"""Name of the column of layouts that reach the required load factor."""
 
 
 def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str, Any]:
-    """The column of the table, (k,), by its name; nothing where no load factor is required.
+    """Return the column (k,) by its name; empty if no load factor is required.
 
-    low: (k,) proven lower bounds; what is locked carries any load.
+    `low` (k,) holds proven lower bounds on λ. Locked layouts carry any load and meet the requirement.
     """
     if search.require is None:
         return {}
@@ -32,7 +33,7 @@ def column(low: Floats, status: NDArray[np.object_], search: Search) -> dict[str
 
 
 def order(table: pd.DataFrame, search: Search) -> list[Floats]:
-    """Keys (k,) that sort rows of one status, the last the first: what meets the requirement, by the front's count."""
+    """Return keys (k,) for `lexsort`: layouts that meet the requirement first, by the count."""
     if search.require is None:
         return []
     met = table[COLUMN].to_numpy(bool)
@@ -40,9 +41,9 @@ def order(table: pd.DataFrame, search: Search) -> list[Floats]:
 
 
 def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool) -> dict[str, Any]:
-    """What summary.json says besides: `require`, and with it what `proven` speaks of.
+    """Return the entries of summary.json on the requirement: `require` and `proven`.
 
-    complete: every class of the space has its evaluation. finished: the driver has proven what it was to prove.
+    `complete` is True if every class has been evaluated; `finished` is True if the driver's proof is complete.
     """
     if search.require is None:
         return {}
@@ -51,7 +52,7 @@ def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool
     best = None if met.empty else met.iloc[int(np.argmin(sign))]
     open_rows = table[~table[COLUMN] & table["status"].isin([str(Status.UNCERTIFIED), str(Status.FAILED)])]
     high = open_rows["bracket_hi"].to_numpy(float)
-    # what may meet it or not matters where it counts better
+    # Undecided layouts matter only if their count is better.
     may = ~(high < search.require.threshold) & (open_rows["settled"] != BOUND).to_numpy(bool)
     better = _signed(open_rows, search) < (np.inf if best is None else float(np.min(sign)))
     proven = finished or (complete and not np.any(may & better))
@@ -69,7 +70,7 @@ def facts(table: pd.DataFrame, search: Search, *, complete: bool, finished: bool
 
 
 def words(require: dict[str, Any]) -> str:
-    """The same in one line."""
+    """Return the facts on the requirement in one line."""
     least = f"λ ≥ {require['load_factor']:g}"
     if require["best"] is None:
         return f"no layout with {least}" + (": proven that there is none" if require["proven"] else " found")
@@ -84,9 +85,11 @@ def words(require: dict[str, Any]) -> str:
 
 
 def _signed(table: pd.DataFrame, search: Search) -> Floats:
+    """Return the first count of the front, signed so that less is better."""
     count, sense = search.front.axes[0]
     return np.asarray((1.0 if sense == "min" else -1.0) * table[count].to_numpy(float))
 
 
 def _plain(value: Any) -> float | int:
+    """Return a NumPy number as a Python number."""
     return float(value) if isinstance(value, float | np.floating) else int(value)

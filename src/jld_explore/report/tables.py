@@ -1,4 +1,4 @@
-"""Result tables: pure functions of the records, and of the study that made them."""
+"""Make result tables from the records and the study."""
 
 from __future__ import annotations
 
@@ -24,11 +24,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONVERGENCE: Final = "convergence.csv"
+"""File name of the convergence table."""
 
 
 def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
-    """faces.csv: index, elements, end points (spatial: opposite corners of the bounding box) and candidacy."""
-    import pandas as pd  # here and below: slow to import, and for tables alone
+    """Return faces.csv: index, elements, end points and candidacy of each face.
+
+    In space the end points are opposite corners of the bounding box of the face.
+    """
+    import pandas as pd  # here and below: slow to import and needed for tables only
 
     faces, ids = assembly.interfaces, assembly.elements.ids
     table = pd.DataFrame(
@@ -51,9 +55,25 @@ def faces_table(assembly: Assembly, space: SearchSpace) -> pd.DataFrame:
 
 
 def results_table(records: Records, assembly: Assembly, space: SearchSpace, driver: str) -> pd.DataFrame:
-    """results.csv: one row per class, collapse by λ, then locked, uncertified, unstable, failed; λ in scene units.
+    """Make the table of results: one row per class, collapse by λ, then the other statuses.
 
-    Where a load factor is required what meets it comes first, by the count of the front.
+    If a load factor is required, layouts that reach it come first, sorted by the count of the front.
+
+    Parameters
+    ----------
+    records : Records
+        Evaluations.
+    assembly : Assembly
+        Structure.
+    space : SearchSpace
+        Search space.
+    driver : str
+        Name of the driver.
+
+    Returns
+    -------
+    DataFrame
+        Table with the columns of results.csv, λ in scene units.
     """
     import pandas as pd
 
@@ -84,12 +104,12 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
     place = np.array([ORDER.index(status) for status in Status], dtype=np.int64)[rows["status"]]
     ties = _ties(np.where(place == 0, load_factor, np.nan), rows["low"], rows["high"])
     packed = np.ascontiguousarray(rows["labelling"])
-    # what ties is told apart by the simpler layout: fewer blocks, then fewer joints
+    # Sort ties by simplicity, using the counts with terms: fewer blocks, then fewer dry faces.
     simple = [table[count.name].to_numpy() for count in registered() if count.terms is not None]
     wanted = required.order(table, space.search)
     order = np.lexsort((packed.view(f"S{packed.shape[1]}").ravel(), *simple, ties, *wanted, place))
     table = table.iloc[order].reset_index(drop=True)
-    # those that tie share the place of the first of them
+    # Tied rows share the rank of the first of them.
     ranked = int(np.count_nonzero(place == 0))
     alike = np.array([key[order] for key in (ties, *wanted)])
     first = np.r_[True, (alike[:, 1:] != alike[:, :-1]).any(axis=0)][: len(order)]
@@ -100,18 +120,21 @@ def results_table(records: Records, assembly: Assembly, space: SearchSpace, driv
 
 
 def nominal_of_best(results: pd.DataFrame) -> float | None:
-    """λ at nominal values of the layout that is best at low ones."""
+    """Return λ at nominal values of the layout that is best at low values."""
     ranked = results[results["status"] == str(Status.COLLAPSE)]
     return None if ranked.empty else float(ranked["load_factor_nominal"].iloc[0])
 
 
 def _ties(load_factor: Floats, low: Floats, high: Floats) -> Ints:
-    """(k,) number of the group of each row, best first: rows whose brackets overlap that of the best of them tie."""
+    """Return (k,) group number of each row, best first; rows of one group tie.
+
+    Rows tie if their brackets overlap the bracket of the best row of the group.
+    """
     group = np.zeros(len(load_factor), dtype=np.int64)
     ranked = np.flatnonzero(~np.isnan(load_factor))
     ranked = ranked[np.argsort(-load_factor[ranked], kind="stable")]
     number, least = 0, np.inf
-    # a bracket that lacks an end is of λ alone
+    # Replace a missing end of a bracket by λ.
     low, high = (np.where(np.isnan(end), load_factor, end) for end in (low, high))
     for row, lower, upper in zip(ranked.tolist(), low[ranked].tolist(), high[ranked].tolist(), strict=True):
         if upper < least:
@@ -121,7 +144,7 @@ def _ties(load_factor: Floats, low: Floats, high: Floats) -> Ints:
 
 
 def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
-    """Columns of a scene with load cases: the name of the case that governs, blank where none, and λ of each."""
+    """Return the columns for load cases: governing case (blank if none) and λ of each case."""
     if not assembly.cases:
         return {}
     names = np.array([*(case.name for case in assembly.cases), ""], dtype=object)
@@ -130,26 +153,26 @@ def _of_cases(rows: NDArray[np.void], assembly: Assembly) -> dict[str, Any]:
 
 
 def front_table(results: pd.DataFrame, axes: Sequence[tuple[str, str]]) -> pd.DataFrame:
-    """pareto.csv: the rows of the results on the front of λ against the scene's counts, given with senses.
+    """Return pareto.csv: the rows of the results on the front of λ and the scene's counts.
 
-    Rows whose brackets overlap carry the same: of those the best count is on the front, and of several with the same
-    counts the first.
+    Rows whose brackets overlap count as equally strong, so only those with the best count are on the front.
+    Of several rows with the same counts the first is kept. `axes` holds counts with their senses.
     """
     ranked = results["status"] == str(Status.COLLAPSE)
     value = np.where(ranked, results["load_factor"].to_numpy(dtype=float), np.nan)
     ties = _ties(value, *(results[end].to_numpy(dtype=float) for end in ("bracket_lo", "bracket_hi")))
     names, senses = zip(*axes, strict=True)
-    # groups are numbered from the best, 0 where λ is none
+    # Groups are numbered from the best; 0 means that there is no λ.
     worth = np.where(ties > 0, -ties.astype(float), np.nan)
     front = results[on_front(worth, results[list(names)].to_numpy(dtype=float), *senses)]
     return front.drop_duplicates(list(names))
 
 
 def convergence_table(records: Records) -> pd.DataFrame:
-    """convergence.csv: best λ so far, at each step up and at the end.
+    """Return convergence.csv: the best λ so far at each improvement and at the end.
 
-    Columns solves and seconds, of solver time summed over all workers, up to there, and best, in the order in
-    which evaluations were finished.
+    Columns are solves, seconds of solver time summed over all workers, and best.
+    Rows follow the order in which evaluations finished.
     """
     import pandas as pd
 
@@ -165,10 +188,10 @@ def convergence_table(records: Records) -> pd.DataFrame:
 
 
 def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete: bool) -> dict[str, Any]:
-    """summary.json: the best labelling, what is proven of it, and how it was found.
+    """Return summary.json: the best labelling, its proof, and how it was found.
 
-    complete: every class of the space has its evaluation, so that the best of them is the best there is up to the
-    widths of the brackets. The driver may know a bound on λ over the whole space, and have proven what it was to prove.
+    `complete` is True if every class has been evaluated. The best is then optimal up to the widths of the brackets.
+    The driver may also know a bound on λ over the whole space and may have completed its own proof.
     """
     bound, driver, solved, seconds = study.bound, study.driver, study.solved, study.elapsed
     tally = Counter(results["status"])
@@ -179,7 +202,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     unbounded = bool(tally[str(Status.LOCKED)])
     dilates = not results["load_factor_zero_dilation"].notna().any()
     if not dilates:
-        # answers without dilation are not unique, so none is proven; associative λ bounds them all
+        # Solutions without dilation are not unique, so none is proven; the associative λ bounds all of them.
         bound = float(ranked["load_factor_associative"].max()) if certain and not ranked.empty else bound
         certain = False
     if certain and not ranked.empty and not unbounded:
@@ -188,13 +211,13 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
     if best is not None and bound is not None:
         width = relative_width(float(ranked["bracket_lo"].max()), bound, load_scale(study.assembly))
         gap = width if math.isfinite(width) else None
-    # a search may come upon the bound known before it: then nothing is stronger, though it goes on for its front
+    # If the best reaches a bound known before the search, it is optimal, although the search continues.
     met = dilates and not unbounded and driver.bound is None and not driver.checks and gap is not None and gap <= GAP
     return {
         "best": best,
         "best_labelling": None if ranked.empty else str(ranked["labelling"].iloc[0]),
         "unbounded": unbounded,
-        # where all that stands is locked nothing is the strongest
+        # If every standing layout is locked, there is no strongest one.
         "proven": (certain or driver.finished or met) and not (unbounded and ranked.empty),
         "bound": bound,
         "gap": gap,

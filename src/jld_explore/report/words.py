@@ -1,4 +1,4 @@
-"""Words for the terminal: what will be modelled, what came out."""
+"""Describe assemblies and results in words for the terminal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LETTERS: Final = 24
-"""Letters of a labelling that are shown of it in a terminal."""
+"""Largest number of letters of a labelling shown in a terminal."""
 
 
 STOPPED: Final = {
@@ -31,11 +31,26 @@ STOPPED: Final = {
     "time": "time limit",
     "interrupted": "interrupted",
 }
-"""Why a search ended, by `stop_reason` of its summary."""
+"""Description of each `stop_reason` of a summary."""
 
 
 def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
-    """What `jld check` prints: dimension, counts, loads, program size, candidates, symmetries."""
+    """Describe an assembly and its search space for `jld check`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    found : Assembly
+        Assembly of the scene.
+    space : SearchSpace
+        Search space of the scene.
+
+    Returns
+    -------
+    str
+        Lines with dimension, counts, loads, program size, candidates and symmetries.
+    """
     spots = int(np.count_nonzero(space.candidates))
     return _lines(
         {
@@ -48,24 +63,28 @@ def assembly(scene: Scene, found: Assembly, space: SearchSpace) -> str:
 
 
 def result(found: LimitAnalysisResult) -> str:
-    """What `jld solve` prints."""
+    """Describe a limit analysis result for `jld solve`."""
     return _lines(facts_of_result(found))
 
 
 def _lines(facts: dict[str, str]) -> str:
+    """Return facts as lines with aligned names."""
     width = max(12, *(len(name) for name in facts))
     return "\n".join(f"{name:<{width}} {value}" for name, value in facts.items())
 
 
 def columns(done: Exploration) -> list[str]:
-    """What is shown of the tables of a study: all whole counts, and those of its front."""
+    """Return the columns shown of a study: all integer counts, and the counts of its front."""
     whole = [count.name for count in registered() if count.integer]
     counted = dict.fromkeys([*whole, *(name for name, _ in done.scene.search.front.axes)])
     return ["rank", "load_factor", "bracket_lo", "bracket_hi", *counted, "labelling"]
 
 
 def facts_of_exploration(done: Exploration) -> dict[str, str]:
-    """What a study found, by name: classes by status, why it stopped, the best λ and whether that is proven."""
+    """Return the findings of a study by name.
+
+    They include classes by status, the stop reason, and the best λ with its proof.
+    """
     facts = done.summary
     counted = ", ".join(f"{number} {name}" for name, number in facts["counts_by_status"].items())
     best = "none" if facts["best"] is None else f"{facts['best']:.9g}"
@@ -111,11 +130,11 @@ MEANINGS: Final = {
     "unstable": "they fall whatever the live load",
     "failed": "the solve ended without an answer; --resume tries no more",
 }
-"""What a status without a rank means."""
+"""Explanation of each status without a rank."""
 
 
 def apart(done: Exploration) -> dict[str, str]:
-    """The layouts without a rank, by status: how many, what that means, and how to look at one."""
+    """Describe layouts without a rank, by status: number, meaning, and how to show one."""
     status = done.results["status"]
     found = {}
     for name, meaning in MEANINGS.items():
@@ -127,7 +146,7 @@ def apart(done: Exploration) -> dict[str, str]:
 
 
 def exploration(done: Exploration, top: int = 10) -> str:
-    """What `jld explore` prints: the best rows, the front, and what is proven."""
+    """Describe a finished search for `jld explore`: best rows, front and proof."""
     return "\n".join(
         [
             _lines(facts_of_exploration(done)),
@@ -144,11 +163,12 @@ def exploration(done: Exploration, top: int = 10) -> str:
 
 
 def _number(value: float | None) -> str:
+    """Return a number as text, "none" for None."""
     return "none" if value is None else f"{value:.9g}"
 
 
 def _table(rows: pd.DataFrame) -> str:
-    """Rows for a terminal; labellings that a line has no room for are shortened, the whole ones are on disk."""
+    """Return rows as text for a terminal, with long labellings shortened."""
     if rows.empty:
         return "none: no layout has a load factor to be ranked by"
     short = rows.assign(labelling=[_shortened(str(text)) for text in rows["labelling"]])
@@ -156,14 +176,15 @@ def _table(rows: pd.DataFrame) -> str:
 
 
 def _shortened(labelling: str) -> str:
+    """Shorten a labelling to `LETTERS` letters."""
     return labelling if len(labelling) <= LETTERS else f"{labelling[: LETTERS - 5]}…{labelling[-4:]}"
 
 
 def best_rows(done: Exploration, top: int = 10) -> pd.DataFrame:
-    """The first rows of the results that have a rank, in the columns that are shown."""
+    """Return the first ranked rows of the results, in the columns shown."""
     return done.results[done.results["status"] == str(Status.COLLAPSE)][columns(done)].head(top)
 
 
 def front_name(done: Exploration) -> str:
-    """What the front weighs against what."""
+    """Return the objectives of the front in words."""
     return "λ against " + " and ".join(f"{count} ({sense})" for count, sense in done.scene.search.front.axes)

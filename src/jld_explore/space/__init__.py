@@ -1,48 +1,48 @@
-"""What may be labelled, under which limits, and what is counted.
+"""Define which labellings may be searched, the limits they must satisfy, and their counts.
 
-- `CELLS`: the measure of a block that counts its elements
-- `EXEMPT`: the measure of a block that counts the elements that limits except
-- `LETTERS`: d and i, of a labelling as text
-- `MEASURES`: measures of blocks that limits may speak of
-- `SHAPED`: limits on the shape of single blocks, and what they measure
-- `BlockShapes`: the shapes of all blocks that are asked for, of one assembly
-- `Count`: one count of labellings
-- `Layouts`: labellings (k, m) of an assembly, as counts look at them
+- `CELLS`: block measure: number of free elements
+- `EXEMPT`: block measure: number of elements that exempt the block from limits
+- `LETTERS`: the letters d (dry) and i (inner) of a labelling as text
+- `MEASURES`: block measures that can be limited
+- `SHAPED`: limits on the shape of single blocks and the attributes they limit
+- `BlockShapes`: outlines of the blocks of one assembly
+- `Count`: definition of a count of labellings
+- `Layouts`: labellings of an assembly with cached properties for counts
 - `Limits`: all limits of a search over an assembly
-- `Range`: inclusive bounds, rounding allowed for
-- `SearchSpace`: what may be labelled
-- `Sized`: things with a size by every measure
-- `Terms`: a count as a sum of ones, for proofs
-- `Void`: what may be left out
-- `Words`: rows of labels as words of 64 bits
-- `as_words`: rows of labels as words that compare as they do
-- `beside_nothing`: faces beside a cell that is left out, by the letters of a labelling
-- `block_sizes`: sizes of all blocks
-- `blocks_of`: the block of each element
-- `canonical`: the smallest image under the symmetries
-- `connectivity`: the element graph
-- `count_named`: a count by its name
-- `counts`: values of all counts
-- `cut`: the structure that a labelling (m letters) leaves, and its labels
-- `dry_of`: the letters of a labelling, v among them → which faces are dry
-- `feasible`: which labellings are in the space
-- `from_string`: text → labelling
-- `is_labelling`: whether something is the letters of a labelling
-- `keys`: hashable keys of labellings
-- `omitted`: (n,) elements that the letters (m,) of a labelling leave out: free ones whose every face is beside nothing
-- `orbit_sizes`: how many images a labelling has
-- `pack`: labellings → bits
-- `reasons_against`: why a labelling is not in the space
-- `register`: take a count of one's own
-- `registered`: all counts
-- `representatives`: labellings that are canonical
-- `search_space`: what a scene's "search" asks for
-- `slits`: dry faces inside a block
-- `to_string`: labelling → text
-- `to_strings`: labellings → texts
-- `unpack`: bits → labellings
-- `unregister`: take it back
-- `values_of`: values of one count
+- `Range`: inclusive bounds with a tolerance for rounding
+- `SearchSpace`: labellings that may be searched
+- `Sized`: sizes of elements or sets of elements by every measure
+- `Terms`: count as a sum of binary terms, for proofs
+- `Void`: cells that may be left out
+- `Words`: type of labellings as words of 64 bits
+- `as_words`: pack labellings into words that sort as the labellings do
+- `beside_nothing`: return the faces beside a cell that is left out
+- `block_sizes`: compute the sizes of all blocks
+- `blocks_of`: compute the block of each element
+- `canonical`: return the smallest image under the symmetries
+- `connectivity`: build the element graph
+- `count_named`: return a count by its name
+- `counts`: compute the values of all counts
+- `cut`: return the structure without the cells that a labelling leaves out, and its labels
+- `dry_of`: convert letters, v among them, to a mask of dry faces
+- `feasible`: return which labellings are in the space
+- `from_string`: convert text to a labelling
+- `is_labelling`: return whether an object is the text of a labelling
+- `keys`: return hashable keys of labellings
+- `omitted`: return the elements that a labelling leaves out
+- `orbit_sizes`: return the number of images of a labelling under the symmetries
+- `pack`: pack labellings to bits
+- `reasons_against`: explain why a labelling is not in the space
+- `register`: add a count
+- `registered`: return all counts
+- `representatives`: select the canonical labellings
+- `search_space`: build the search space of a scene
+- `slits`: return the dry faces inside a block
+- `to_string`: convert a labelling to text
+- `to_strings`: convert labellings to texts
+- `unpack`: unpack bits to labellings
+- `unregister`: remove a count
+- `values_of`: compute the values of one count
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What is counted of a labelling: each count stated once, with all that tables, fronts, pictures and proofs ask of it.
+"""Define counts of labellings for tables, fronts, pictures and proofs.
 
-A count that is registered is a column of the results, may be the count of a scene's front, and is a limit where
-"search" has a key of its name. `register` takes one of your own.
+A registered count is a column of the results and may be an axis of a scene's front.
+It is also a limit if "search" has a key of its name. `register` adds a count.
 """
 
 from __future__ import annotations
@@ -23,12 +23,24 @@ Values = dict[str, Ints | Floats]
 """Values (k,) by the names of counts."""
 
 _CHUNK: Final = 8192
-"""Rows counted together: what stays in a cache level."""
+"""Number of labellings counted together, so that arrays stay in the cache."""
 
 
 @dataclass(frozen=True)
 class Layouts:
-    """Labellings (k, m) of an assembly, as counts look at them. graph, block_shapes: the assembly's."""
+    """Labellings of an assembly with cached properties for counts.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        Structure.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    graph : Connectivity
+        Element graph of the assembly.
+    block_shapes : BlockShapes
+        Block outlines of the assembly.
+    """
 
     assembly: Assembly
     labellings: Bits
@@ -37,28 +49,28 @@ class Layouts:
 
     @cached_property
     def blocks(self) -> Ints:
-        """(k, n) the block of each element, named by its smallest element."""
+        """(k, n) block of each element, named by its smallest element."""
         return blocks_of(self.graph, self.labellings)
 
     @cached_property
     def cells(self) -> Ints:
-        """(n, k) free elements in each block, at the row of its smallest element, 0 elsewhere."""
+        """(n, k) number of free elements per block, at the row of its smallest element, else 0."""
         found = numbers_of(self.blocks, self.assembly.elements.free).T
         if self.assembly.sink >= 0:
-            # what is left out is no block
+            # Omitted cells do not form a block.
             found[self.blocks[:, self.assembly.sink], np.arange(len(self.labellings))] = 0
         return found
 
     @cached_property
     def stays(self) -> Bools:
-        """(k, n) elements that are not left out."""
+        """(k, n) mask of the elements that are not left out."""
         if self.assembly.sink < 0:
             return np.ones((len(self.labellings), len(self.assembly.elements)), dtype=bool)
         return np.asarray(self.blocks != self.blocks[:, [self.assembly.sink]])
 
     @cached_property
     def dry(self) -> Bits:
-        """(k, f) dry labels of the faces between free elements, without those beside what is left out."""
+        """(k, f) dry labels of the faces between free elements; False beside omitted cells."""
         free = self.assembly.free_faces
         dry = self.labellings[:, free]
         if self.assembly.sink < 0:
@@ -69,33 +81,53 @@ class Layouts:
 
 @dataclass(frozen=True)
 class Terms:
-    """A count as a sum of ones, which is what a proof over formulas needs.
+    """Count as a sum of binary terms, as required for proofs with formulas.
 
-    faces: (m,) faces of which each adds one where it is dry, or None. blocks: every block that holds a free element
-    adds one.
+    Attributes
+    ----------
+    faces : (m,) bool array or None
+        Faces that each add one when dry.
+    blocks : bool
+        True if every block with a free element adds one.
     """
 
     faces: Bools | None = None
     blocks: bool = False
 
     def most(self, assembly: Assembly) -> int:
-        """What the count cannot exceed, whatever the labels."""
+        """Return an upper bound on the count over all labellings of an assembly."""
         faces = 0 if self.faces is None else int(self.faces.sum())
         return faces + (len(assembly.elements.free) if self.blocks else 0)
 
 
 def _nothing(_: Assembly) -> str:
+    """Return no unit."""
     return ""
 
 
 @dataclass(frozen=True)
 class Count:
-    """One count of labellings.
+    """Definition of one count of labellings.
 
-    name: in scenes and tables. of: its values (k,), equal for images under the scene's symmetries. axis: what it is,
-    without its unit. noun: of one of them, or the word before a size. integer: whole numbers. unit: of the assembly.
-    column: above a column, its name in words where not given. terms: what a proof of a front needs; None: there is
-    none, and a limit on it makes the exact driver enumerate.
+    Attributes
+    ----------
+    name : str
+        Name in scenes and tables.
+    of : callable
+        Function that maps `Layouts` to values (k,), equal for images under the scene's symmetries.
+    axis : callable or str
+        Description for an axis, without unit; a function of the assembly if it depends on the dimension.
+    noun : str
+        Name of one counted item, or the word before a value that is not an integer.
+    integer : bool
+        True for integer values.
+    unit : callable
+        Function that returns the unit for an assembly.
+    column : str
+        Title of the column; by default the name with spaces.
+    terms : callable or None
+        Function that returns the `Terms` for an assembly, used to prove a front.
+        Without terms a limit on the count makes the exact driver enumerate.
     """
 
     name: str
@@ -109,46 +141,50 @@ class Count:
 
     @property
     def title(self) -> str:
-        """Words above a column."""
+        """Title of the column."""
         return self.column or self.name.replace("_", " ")
 
     def heading(self, assembly: Assembly) -> str:
-        """The same of one assembly: what is a length in the plane is an area in space."""
+        """Return the title for an assembly, for example a length in the plane or an area in space."""
         return self.title if isinstance(self.axis, str) else self.axis(assembly)
 
     def label(self, assembly: Assembly) -> str:
-        """Words for an axis, with the unit in brackets."""
+        """Return the axis label, with the unit in brackets."""
         axis, unit = self.axis if isinstance(self.axis, str) else self.axis(assembly), self.unit(assembly)
         return f"{axis} [{unit}]" if unit else axis
 
     def words(self, value: float, assembly: Assembly) -> str:
-        """A value with what it counts."""
+        """Return a value with its noun and unit as text."""
         if not self.integer:
             return f"{self.noun} {value:.3g} {self.unit(assembly)}".rstrip()
         return f"{value:g} {self.noun}" + ("" if value == 1.0 else "s")
 
 
 def _planar(assembly: Assembly) -> bool:
+    """Return True if the assembly is planar."""
     return assembly.dimension == 2
 
 
 def _dry_length(layouts: Layouts) -> Floats:
+    """Return (k,) total length, in space area, of the dry faces between free elements."""
     free = layouts.assembly.free_faces
-    # summed row by row in one order, so that a labelling has one length whatever batch it came in
+    # Sum row by row in a fixed order, so that the result does not depend on the batch.
     return np.asarray(np.where(layouts.dry, layouts.assembly.face_sizes[free], 0.0).sum(axis=1))
 
 
 def _largest_mass(layouts: Layouts) -> Floats:
+    """Return (k,) mass of the heaviest block."""
     elements = layouts.assembly.elements
     stays = layouts.stays[:, elements.free] * elements.mass[elements.free]
     return np.asarray(totals_of(layouts.blocks, elements.free, stays).max(axis=1, initial=0.0))
 
 
 def _mass(layouts: Layouts) -> Floats:
+    """Return (k,) mass of all elements that are not left out."""
     elements = layouts.assembly.elements
     mass = elements.mass[elements.free]
     total = float(mass.sum()) or 1.0
-    # what weighs the same has one mass, whatever the order of its elements
+    # Round, so that equal masses compare equal for any order of summation.
     return np.asarray(np.round((layouts.stays[:, elements.free] * mass).sum(axis=1) / total, 12) * total)
 
 
@@ -211,24 +247,70 @@ _COUNTS: Final[dict[str, Count]] = {
 
 
 def registered() -> tuple[Count, ...]:
-    """All counts, in the order of their columns."""
+    """Return all counts in the order of their columns.
+
+    Returns
+    -------
+    tuple of Count
+        Built-in and added counts.
+    """
     return tuple(_COUNTS.values())
 
 
 def register(count: Count) -> None:
-    """Add a count. Raises ValueError for a name that is taken or cannot be a key."""
+    """Add a count.
+
+    Parameters
+    ----------
+    count : Count
+        Definition of the count.
+
+    Raises
+    ------
+    ValueError
+        If the name is taken or is not a Python identifier.
+    """
     if count.name in _COUNTS or not count.name.isidentifier():
         raise ValueError(f"a count cannot be named {count.name!r}")
     _COUNTS[count.name] = count
 
 
 def unregister(name: str) -> None:
-    """Take a count back that was registered."""
+    """Remove a registered count.
+
+    Parameters
+    ----------
+    name : str
+        Name of the count.
+
+    Raises
+    ------
+    KeyError
+        If no count has this name.
+    """
     del _COUNTS[name]
 
 
 def count_named(name: str, where: str = "search.front.count") -> Count:
-    """A count by its name. where: what gave the name. Raises InputError for a name that is none."""
+    """Return a count by its name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the count.
+    where : str
+        Key that gave the name, for the error message.
+
+    Returns
+    -------
+    Count
+        Definition of the count.
+
+    Raises
+    ------
+    InputError
+        If no count has this name.
+    """
     if name not in _COUNTS:
         known = ", ".join(f'"{other}"' for other in _COUNTS)
         raise InputError(where, f'"{name}" is no count', f"one of {known}")
@@ -242,14 +324,50 @@ def values_of(
     graph: Connectivity | None = None,
     shapes: BlockShapes | None = None,
 ) -> Ints | Floats:
-    """Values (k,) of one count of labellings (k, m), scene units; graph, shapes: the space's, made where not given."""
+    """Compute the values of one count.
+
+    Parameters
+    ----------
+    count : Count
+        Definition of the count.
+    assembly : Assembly
+        Structure.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    graph : Connectivity, optional
+        Element graph of the assembly; built if missing.
+    shapes : BlockShapes, optional
+        Block outlines of the assembly; built if missing.
+
+    Returns
+    -------
+    (k,) int or float array
+        Values, scene units.
+    """
     return _values([count], assembly, labellings, graph, shapes)[count.name]
 
 
 def counts(
     assembly: Assembly, labellings: Bits, graph: Connectivity | None = None, shapes: BlockShapes | None = None
 ) -> Values:
-    """Values (k,) of every count by its name, in the order of their columns."""
+    """Compute the values of every registered count.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    graph : Connectivity, optional
+        Element graph of the assembly; built if missing.
+    shapes : BlockShapes, optional
+        Block outlines of the assembly; built if missing.
+
+    Returns
+    -------
+    dict of str to (k,) array
+        Values by the name of the count, in the order of the columns, scene units.
+    """
     return _values(registered(), assembly, labellings, graph, shapes)
 
 
@@ -260,6 +378,7 @@ def _values(
     graph: Connectivity | None,
     shapes: BlockShapes | None,
 ) -> Values:
+    """Compute the values of several counts in chunks of `_CHUNK` labellings."""
     graph, shapes = graph or connectivity(assembly), shapes or BlockShapes(assembly)
     starts = range(0, max(1, len(labellings)), _CHUNK)
     parts = (Layouts(assembly, labellings[low : low + _CHUNK], graph, shapes) for low in starts)

@@ -1,10 +1,11 @@
-"""Labellings of all interfaces: packed bits, blocks, slits and canonical forms, many rows at a time.
+"""Operate on labellings of all interfaces: packed bits, blocks, slits and canonical forms.
 
-A **labelling** is a row of m booleans in the order of the assembly's interfaces, True = dry. Its **blocks**
-are the components of the element graph through inner faces; supports that share a face are one block from
-the start. A **slit** is a dry face with both sides in one block; a labelling without slits is a
-**segmentation**. A **class** is the set of images of a labelling under the symmetries of the scene, named by
-its smallest member, the **canonical** labelling.
+A **labelling** is a row of m booleans in the order of the assembly's interfaces, True = dry.
+Its **blocks** are the components of the element graph through inner faces.
+Supports that share a face always belong to one block.
+A **slit** is a dry face with both sides in one block; a labelling without slits is a **segmentation**.
+A **class** is the set of images of a labelling under the symmetries of the scene.
+The smallest member of a class is the **canonical** labelling, which names the class.
 """
 
 from __future__ import annotations
@@ -21,51 +22,124 @@ from jld_core.assembly import Assembly
 from jld_core.batch import Graph
 
 Packed = NDArray[np.uint8]
-"""Labellings as bits, (k, ceil(m / 8)): rows sort by the first face that differs, inner before dry."""
+"""Labellings as bits, (k, ceil(m / 8)); rows sort by the first face that differs, inner before dry."""
 
 Words = NDArray[np.uint64]
-"""The same as words of 64 bits, (k, w)."""
+"""Labellings as words of 64 bits, (k, w); rows sort as `Packed` rows do."""
 
 DRY_LETTER: Final = "d"
 INNER_LETTER: Final = "i"
 LETTERS: Final = DRY_LETTER + INNER_LETTER
-"""Of a labelling as text: letters, as a spreadsheet makes a number of digits."""
+"""Letters of a labelling as text; a spreadsheet would convert digits to a number."""
 
 _ENTRIES: Final = 1 << 23
-"""Entries of one temporary array in `blocks_of`; larger batches are taken in parts."""
+"""Largest number of entries of a temporary array in `blocks_of`; larger batches are split."""
 
 
 def pack(labellings: Bits) -> Packed:
-    """Bits of labellings (..., m) in bytes, (..., ceil(m / 8)), the first face in the highest bit."""
+    """Pack labellings to bits, the first face in the highest bit.
+
+    Parameters
+    ----------
+    labellings : (..., m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (..., ceil(m / 8)) uint8 array
+        Packed labels.
+    """
     return np.packbits(labellings, axis=-1)
 
 
 def unpack(packed: Packed, faces: int) -> Bits:
-    """Labellings (..., m) of packed rows; faces: m."""
+    """Unpack bits to labellings.
+
+    Parameters
+    ----------
+    packed : (..., ceil(m / 8)) uint8 array
+        Packed labels.
+    faces : int
+        Number m of faces.
+
+    Returns
+    -------
+    (..., m) bool array
+        Labels, True = dry.
+    """
     return np.unpackbits(packed, axis=-1, count=faces).astype(bool)
 
 
 def keys(labellings: Bits) -> list[bytes]:
-    """One hashable key for each row of labellings (k, m); keys sort as the rows do."""
+    """Return one hashable key per labelling; keys sort as the rows do.
+
+    Parameters
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    list of bytes
+        Packed rows.
+    """
     packed = pack(labellings)
     content, width = packed.tobytes(), packed.shape[1]
     return [content[n : n + width] for n in range(0, len(content), width)] if width else [b""] * len(packed)
 
 
 def to_string(labelling: Bits) -> str:
-    """A labelling (m,) as text, 'd' dry and 'i' inner."""
+    """Convert a labelling to text, 'd' for dry and 'i' for inner.
+
+    Parameters
+    ----------
+    labelling : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    str
+        m letters.
+    """
     return to_strings(np.asarray(labelling)[None])[0]
 
 
 def to_strings(labellings: Bits) -> list[str]:
-    """The texts of labellings (k, m)."""
+    """Convert labellings to texts, 'd' for dry and 'i' for inner.
+
+    Parameters
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    list of str
+        k texts of m letters.
+    """
     width = labellings.shape[1]
     text = np.where(labellings, np.uint8(ord(DRY_LETTER)), np.uint8(ord(INNER_LETTER))).tobytes().decode("ascii")
     return [text[n * width : (n + 1) * width] for n in range(len(labellings))]
 
 
 def from_string(text: str) -> Bits:
-    """The labelling (m,) of a text of 'd' and 'i'. Raises ValueError for any other character."""
+    """Convert a text of 'd' and 'i' to a labelling.
+
+    Parameters
+    ----------
+    text : str
+        m letters.
+
+    Returns
+    -------
+    (m,) bool array
+        Labels, True = dry.
+
+    Raises
+    ------
+    ValueError
+        If the text holds any other letter.
+    """
     if text.strip(LETTERS):
         raise ValueError(f"a labelling holds {text.strip(LETTERS)[0]!r}; expected 'd' and 'i' only")
     return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(DRY_LETTER))
@@ -73,11 +147,20 @@ def from_string(text: str) -> Bits:
 
 @dataclass(frozen=True)
 class Connectivity:
-    """The element graph, laid out for `blocks_of`: arcs into each element, its own first.
+    """Element graph as arcs into each element, its own arc first, for `blocks_of`.
 
-    a, b: (m,) elements of each face. touching: (t, 2) pairs of supports that share a face. source, face:
-    (arcs,) element an arc comes from, and the face it crosses (m for arcs that are always open).
-    start: (n,) where the arcs into each element begin.
+    Attributes
+    ----------
+    a, b : (m,) int array
+        Elements of each face.
+    touching : (t, 2) int array
+        Pairs of supports that share a face.
+    source : (arcs,) int array
+        Element from which an arc comes.
+    face : (arcs,) int array
+        Face that an arc crosses; m for arcs that are always open.
+    start : (n,) int array
+        Position of the first arc into each element.
     """
 
     a: Ints
@@ -89,12 +172,23 @@ class Connectivity:
 
     @cached_property
     def compiled(self) -> Graph:
-        """The same graph to the compiled batch solver."""
+        """The same graph for the compiled batch solver."""
         return Graph(len(self.start), self.a, self.b, self.touching)
 
 
 def connectivity(assembly: Assembly) -> Connectivity:
-    """The element graph of an assembly, with the supports that touch one another."""
+    """Build the element graph of an assembly, with arcs between supports that touch.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with n elements and m faces.
+
+    Returns
+    -------
+    Connectivity
+        Element graph.
+    """
     faces, count = assembly.interfaces, len(assembly.elements)
     touching = np.array(assembly.touching, dtype=np.int64).reshape(-1, 2)
     own = np.arange(count)
@@ -109,9 +203,19 @@ def connectivity(assembly: Assembly) -> Connectivity:
 
 
 def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
-    """The block of each element, named by the smallest element index in it.
+    """Compute the block of each element, named by the smallest element index in it.
 
-    labellings: (m,) or (k, m). Returns (n,) or (k, n).
+    Parameters
+    ----------
+    graph : Connectivity
+        Element graph.
+    labellings : (m,) or (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (n,) or (k, n) int array
+        Name of the block of each element.
     """
     rows = np.atleast_2d(labellings)
     found = graph.compiled.blocks(rows)
@@ -124,9 +228,9 @@ def blocks_of(graph: Connectivity, labellings: Bits) -> Ints:
 
 
 def totals_of(blocks: Ints, elements: Ints, values: Floats) -> Floats:
-    """Sums over blocks (k, n) of what some elements (e,) have, (k, n) at the column of each block's name, else zero.
+    """Sum values of elements over blocks (k, n), at the column of each block's name, else 0.
 
-    values: (e,), or (k, e) where they differ from row to row.
+    `elements` (e,) are indices; `values` is (e,), or (k, e) if it differs between rows.
     """
     weights = np.broadcast_to(values, (len(blocks), len(elements))).ravel()
     total = np.bincount(_names(blocks, elements), weights, minlength=blocks.size)
@@ -134,18 +238,18 @@ def totals_of(blocks: Ints, elements: Ints, values: Floats) -> Floats:
 
 
 def numbers_of(blocks: Ints, elements: Ints) -> Ints:
-    """The same of how many of the elements (e,) each block holds."""
+    """Count the given elements (e,) in each block (k, n), at the column of its name, else 0."""
     return np.asarray(np.bincount(_names(blocks, elements), minlength=blocks.size).reshape(blocks.shape))
 
 
 def _names(blocks: Ints, elements: Ints) -> Ints:
-    """(k · e,) the block of each element in each row, by one number among all rows."""
+    """Return (k · e,) block of each element in each row, numbered over all rows."""
     rows, width = blocks.shape
     return np.asarray((blocks[:, elements] + width * np.arange(rows)[:, None]).ravel())
 
 
 def _spread(graph: Connectivity, rows: Bits) -> Ints:
-    """Smallest index reached: each round looks one face further, then jumps to the name of the name."""
+    """Compute blocks by propagating the smallest index along open arcs, with pointer jumping."""
     count = len(graph.start)
     closed = np.zeros((len(rows), rows.shape[1] + 1), dtype=bool)
     closed[:, :-1] = rows
@@ -160,16 +264,38 @@ def _spread(graph: Connectivity, rows: Bits) -> Ints:
 
 
 def slits(graph: Connectivity, labellings: Bits) -> Bools:
-    """Dry faces with both sides in one block; labellings (m,) or (k, m), the result alike."""
+    """Return the dry faces whose two sides are in one block.
+
+    Parameters
+    ----------
+    graph : Connectivity
+        Element graph.
+    labellings : (m,) or (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (m,) or (k, m) bool array
+        True for slits.
+    """
     blocks = blocks_of(graph, labellings)
     return np.asarray(labellings & (blocks[..., graph.a] == blocks[..., graph.b]))
 
 
 def canonical(labellings: Bits, group: Ints) -> Bits:
-    """The smallest image of each row under the group.
+    """Return the smallest image of each labelling under the group.
 
-    labellings: (k, m); group: (g, m) face permutations, closed under composition, the identity first.
-    Returns (k, m).
+    Parameters
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    group : (g, m) int array
+        Face permutations, closed under composition, the identity first.
+
+    Returns
+    -------
+    (k, m) bool array
+        Canonical labellings.
     """
     best, words = labellings.copy(), as_words(labellings)
     for permutation in group[1:]:
@@ -181,7 +307,20 @@ def canonical(labellings: Bits, group: Ints) -> Bits:
 
 
 def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
-    """Number of different images of each row (k, m) under the group (g, m); the multiplicity of its class."""
+    """Return the number of different images of each labelling, the multiplicity of its class.
+
+    Parameters
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    group : (g, m) int array
+        Face permutations, closed under composition, the identity first.
+
+    Returns
+    -------
+    (k,) int array
+        Orbit sizes.
+    """
     words = as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
@@ -190,7 +329,22 @@ def orbit_sizes(labellings: Bits, group: Ints) -> Ints:
 
 
 def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
-    """Indices (r,) of the rows (k, m) that are canonical, and their orbit sizes (r,)."""
+    """Select the labellings that are canonical.
+
+    Parameters
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+    group : (g, m) int array
+        Face permutations, closed under composition, the identity first.
+
+    Returns
+    -------
+    indices : (r,) int array
+        Rows that are canonical.
+    sizes : (r,) int array
+        Their orbit sizes.
+    """
     kept, words = np.arange(len(labellings)), as_words(labellings)
     fixed = np.ones(len(labellings), dtype=np.int64)
     for permutation in group[1:]:
@@ -201,7 +355,18 @@ def representatives(labellings: Bits, group: Ints) -> tuple[Ints, Ints]:
 
 
 def as_words(labellings: Bits) -> Words:
-    """Rows (k, m) as 64-bit words (k, w) that compare, the first word first, as the rows do."""
+    """Pack labellings into 64-bit words that sort, first word first, as the rows do.
+
+    Parameters
+    ----------
+    labellings : (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (k, w) uint64 array
+        Words, padded with zero bits.
+    """
     packed = pack(labellings)
     padded = np.zeros((len(packed), 8 * -(-packed.shape[1] // 8)), dtype=np.uint8)
     padded[:, : packed.shape[1]] = packed
@@ -209,7 +374,7 @@ def as_words(labellings: Bits) -> Words:
 
 
 def _compare(first: Words, second: Words) -> NDArray[np.int8]:
-    """(k,) −1, 0 or 1 as rows of the first come before, equal or come after rows of the second."""
+    """Return (k,) −1, 0 or 1 if rows of the first sort before, equal to or after the second."""
     sign = np.zeros(len(first), dtype=np.int8)
     for one, two in zip(first.T[::-1], second.T[::-1], strict=True):
         sign = np.where(one < two, -1, np.where(one > two, 1, sign)).astype(np.int8)

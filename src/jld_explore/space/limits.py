@@ -1,7 +1,7 @@
-"""What blocks and counts of a labelling must satisfy under "search": every limit, its measure and its rounding.
+"""Define the limits on blocks and counts under "search", with their measures and rounding.
 
-A limit is a range on the size of each block, by one of MEASURES, or on a count that has a key of its name. Whoever
-keeps limits asks `Limits` for those that are given and compares by `Range`, in whatever form it holds its blocks.
+A limit is a range on the size of each block by one of `MEASURES`, or on a count that has a key of its name.
+Callers ask `Limits` for the given limits and compare with `Range`, in any representation of blocks.
 """
 
 from __future__ import annotations
@@ -24,21 +24,26 @@ from jld_explore.space.labelling import Connectivity, blocks_of, numbers_of, tot
 from jld_explore.space.shapes import BlockShapes
 
 _SAME: Final = 1e-12
-"""Relative difference between sizes of elements that are one."""
+"""Relative difference up to which sizes of elements count as equal."""
 
 
 SHAPED: Final = {"block_aspect": "aspect"}
-"""Limits on the shape of single blocks with bounds: key under "search" and attribute of `BlockShapes`."""
+"""Limits with bounds on the shape of single blocks: key under "search" and attribute of an outline (`BlockShapes`)."""
 
 _MEASURED: Final = 1e-6
-"""Relative rounding of what is measured on the outline of a block."""
+"""Relative rounding allowed for values measured on the outline of a block."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """Inclusive bounds as a scene gives them, None for none, and as numbers that rounding is allowed for.
+    """Inclusive bounds as a scene gives them, with a tolerance for rounding.
 
-    low, high: as given. least, most: what to compare with, ±inf for none.
+    Attributes
+    ----------
+    low, high : float or None
+        Bounds as given, None for no bound.
+    least, most : float
+        Bounds with tolerance for comparisons, ±inf for no bound.
     """
 
     low: float | None
@@ -48,7 +53,7 @@ class Range:
 
     @classmethod
     def of(cls, given: Sequence[float | None], *, whole: bool) -> Range:
-        """Bounds [low, high]. whole: on whole numbers, which do not round."""
+        """Make a range from bounds [low, high]; bounds on whole numbers have no tolerance."""
         low, high = given
         slack = 0.0 if whole else tolerances.DECIMALS
         least = -inf if low is None else low * (1.0 - slack)
@@ -56,28 +61,42 @@ class Range:
 
     @property
     def given(self) -> bool:
-        """Whether there is a bound."""
+        """True if there is at least one bound."""
         return self.low is not None or self.high is not None
 
     def above(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
-        """True where values exceed the range by more than rounding; slack: relative, allowed beside."""
+        """Return True where values exceed the upper bound.
+
+        `slack` is a relative tolerance in addition to that for rounding.
+        """
         return np.asarray(np.asarray(values) > self.most * (1.0 + slack))
 
     def below(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
-        """True where values fall short of the range by more than rounding."""
+        """Return True where values are less than the lower bound; `slack` is as in `above`."""
         return np.asarray(np.asarray(values) < self.least * (1.0 - slack))
 
     def outside(self, values: Floats | Ints | float, slack: float = 0.0) -> Bools:
-        """True where values do either."""
+        """Return True where values violate either bound; `slack` is as in `above`."""
         return np.asarray(self.above(values, slack) | self.below(values, slack))
 
 
 @dataclass(frozen=True)
 class Measure:
-    """How large a block is, over its free elements, scene units; a part of a block is never larger than it.
+    """Measure of the size of a block over its free elements, in scene units.
 
-    key: of its limit under "search". words: what it is in. whole: a whole number. of: what each element (n,) adds;
-    None: the longest side of the box around the block.
+    The size of a part of a block never exceeds the size of the block.
+
+    Attributes
+    ----------
+    key : str
+        Key of its limit under "search".
+    words : str
+        Words after a size in messages.
+    whole : bool
+        True for whole numbers.
+    of : callable or None
+        Function that returns the contribution of each element (n,).
+        None for the longest side of the bounding box.
     """
 
     key: str
@@ -87,24 +106,34 @@ class Measure:
 
 
 CELLS: Final = Measure("block_cells", "free elements", True, lambda elements: np.ones(len(elements)))
+"""Number of free elements of a block."""
 WEIGHT: Final = Measure("block_weight", "of weight", False, lambda elements: np.linalg.norm(elements.weight, axis=1))
+"""Sum of the magnitudes of the elements' weights, scene units of force."""
 EXTENT: Final = Measure("block_extent", "of extent", False, None)
+"""Longest side of the bounding box of a block, scene units of length."""
 MASS: Final = Measure("block_mass", "of mass", False, lambda elements: elements.mass)
+"""Sum of the masses of the elements."""
 
 MEASURES: Final = (CELLS, WEIGHT, MASS, EXTENT)
+"""Block measures that can be limited, in the order of messages."""
 
 EXEMPT: Final = Measure("", "of elements that limits except", True, None)
-"""How many elements that limits on single blocks except a block holds; no limit speaks of it."""
+"""Number of elements of a block that `search.except` names; blocks with such an element are exempt from limits."""
 
 SizeOf = Callable[[Measure], Floats]
-"""Sizes of some blocks by a measure, in whatever shape the blocks come."""
+"""Function that returns the sizes of some blocks by a measure, in the shape of the blocks."""
 
 
 @dataclass(frozen=True)
 class Sized:
-    """n things with a size by every measure, elements or sets of them: what they add, and the corners of their boxes.
+    """Sizes of n elements, or sets of elements, by every measure.
 
-    adds: by key, (n,). corner: (n, 2 d) upper corner followed by the negative lower one.
+    Attributes
+    ----------
+    adds : dict of str to (n,) float array
+        Contributions to each additive measure, by its key.
+    corner : (n, 2 d) float array
+        Upper corner of the bounding box, followed by the negative lower corner.
     """
 
     adds: dict[str, Floats]
@@ -112,7 +141,10 @@ class Sized:
 
     @classmethod
     def elements(cls, elements: Elements, excepted: Bools) -> Sized:
-        """The elements of an assembly; supports have no size. excepted: (n,) those that limits except."""
+        """Compute the sizes of the elements of an assembly; supports have no size.
+
+        `excepted` (n,) marks the elements that exempt their block from limits.
+        """
         free = ~elements.support
         adds = {
             measure.key: np.where(free, measure.of(elements), 0.0).astype(float) for measure in MEASURES if measure.of
@@ -121,22 +153,35 @@ class Sized:
         return cls(adds, np.where(free[:, None], np.hstack([elements.upper, -elements.lower]), -inf))
 
     def take(self, order: Ints) -> Sized:
-        """The same of some, in an order."""
+        """Return selected entries in the given order."""
         return Sized({key: values[order] for key, values in self.adds.items()}, self.corner[order])
 
     def joined(self, name: Ints, count: int) -> Sized:
-        """Sets of them. name: (n,) the set that each is in, of `count`."""
+        """Return the sizes of sets of entries.
+
+        Parameters
+        ----------
+        name : (n,) int array
+            Set of each entry.
+        count : int
+            Number of sets.
+
+        Returns
+        -------
+        Sized
+            Sizes of the sets.
+        """
         corner = np.full((count, self.corner.shape[1]), -inf)
         np.maximum.at(corner, name, self.corner)
         adds = {key: np.bincount(name, values, minlength=count).astype(float) for key, values in self.adds.items()}
         return Sized(adds, corner)
 
     def all(self) -> SizeOf:
-        """Sizes (n,) of each by itself."""
+        """Return a function that gives the sizes (n,) of the single entries."""
         return lambda measure: self.adds[measure.key] if measure.key in self.adds else _longest(self.corner.T)
 
     def together(self, members: Bools) -> SizeOf:
-        """Sizes (r,) of r sets at once; members: (n, r)."""
+        """Return a function that gives the sizes (r,) of r sets with `members` (n, r)."""
 
         def size(measure: Measure) -> Floats:
             if measure.key in self.adds:
@@ -146,7 +191,7 @@ class Sized:
         return size
 
     def one(self, members: Iterable[int]) -> SizeOf:
-        """The size of one set."""
+        """Return a function that gives the size of one set."""
         rows = sorted(members)
 
         def size(measure: Measure) -> Floats:
@@ -158,17 +203,29 @@ class Sized:
 
 
 def _longest(corner: Floats) -> Floats:
-    """Longest side of boxes given by their corners (2 d, …)."""
+    """Return the longest side of bounding boxes given by their corners (2 d, …)."""
     d = len(corner) // 2
     with np.errstate(invalid="ignore"):
         return np.asarray((corner[:d] + corner[d:]).max(axis=0))
 
 
 def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = MEASURES) -> dict[str, Floats]:
-    """Sizes of all blocks of labellings by the keys of measures, scene units.
+    """Compute the sizes of all blocks of labellings by several measures.
 
-    blocks: (k, n) from `blocks_of`. Returns (k, n) arrays at the column of each block's name, zero in every column
-    that names no block with a free element.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with n elements.
+    blocks : (k, n) int array
+        Block of each element, from `blocks_of`.
+    measures : sequence of Measure
+        Measures to compute.
+
+    Returns
+    -------
+    dict of str to (k, n) float array
+        Sizes by the key of the measure, at the column of each block's name, scene units.
+        Columns that name no block with a free element are zero.
     """
     elements, free = assembly.elements, assembly.elements.free
     count, width = blocks.shape
@@ -187,36 +244,44 @@ def block_sizes(assembly: Assembly, blocks: Ints, measures: Sequence[Measure] = 
 
 @dataclass(frozen=True)
 class Limits:
-    """All limits of a search over an assembly."""
+    """All limits of a search over an assembly.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        Structure with n elements and m faces.
+    search : Search
+        Section "search" of a scene.
+    """
 
     assembly: Assembly
     search: Search
 
     @cached_property
     def on_blocks(self) -> tuple[tuple[Measure, Range], ...]:
-        """Limits on single blocks that are given."""
+        """Given limits on the size of single blocks."""
         ranges = ((measure, Range.of(getattr(self.search, measure.key), whole=measure.whole)) for measure in MEASURES)
         return tuple((measure, bounds) for measure, bounds in ranges if bounds.given)
 
     @cached_property
     def on_counts(self) -> tuple[tuple[Count, Range], ...]:
-        """Limits on counts that are given."""
+        """Given limits on counts."""
         known = (count for count in registered() if count.name in type(self.search).model_fields)
         ranges = ((count, Range.of(getattr(self.search, count.name), whole=count.integer)) for count in known)
         return tuple((count, bounds) for count, bounds in ranges if bounds.given)
 
     @cached_property
     def on_terms(self) -> tuple[tuple[Terms, Range], ...]:
-        """Those limits on counts that are sums of ones; none where cells may be left out."""
+        """Given limits on counts that are sums of binary terms; empty if cells may be left out."""
         if self.assembly.sink >= 0:
             return ()
         return tuple((count.terms(self.assembly), bounds) for count, bounds in self.on_counts if count.terms)
 
     @cached_property
     def excepted(self) -> Bools:
-        """(n,) elements that limits on single blocks except, with the blocks that hold them.
+        """(n,) mask of the elements that exempt their block from limits on single blocks.
 
-        Raises InputError for an id that is none of a free element.
+        Raises InputError if `search.except` names something other than a free element. The sink is exempt as well.
         """
         found, elements = np.zeros(len(self.assembly.elements), dtype=bool), self.assembly.elements
         for place, name in enumerate(self.search.except_):
@@ -225,31 +290,31 @@ class Limits:
                 raise InputError(f"search.except[{place}]", f"{name!r} {what}", "the id of a free element")
             found[elements.index[name]] = True
         if self.assembly.sink >= 0:
-            # what is left out is no block
+            # Omitted cells do not form a block.
             found[self.assembly.sink] = True
         return found
 
     @property
     def mendable(self) -> bool:
-        """Whether a block that is too large may be mended by what is added: an element that limits except."""
+        """True if adding an exempt element can make a block that is too large admissible."""
         return bool(self.search.except_)
 
     @cached_property
     def sized(self) -> Sized:
-        """The sizes of the elements."""
+        """Sizes of the elements."""
         return Sized.elements(self.assembly.elements, self.excepted)
 
     @cached_property
     def block_shapes(self) -> BlockShapes:
-        """The shapes of blocks, as moulds may be."""
+        """Outlines of blocks, compared as the moulds of the scene allow."""
         moulds = self.search.moulds
         return BlockShapes(self.assembly, rotate=moulds.rotate, flip=moulds.flip)
 
     @cached_property
     def on_shapes(self) -> tuple[tuple[str, Range], ...]:
-        """Limits on the shape of single blocks that are given, by the attribute of `BlockShapes`.
+        """Given limits on the shape of single blocks, by the attribute of an outline.
 
-        A part of a block may break what the whole keeps, so they say nothing of blocks that still grow.
+        They are not checked on partial blocks, because a part may violate a limit that the whole block satisfies.
         """
         bounds = [(name, Range.of(getattr(self.search, key), whole=False)) for key, name in SHAPED.items()]
         convex = self.search.convex_blocks
@@ -257,7 +322,7 @@ class Limits:
         return tuple((name, one) for name, one in (*bounds, ("reentrant", corners)) if one.given)
 
     def misshapen(self, members: Iterable[int]) -> bool:
-        """Whether one block, by its free elements, has a shape that is not wanted."""
+        """Return True if one block, given by its free elements, violates a limit on its shape."""
         rows = np.array(sorted(members), dtype=np.int64)
         if not self.on_shapes or self.excepted[rows].any():
             return False
@@ -266,42 +331,72 @@ class Limits:
 
     @property
     def given(self) -> bool:
-        """Whether there is any limit."""
+        """True if any limit is given or cells may be left out."""
         return bool(self.on_blocks or self.on_counts or self.on_shapes) or self.assembly.sink >= 0
 
     def bounds(self, measure: Measure) -> Range:
-        """The limit on blocks by one measure."""
+        """Return the limit on blocks by one measure."""
         return Range.of(getattr(self.search, measure.key), whole=measure.whole)
 
     @property
     def has_most(self) -> bool:
-        """Whether a block can be too large."""
+        """True if there is an upper limit on blocks."""
         return any(bounds.high is not None for _, bounds in self.on_blocks)
 
     @property
     def has_least(self) -> bool:
-        """Whether a block can be too small."""
+        """True if there is a lower limit on blocks."""
         return any(bounds.low is not None for _, bounds in self.on_blocks)
 
     def too_large(self, size: SizeOf, slack: float = 0.0) -> Bools:
-        """Where blocks of some sizes exceed a limit; unless `mendable` nothing that is added can mend it."""
+        """Return True where blocks exceed an upper limit.
+
+        Unless `mendable`, no added element can make such a block admissible.
+
+        Parameters
+        ----------
+        size : callable
+            Function that returns the sizes of the blocks by a measure.
+        slack : float
+            Additional relative tolerance.
+
+        Returns
+        -------
+        bool array
+            Mask in the shape of the sizes; False for exempt blocks.
+        """
         found = [bounds.above(size(measure), slack) for measure, bounds in self.on_blocks if bounds.high is not None]
         return self._held(found, size)
 
     def too_small(self, size: SizeOf, slack: float = 0.0) -> Bools:
-        """Where blocks of some sizes fall short of a limit."""
+        """Return True where blocks are below a lower limit; arguments as for `too_large`."""
         found = [bounds.below(size(measure), slack) for measure, bounds in self.on_blocks if bounds.low is not None]
         return self._held(found, size)
 
     def _held(self, broken: list[Bools], size: SizeOf) -> Bools:
-        """Where any is broken and the block is not excepted."""
+        """Return True where any limit is violated and the block is not exempt."""
         if not broken:
             return np.asarray(False)
         found = np.logical_or.reduce(broken)
         return np.asarray(found & (size(EXEMPT) == 0.0) if self.excepted.any() else found)
 
     def kept(self, labellings: Bits, graph: Connectivity, blocks: Ints | None = None) -> Bools:
-        """(k,) True where all limits are kept. labellings: (k, m); blocks: (k, n), theirs, where they are known."""
+        """Return True for labellings that satisfy all limits.
+
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        graph : Connectivity
+            Element graph of the assembly.
+        blocks : (k, n) int array, optional
+            Blocks of the labellings, if known.
+
+        Returns
+        -------
+        (k,) bool array
+            True if all limits are satisfied.
+        """
         good = np.ones(len(labellings), dtype=bool)
         if self.assembly.sink >= 0 and len(labellings):
             blocks = blocks_of(graph, labellings) if blocks is None else blocks
@@ -327,14 +422,17 @@ class Limits:
 
     @property
     def most_left_out(self) -> float:
-        """Volume of the cells that may be left out together, scene units, rounding allowed for; 0 where none may."""
+        """Largest total volume of omitted cells, scene units; 0 if no cell may be omitted.
+
+        The value includes a tolerance for rounding.
+        """
         if self.search.void is None:
             return 0.0
         elements = self.assembly.elements
         return self.search.void.most * float(elements.volume[elements.free].sum()) * (1.0 + tolerances.DECIMALS)
 
     def _leaves_a_structure(self, graph: Connectivity, blocks: Ints) -> Bools:
-        """(k,) True where no more is left out than may be, and all that stays is joined to a support."""
+        """Return (k,) True where the omitted volume is allowed and all other cells are supported."""
         sink, elements, faces = self.assembly.sink, self.assembly.elements, self.assembly.interfaces
         gone = blocks == blocks[:, [sink]]
         free, support = elements.free, np.flatnonzero(elements.support & (np.arange(len(elements)) != sink))
@@ -349,13 +447,23 @@ class Limits:
         return np.asarray(good & (grounded[rows, parts[:, free]] | gone[:, free]).all(axis=1))
 
     def _exempt(self, blocks: Ints) -> Floats:
-        """(k, n) elements that are excepted in each block (k, n), at the column of its name."""
+        """Return (k, n) number of exempting elements of each block, at the column of its name."""
         return numbers_of(blocks, np.flatnonzero(self.excepted)).astype(float)
 
     def by_cells(self, sized: Sized) -> dict[str, Range]:
-        """Ranges on single blocks made of some sets, by key; where sizes go with cells, as limits on cells.
+        """Return a range for every measure on blocks of sets of elements.
 
-        Every measure has its range, and one of cells is in whole numbers.
+        A limit on an additive measure becomes a limit on cells if all cells have the same size.
+
+        Parameters
+        ----------
+        sized : Sized
+            Sizes of the sets.
+
+        Returns
+        -------
+        dict of str to Range
+            Ranges by the key of the measure; the range on cells is in whole numbers.
         """
         found = {measure.key: self.bounds(measure) for measure in MEASURES}
         cells = found[CELLS.key]

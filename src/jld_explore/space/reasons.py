@@ -1,4 +1,7 @@
-"""Why a labelling is not in a space, in words: the same questions as `feasible`, asked one by one."""
+"""Explain in words why a labelling is not in a search space.
+
+The tests are those of `feasible`, one at a time.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,26 @@ from jld_explore.space.search_space import SearchSpace
 
 
 def reasons_against(space: SearchSpace, labels: Bits) -> tuple[str, ...]:
-    """Sentences on all that keeps a labelling (m,) out of a space; none where `feasible` admits it."""
+    """Explain why a labelling is not in a search space.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space.
+    labels : (m,) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    tuple of str
+        One sentence per violated condition; empty if `feasible` accepts the labelling.
+    """
     blocks = blocks_of(space.graph, labels[None])
     return (*_of_faces(space, labels, blocks[0]), *_of_blocks(space, blocks), *_of_counts(space, labels))
 
 
 def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
+    """Return violations of fixed labels and of `search.segmentation`."""
     found = []
     for label, name in ((True, "dry"), (False, "inner")):
         kept = (labels != space.fixed) & ~space.candidates & (space.fixed == label)
@@ -30,6 +47,7 @@ def _of_faces(space: SearchSpace, labels: Bits, block: Ints) -> list[str]:
 
 
 def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
+    """Return violations of limits on the size and shape of blocks."""
     limits, found = space.limits, []
     names = np.unique(blocks[0][space.assembly.elements.free])
     excepted = np.isin(names, blocks[0][limits.excepted])
@@ -50,6 +68,7 @@ def _of_blocks(space: SearchSpace, blocks: Ints) -> list[str]:
 
 
 def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
+    """Return violations of limits on counts and of the assembly sequence."""
     limits, found = space.limits, []
     for count, bounds in limits.on_counts:
         value = values_of(count, space.assembly, labels[None], space.graph, limits.block_shapes)[0]
@@ -61,20 +80,24 @@ def _of_counts(space: SearchSpace, labels: Bits) -> list[str]:
 
 
 def _words(bounds: Range) -> str:
+    """Return a range in words."""
     if bounds.low is None:
         return f"at most {bounds.high:.6g}"
     return f"at least {bounds.low:.6g}" if bounds.high is None else f"{bounds.low:.6g} to {bounds.high:.6g}"
 
 
 def _members(space: SearchSpace, block: Ints, name: int) -> Ints:
+    """Return the free elements of a block."""
     return np.flatnonzero((block == name) & ~space.assembly.elements.support)
 
 
 def _block(space: SearchSpace, block: Ints, name: int, wrong: Bools) -> str:
+    """Return words for a block, with the number of blocks that violate the same limit."""
     first, more = space.assembly.elements.ids[_members(space, block, name)[0]], int(wrong.sum()) - 1
     return f"the block of {first!r}" + (f" (one of {more + 1})" if more else "")
 
 
 def _faces(space: SearchSpace, chosen: Bools) -> str:
+    """Return words for the chosen faces."""
     pair, count = space.assembly.pair(int(np.argmax(chosen))), int(chosen.sum())
     return f"face {pair}" if count == 1 else f"{count} faces, the first {pair},"

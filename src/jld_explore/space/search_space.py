@@ -1,4 +1,4 @@
-"""Which faces may change, which labels are fixed, and which relabellings are the same by symmetry."""
+"""Define which faces may change, which labels are fixed, and how labellings are symmetric."""
 
 from __future__ import annotations
 
@@ -22,18 +22,33 @@ from jld_explore.space.symmetry import SymmetryGroup, symmetry_group
 from jld_explore.space.void import Void, void_of, with_sink
 
 _TOTAL = 1e-8
-"""Relative rounding allowed where blocks are counted by what all elements weigh together."""
+"""Relative rounding allowed where the number of blocks follows from the total size of all elements."""
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """All that decides which labellings there are.
+    """Labellings that may be searched: candidates, fixed labels, limits and symmetry.
 
-    candidates: (m,) faces that may take either label. fixed: (m,) labels, of force where a face is no
-    candidate. graph: for `blocks_of`. least: (n,) blocks through fixed inner faces alone (every labelling's
-    blocks contain them). most: (n,) blocks if all candidates were inner. symmetry: maps labellings of the
-    space onto labellings of the space with the same load factor and the same counts. void: what may be left out; the
-    assembly is then that with the sink, and labellings have a label more for each such cell.
+    Attributes
+    ----------
+    assembly : Assembly
+        Structure; with `void` it includes the sink, and each cell that may be omitted has one more face.
+    search : Search
+        Section "search" of the scene.
+    candidates : (m,) bool array
+        Faces that may have either label.
+    fixed : (m,) bool array
+        Labels, True = dry, that apply to faces that are not candidates.
+    graph : Connectivity
+        Element graph, for `blocks_of`.
+    least : (n,) int array
+        Blocks through fixed inner faces alone; blocks of every labelling contain them.
+    most : (n,) int array
+        Blocks if all candidates are inner.
+    symmetry : SymmetryGroup
+        Symmetries that map the space onto itself and preserve the load factor and all counts.
+    void : Void or None
+        Cells that may be left out.
     """
 
     assembly: Assembly
@@ -57,26 +72,44 @@ class SearchSpace:
 
     @cached_property
     def limits(self) -> Limits:
-        """What blocks and counts must satisfy."""
+        """Limits on blocks and counts."""
         return Limits(self.assembly, self.search)
 
     @cached_property
     def laying(self) -> SequenceConstraint | None:
-        """Which labellings can be laid, where that is asked for; asked of canonical ones, so that images agree."""
+        """Assembly sequence constraint, None if the search has none.
+
+        It is evaluated for canonical labellings, so that all images of a labelling give the same result.
+        """
         if self.search.assemble is None:
             return None
         sideways = self.search.assemble_out_of_plane
         return SequenceConstraint(self.assembly, self.search.assemble, self.candidates | ~self.fixed, sideways=sideways)
 
     def can_be_laid(self, labellings: Bits) -> Bools:
-        """(k,) True where labellings (k, m) can be laid as the search asks, or it does not ask."""
+        """Return (k,) True where labellings (k, m) have an assembly sequence, or none is required."""
         if self.laying is None:
             return np.ones(len(labellings), dtype=bool)
         return self.laying.possible(canonical(labellings, self.group))
 
 
 def feasible(space: SearchSpace, labellings: Bits) -> Bools:
-    """(k,) True where a labelling (k, m) is in the space: fixed labels, no slits unless allowed, all limits."""
+    """Return which labellings are in the search space.
+
+    A labelling must have the fixed labels, no slits unless allowed, and satisfy all limits and the assembly sequence.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        Search space.
+    labellings : (k, m) bool array
+        Labels, True = dry.
+
+    Returns
+    -------
+    (k,) bool array
+        True for labellings in the space.
+    """
     graph = space.graph
     good = ~np.any((labellings != space.fixed) & ~space.candidates, axis=1)
     blocks = None
@@ -84,7 +117,7 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
         blocks = blocks_of(graph, labellings)
         good &= ~np.any(labellings & (blocks[:, graph.a] == blocks[:, graph.b]), axis=1)
     good &= space.limits.kept(labellings, graph, blocks)
-    # the dearest question last, of those that are left
+    # Check the most expensive condition last, and only where all others hold.
     good[good] = space.can_be_laid(labellings[good])
     return np.asarray(good)
 
@@ -92,13 +125,31 @@ def feasible(space: SearchSpace, labellings: Bits) -> Bools:
 def search_space(
     scene: Scene, assembly: Assembly, *, allow_empty: bool = False, need_materials: bool = True
 ) -> SearchSpace:
-    """The labellings a scene's "search" asks for.
+    """Build the search space of a scene from its "search" section.
 
-    scene, assembly: the assembly is the scene's. allow_empty: accept a space without candidates, which then
-    holds the scene's own labelling alone. need_materials: refuse a label that may occur without its material;
-    both are switched the other way for scenes that are described but not searched.
-    Raises InputError: an unknown count, unknown ids, pairs without interface or kept both ways, no candidate left,
-    fixed labels that contradict each other, limits that nothing satisfies, a material that lacks, no such symmetry.
+    Parameters
+    ----------
+    scene : Scene
+        Validated scene.
+    assembly : Assembly
+        Assembly of the scene.
+    allow_empty : bool
+        Accept a space without candidates, which holds the scene's own labelling alone.
+    need_materials : bool
+        Refuse a label that may occur but has no material.
+        Scenes that are described but not searched use the opposite of both defaults.
+
+    Returns
+    -------
+    SearchSpace
+        Search space.
+
+    Raises
+    ------
+    InputError
+        If a count or an id is unknown, a pair has no interface or is kept with both labels, or no candidate is left.
+        Also if fixed labels contradict each other, no labelling satisfies the limits, a material is missing, or the
+        scene lacks the requested symmetry.
     """
     search = scene.search
     for place, (name, _) in enumerate(search.front.axes):
@@ -137,7 +188,10 @@ def search_space(
 
 
 def _refuse_walls(void: Void, assembly: Assembly, candidates: Bools, search: Search) -> None:
-    """Raise InputError for faces fixed dry between two cells that may be left out: together they are one block."""
+    """Raise InputError for faces fixed dry between two cells that may be left out.
+
+    Two omitted cells are one block with the sink, so the face between them cannot be dry.
+    """
     faces = assembly.interfaces
     may = np.isin(np.arange(len(assembly.elements)), void.cells)
     keep = faces_of_pairs(search.keep.dry, assembly.elements, faces, "search.keep.dry")
@@ -148,6 +202,7 @@ def _refuse_walls(void: Void, assembly: Assembly, candidates: Bools, search: Sea
 
 
 def _candidate_faces(scene: Scene, assembly: Assembly) -> Bools:
+    """Return (m,) mask of the faces that `search.candidates` selects."""
     wanted, elements, faces = scene.search.candidates, assembly.elements, assembly.interfaces
     if isinstance(wanted, list):
         return faces_of_pairs(wanted, elements, faces, "search.candidates")
@@ -161,13 +216,14 @@ def _candidate_faces(scene: Scene, assembly: Assembly) -> Bools:
 
 
 def _pair(assembly: Assembly, mask: Bools) -> str:
+    """Return the ids of the two elements of the first face in a mask."""
     face = int(np.flatnonzero(mask)[0])
     ids, faces = assembly.elements.ids, assembly.interfaces
     return f"{ids[faces.a[face]]!r}, {ids[faces.b[face]]!r}"
 
 
 def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, graph: Connectivity) -> None:
-    """Raise InputError where a label that can occur lacks its material."""
+    """Raise InputError if a label that can occur has no material."""
     may_be_dry = least[graph.a] != least[graph.b] if limits.search.segmentation else candidates
     may_be_inner = _may_join(limits, least, graph)
     dry, inner = np.where(candidates, may_be_dry, fixed), np.where(candidates, may_be_inner, ~fixed)
@@ -176,7 +232,7 @@ def _require_materials(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
-    """(m,) False where the blocks beside a face are too large to be one."""
+    """Return (m,) False where the two blocks beside a face are too large to be joined."""
     p, q = least[graph.a], least[graph.b]
     joined = np.ones(len(p), dtype=bool)
     if limits.excepted.any():
@@ -189,7 +245,7 @@ def _may_join(limits: Limits, least: Ints, graph: Connectivity) -> Bools:
 
 
 def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: Ints, most: Ints) -> None:
-    """Raise InputError for a limit that no labelling between `least` and `most` can meet."""
+    """Raise InputError for a limit that no labelling between `least` and `most` can satisfy."""
     assembly = limits.assembly
     small, large = block_sizes(assembly, least[None]), block_sizes(assembly, most[None])
     holds, whole = np.flatnonzero(small[CELLS.key][0]), np.flatnonzero(large[CELLS.key][0])
@@ -199,7 +255,7 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
         bounds, where = limits.bounds(measure), f"search.{measure.key}"
         smallest, largest = small[measure.key][0, holds], large[measure.key][0, whole]
         if limits.excepted.any():
-            # blocks that limits except may take in whatever is too large or too small
+            # Exempt blocks may contain anything that is too large or too small.
             continue
         if (heavy := bounds.above(smallest)).any():
             worst = int(np.argmax(np.where(heavy, smallest, -np.inf)))
@@ -234,7 +290,7 @@ def _refuse_impossible(limits: Limits, candidates: Bools, fixed: Bits, least: In
 
 
 def _reach(terms: Terms, candidates: Bools, fixed: Bits) -> tuple[int, int]:
-    """Fewest and most faces that a count takes in."""
+    """Return the smallest and largest number of faces that a count can include."""
     if terms.faces is None:
         return 0, 0
     return int((terms.faces & ~candidates & fixed).sum()), int((terms.faces & (candidates | fixed)).sum())

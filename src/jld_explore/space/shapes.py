@@ -1,8 +1,9 @@
-"""The shapes of blocks: which are alike, how slender they are, where they turn inwards. Each block is looked at once.
+"""Compute outlines of blocks: which are congruent, their aspect, and reentrant corners.
 
-Two blocks have one shape where a translation lays one onto the other; with moulds that may be turned, a rotation as
-well; with moulds that may be turned over, a mirror. What is compared is the boundary of the union of a block's
-elements, corners and middles of edges (planar) or of faces (spatial), within the tolerance of the geometry.
+Each block is computed once. Two blocks have the same shape if a translation maps one onto the other.
+If moulds may be turned, rotations count as well; if moulds may be turned over, reflections count as well.
+The comparison uses the boundary of the union of a block's elements within the geometric tolerance.
+It uses corners and midpoints of edges (planar) or of faces (spatial).
 """
 
 from __future__ import annotations
@@ -19,11 +20,21 @@ from jld_core.deadline import checkpoint
 from jld_core.geometry import Kinds, Outline, Outlines, reach_of
 
 _SHIFT: Final = 0.37
-"""Where places are rounded: off the halves, which rounding would throw to either side."""
+"""Offset before coordinates are rounded; it avoids multiples of one half, where rounding is ambiguous."""
 
 
 class BlockShapes:
-    """The shapes of all blocks that are asked for, of one assembly. rotate, flip: what moulds may be."""
+    """Outlines of the blocks of one assembly, computed on request and cached; thread-safe.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with n elements.
+    rotate : bool
+        Blocks that differ by a rotation have the same shape.
+    flip : bool
+        Blocks that differ by a reflection have the same shape.
+    """
 
     def __init__(self, assembly: Assembly, *, rotate: bool = False, flip: bool = False) -> None:
         self.assembly = assembly
@@ -38,24 +49,38 @@ class BlockShapes:
         self._outlines = Outlines(assembly)
         self._numbered: dict[int, int] = {}
         self._step = reach_of(assembly)
-        # threads of a proof ask for the blocks of labellings at the same time
+        # Threads of a proof request blocks at the same time.
         self._lock = RLock()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is sent to another process: all but the lock."""
+        """Return the state for pickling, without the lock."""
         return {name: value for name, value in self.__dict__.items() if name != "_lock"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the state and create a new lock."""
         self.__dict__.update(state)
         self._lock = RLock()
 
     def look(self, blocks: Ints) -> tuple[Bools, Ints]:
-        """See `_look`; one thread at a time."""
+        """Find the blocks of labellings among the known outlines, and compute missing outlines.
+
+        Parameters
+        ----------
+        blocks : (k, n) int array
+            Block of each element, from `blocks_of`.
+
+        Returns
+        -------
+        holds : (k, n) bool array
+            True at columns that name a block with free elements.
+        places : (k, n) int array
+            Positions of these blocks among the known outlines, −1 elsewhere.
+        """
         with self._lock:
             return self._look(blocks)
 
     def _look(self, blocks: Ints) -> tuple[Bools, Ints]:
-        """Where blocks with free elements are named, (k, n) as by `blocks_of`, and their places among the known."""
+        """Do the work of `look` without the lock."""
         rows, count = blocks.shape
         names = (blocks + count * np.arange(rows)[:, None]).ravel()
         key = np.zeros(rows * count, dtype=np.uint64)
@@ -77,7 +102,7 @@ class BlockShapes:
         return holds.reshape(rows, count), found.reshape(rows, count)
 
     def one(self, members: Ints) -> Outline:
-        """The shape of one block by its free elements, ascending."""
+        """Return the outline of one block given by its free elements in ascending order."""
         key = int(self._sign[members].sum(dtype=np.uint64))
         with self._lock:
             if key not in self._place:
@@ -86,7 +111,10 @@ class BlockShapes:
             return self._known[self._place[key]]
 
     def different(self, blocks: Ints, sink: int = -1) -> Ints:
-        """(k,) number of different shapes of blocks in each row (k, n), without the block of an element `sink` ≥ 0."""
+        """Return (k,) number of different block shapes of each row (k, n).
+
+        The block that contains the element `sink` is not counted if `sink` is at least 0.
+        """
         with self._lock:
             holds, places = self._look(blocks)
             number = self._numbers()
@@ -98,22 +126,25 @@ class BlockShapes:
         return np.asarray((new & (kind >= 0)).sum(axis=1), dtype=np.int64)
 
     def values(self, name: str) -> Floats:
-        """(b,) an attribute of every block that is known, in the order of their positions."""
+        """Return (b,) values of one attribute of all known outlines, ordered by position."""
         with self._lock:
             known = self._known[:]
         return np.array([float(getattr(shape, name)) for shape in known])
 
     def _numbers(self) -> Ints:
-        """(b,) number of the shape of each known block."""
+        """Return (b,) shape number of each known block; congruent blocks have the same number."""
         for outline in self._known[len(self._number) :]:
-            # equal cells at equal places have the same object
+            # Blocks of equal cells in equal positions share one outline object.
             if id(outline) not in self._numbered:
                 self._numbered[id(outline)] = self._kinds.number(outline)
             self._number.append(self._numbered[id(outline)])
         return np.array(self._number, dtype=np.int64)
 
     def _of(self, members: Ints) -> Outline:
-        """The outline of a block; one for all blocks of equal elements that lie alike, as on a grid nearly all do."""
+        """Return the outline of a block, cached for blocks of equal elements in equal positions.
+
+        On a regular grid nearly all blocks are found in the cache.
+        """
         centroid = self.assembly.elements.centroid[members]
         places = np.floor((centroid - centroid[0]) / self._step + _SHIFT).astype(np.int64)
         key = self._like[members].tobytes() + places.tobytes()
@@ -123,7 +154,7 @@ class BlockShapes:
 
     @cached_property
     def _like(self) -> Ints:
-        """(n,) a number for each element, the same only where corners and faces are the same about the centroid."""
+        """(n,) number of each element, equal only if corners and faces agree about the centroid."""
         elements = self.assembly.elements
         names: dict[object, int] = {}
         found = []

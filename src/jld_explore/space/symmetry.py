@@ -1,4 +1,4 @@
-"""The symmetries of a scene: which labellings are the same but for a mirror or a turn."""
+"""Find the symmetries of a scene: isometries that map labellings onto equivalent ones."""
 
 from __future__ import annotations
 
@@ -16,10 +16,18 @@ from jld_core.scene import Search
 
 @dataclass(frozen=True)
 class SymmetryGroup:
-    """Isometries that map the scene onto itself, the identity first, each with another effect on the faces.
+    """Isometries that map the scene onto itself, the identity first.
 
-    matrices: (g, d, d) orthogonal, about the mean of the elements' centroids. elements: (g, n) and faces:
-    (g, m): where each element and each face comes to lie. The images of a labelling are labelling[faces].
+    Each isometry permutes the faces differently. The images of a labelling are `labelling[faces]`.
+
+    Attributes
+    ----------
+    matrices : (g, d, d) float array
+        Orthogonal matrices about the mean of the elements' centroids.
+    elements : (g, n) int array
+        Element onto which each element is mapped.
+    faces : (g, m) int array
+        Face onto which each face is mapped.
     """
 
     matrices: Floats
@@ -27,11 +35,15 @@ class SymmetryGroup:
     faces: Ints
 
     def __len__(self) -> int:
+        """Return the number of isometries."""
         return len(self.faces)
 
 
 def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed: Bits) -> SymmetryGroup:
-    """The group `search.symmetry` asks for. Raises InputError for "mirror-x" of an asymmetric scene."""
+    """Find the group that `search.symmetry` requests.
+
+    Raises InputError for "mirror-x" if the scene does not have this symmetry.
+    """
     d, n, m = assembly.dimension, len(assembly.elements), len(assembly.interfaces)
     identity = (np.eye(d), np.arange(n), np.arange(m))
     found = [identity]
@@ -47,13 +59,16 @@ def symmetry_group(assembly: Assembly, search: Search, candidates: Bools, fixed:
             if not isinstance(image, str):
                 found.append((matrix, *image))
     matrices, elements, faces = (np.array(part) for part in zip(*found, strict=True))
-    # isometries that move no face differently (a mirror through a column of one cell) count once
+    # Isometries with the same effect on faces count once (a mirror through a column of single cells).
     first = np.sort(np.unique(faces, axis=0, return_index=True)[1])
     return SymmetryGroup(matrices[first], elements[first], faces[first])
 
 
 def _possible_matrices(assembly: Assembly) -> list[Floats]:
-    """Orthogonal matrices that may map the assembly onto itself, from few elements that are rare."""
+    """Return orthogonal matrices that may map the assembly onto itself.
+
+    They follow from the possible images of the rarest elements.
+    """
     elements, d = assembly.elements, assembly.dimension
     reach = tolerances.SYMMETRY * assembly.size
     points, kind = elements.centroid - elements.centroid.mean(axis=0), _kinds(assembly)
@@ -61,7 +76,7 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
         points = np.concatenate(elements.shape) - elements.centroid.mean(axis=0)
         kind = np.repeat(kind, [len(s) for s in elements.shape])
     radius = np.linalg.norm(points, axis=1)
-    # those that may take one another's place stand side by side: of one kind and at one distance from the centre
+    # Elements of one kind and equal distance from the centre may be images of each other; sort them together.
     order = np.lexsort((radius, kind))
     key = (radius + 4.0 * radius.max() * kind)[order]
     first, last = np.searchsorted(key, key - reach, "left"), np.searchsorted(key, key + reach, "right")
@@ -69,7 +84,7 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
     rivals[order] = last - first
     place_of = np.empty(len(points), dtype=np.int64)
     place_of[order] = np.arange(len(points))
-    # an anchor near the centre would magnify rounding; the rarest of the others leaves least to try
+    # An anchor near the centre would amplify rounding; the rarest of the others has the fewest images.
     rarest = np.lexsort((-radius, rivals + len(points) * (radius < 1e-3 * radius.max())))
     anchors = [int(rarest[0])]
     if d == 3:
@@ -93,11 +108,11 @@ def _possible_matrices(assembly: Assembly) -> list[Floats]:
 
 
 def _kinds(assembly: Assembly) -> Ints:
-    """(n,) number of the kind of each element: of one volume, number of corners and support flag."""
+    """Return (n,) kind of each element: equal volume, number of corners and support flag."""
     elements = assembly.elements
     order = np.argsort(elements.volume, kind="stable")
     volume = elements.volume[order]
-    # volumes that differ by rounding are one; a step above it begins another
+    # Volumes that differ only by rounding are equal; a larger step begins a new kind.
     step = np.diff(volume, prepend=volume[:1]) > 10.0 * tolerances.SYMMETRY * volume
     size = np.empty(len(volume), dtype=np.int64)
     size[order] = np.cumsum(step)
@@ -109,7 +124,10 @@ def _kinds(assembly: Assembly) -> Ints:
 def _image(
     assembly: Assembly, search: Search, candidates: Bools, fixed: Bits, matrix: Floats
 ) -> tuple[Ints, Ints] | str:
-    """Where a matrix puts elements (n,) and faces (m,), or in words what it does not map onto itself."""
+    """Return the images of elements (n,) and faces (m,) under a matrix, or why there are none.
+
+    The reason is a text that names the first property that is not mapped onto itself.
+    """
     elements, faces = assembly.elements, assembly.interfaces
     centre = elements.centroid.mean(axis=0)
     reach = tolerances.SYMMETRY * assembly.size
@@ -157,15 +175,16 @@ def _image(
 
 
 def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: float) -> Ints | None:
-    """(n,) the point of its kind that each moved one falls on; None unless it is one to one.
+    """Return (n,) point of the wanted kind onto which each moved point falls, else None.
 
-    moved, points: (n, d). kind_to: (n,) kind wanted of each moved point; kind: (n,) kind of each point.
+    None means that the map is not one to one.
+    `moved` and `points` are (n, d), `kind_to` is the wanted kind of each moved point, `kind` that of each point.
     """
     if not len(points):
         return np.zeros(0, dtype=np.int64)
-    # a coordinate of its own keeps kinds further apart than any two places
+    # An additional coordinate separates kinds by more than the distance of any two points.
     apart = 4.0 * max(float(np.ptp(points, axis=0).max()), reach)
-    from scipy.spatial import cKDTree  # slow to import, and seldom needed
+    from scipy.spatial import cKDTree  # Imported here because it is slow to import and seldom needed.
 
     tree = cKDTree(np.column_stack([points, apart * kind]))
     distance, to = tree.query(np.column_stack([moved, apart * kind_to]), distance_upper_bound=2.0 * reach)
@@ -174,7 +193,7 @@ def _nearest(moved: Floats, points: Floats, kind_to: Ints, kind: Ints, reach: fl
 
 
 def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: Floats, reach: float) -> bool:
-    """Whether each moved shape has the corners of the one it falls on, in any order."""
+    """Return True if each moved shape has the corners of its image, in any order."""
     corners = np.array([len(s) for s in shapes])
     if np.any(corners != corners[to]):
         return False
@@ -189,7 +208,7 @@ def _same_corners(shapes: tuple[Floats, ...], to: Ints, matrix: Floats, centre: 
 
 
 def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
-    """Whether every load case is mapped onto one of the same required factor; no two onto one."""
+    """Return True if every load case maps one to one onto a case of equal required factor."""
     cases, required = assembly.by_case, assembly.required
     left = set(range(len(cases)))
     for case, factor in zip(cases, required, strict=True):
@@ -204,7 +223,10 @@ def _same_loads(assembly: Assembly, to: Ints, matrix: Floats) -> bool:
 
 
 def _falls_on(one: Assembly, other: Assembly, to: Ints, matrix: Floats) -> bool:
-    """Whether the dead and live loads of one case are mapped onto those of another; moments turn over in a mirror."""
+    """Return True if the dead and live loads of one case map onto those of another.
+
+    Moments change sign under reflections.
+    """
     d = one.dimension
     reflect = np.linalg.det(matrix)
     turn = np.array([[reflect]]) if d == 2 else reflect * matrix

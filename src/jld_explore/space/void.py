@@ -1,9 +1,10 @@
-"""Cells that may be left out: a third label, stated by the first two.
+"""Represent cells that may be left out, a third label expressed by the first two.
 
-A search that may leave cells out works on the assembly with one more support, the **sink**, and a face of no size from
-every such cell to it: dry, the cell stays; inner, it is of the sink's block and left out. So what is left out is a
-block like others, and operators, symmetry and records need no third label. Nothing is ever solved with the sink: `cut`
-gives the structure without the cells. In tables a face beside a cell that is left out has the letter v.
+The searched assembly has one more support, the **sink**, and a face of zero size from each such cell to it.
+If this face is dry, the cell stays; if it is inner, the cell belongs to the block of the sink and is left out.
+The omitted cells thus form a block like any other, and operators, symmetry and records need no third label.
+No analysis is made with the sink: `cut` returns the structure without the omitted cells.
+In tables a face beside an omitted cell has the letter v.
 """
 
 from __future__ import annotations
@@ -20,26 +21,35 @@ from jld_core.scene import PointLoad, Scene
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
 LETTER: Final = "v"
-"""Of a face beside a cell that is left out."""
+"""Letter of a face beside a cell that is left out."""
 
 _LETTERS: Final = LETTERS + LETTER
+"""All letters of a labelling as text, with void cells."""
 
 
 @dataclass(frozen=True)
 class Void:
-    """What may be left out. real: the structure itself. cells: (c,) elements, in the order of their faces."""
+    """Cells that may be left out.
+
+    Attributes
+    ----------
+    real : Assembly
+        Structure without the sink, with m faces and n elements.
+    cells : (c,) int array
+        Elements that may be left out, in the order of their faces to the sink.
+    """
 
     real: Assembly
     cells: Ints
 
     def gone(self, labellings: Bits) -> Bools:
-        """(k, n) elements of the structure that labellings (k, m + c) leave out."""
+        """Return (k, n) mask of the elements that labellings (k, m + c) leave out."""
         found = np.zeros((len(labellings), len(self.real.elements)), dtype=bool)
         found[:, self.cells] = ~labellings[:, len(self.real.interfaces) :]
         return found
 
     def texts(self, labellings: Bits) -> list[str]:
-        """Letters of labellings (k, m + c), one for each of the m faces."""
+        """Return the text of each labelling (k, m + c), one letter for each of the m faces."""
         faces, gone = self.real.interfaces, self.gone(labellings)
         beside = gone[:, faces.a] | gone[:, faces.b]
         plain = to_strings(labellings[:, : len(faces)])
@@ -50,19 +60,56 @@ class Void:
 
 
 def is_labelling(text: object, faces: int) -> bool:
-    """Whether something is the letters of a labelling of so many faces."""
+    """Return True if an object is the text of a labelling.
+
+    Parameters
+    ----------
+    text : object
+        Object to test.
+    faces : int
+        Number m of faces.
+
+    Returns
+    -------
+    bool
+        True for a string of m letters d, i and v.
+    """
     return isinstance(text, str) and len(text) == faces and not text.strip(_LETTERS)
 
 
 def beside_nothing(text: str) -> Bools:
-    """(m,) faces that the letters of a labelling say to lie beside a cell that is left out."""
+    """Return the faces beside a cell that is left out.
+
+    Parameters
+    ----------
+    text : str
+        m letters of a labelling.
+
+    Returns
+    -------
+    (m,) bool array
+        True at the letter v.
+    """
     return np.asarray(np.frombuffer(text.encode("ascii"), dtype=np.uint8) == ord(LETTER))
 
 
 def dry_of(text: str) -> Bits:
-    """(m,) True where the letters d, i and v of a labelling say dry; what lies beside nothing is not.
+    """Convert the letters of a labelling to a mask of dry faces; faces with v are not dry.
 
-    Raises ValueError for other letters.
+    Parameters
+    ----------
+    text : str
+        m letters d, i and v.
+
+    Returns
+    -------
+    (m,) bool array
+        Labels, True = dry.
+
+    Raises
+    ------
+    ValueError
+        If the text holds any other letter.
     """
     if text.strip(_LETTERS):
         raise ValueError(f"a labelling holds {text.strip(_LETTERS)[0]!r}; expected 'd', 'i' and 'v' only")
@@ -70,7 +117,20 @@ def dry_of(text: str) -> Bits:
 
 
 def omitted(assembly: Assembly, text: str) -> Bools:
-    """(n,) elements that the letters (m,) of a labelling leave out: free ones whose every face is beside nothing."""
+    """Return the elements that a labelling leaves out.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure without the sink.
+    text : str
+        m letters of a labelling.
+
+    Returns
+    -------
+    (n,) bool array
+        True for free elements all of whose faces have the letter v.
+    """
     void = beside_nothing(text)
     faces = assembly.interfaces
     solid = np.zeros(len(assembly.elements), dtype=bool)
@@ -79,7 +139,27 @@ def omitted(assembly: Assembly, text: str) -> Bools:
 
 
 def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
-    """The structure that a labelling (m letters) leaves, and its labels. Raises ValueError for other letters."""
+    """Return the structure without the cells that a labelling leaves out, and its labels.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure without the sink.
+    text : str
+        m letters of a labelling.
+
+    Returns
+    -------
+    assembly : Assembly
+        Remaining structure, the given one if the text has no v.
+    labels : bool array
+        Labels of its faces, True = dry.
+
+    Raises
+    ------
+    ValueError
+        If the text holds a letter other than d, i and v.
+    """
     labels = dry_of(text)
     if LETTER not in text:
         return assembly, labels
@@ -88,10 +168,9 @@ def cut(assembly: Assembly, text: str) -> tuple[Assembly, Bits]:
 
 
 def void_of(scene: Scene, assembly: Assembly) -> Void | None:
-    """What a scene's search may leave out, None where nothing.
+    """Return the cells that a scene's search may leave out, None if there are none.
 
-    Raises InputError: ids that are none of free elements, cells that carry a load of their own, faces between two of
-    them that are fixed dry, a search that leaves nothing to chance, or one that void cells are not made for.
+    Raises InputError for ids that are not free elements, loaded cells, and searches that void cells do not support.
     """
     asked, elements = scene.search.void, assembly.elements
     if asked is None:
@@ -119,7 +198,7 @@ def void_of(scene: Scene, assembly: Assembly) -> Void | None:
 
 
 def with_sink(void: Void) -> Assembly:
-    """The assembly that is searched: the sink is its last element, and the faces to it are its last."""
+    """Return the assembly with the sink as last element and its faces as last faces."""
     real, cells = void.real, void.cells
     elements, faces, d = real.elements, real.interfaces, real.dimension
     middle = elements.centroid.mean(axis=0)

@@ -1,4 +1,4 @@
-"""A local page with a live core: joints are moved by hand and λ follows, proven; searches run behind it.
+"""Serve a local page on which joints are edited by hand and λ is solved with proof.
 
 - `open_studio`: serve the studio on 127.0.0.1 until it is interrupted
 """

@@ -1,4 +1,4 @@
-"""What the studio answers: its page, the modules of the front end, and JSON under `api/`."""
+"""Answer the requests of the studio: its page, front-end modules, and JSON under `api/`."""
 
 from __future__ import annotations
 
@@ -26,18 +26,30 @@ from jld_explore.studio.jobs import Jobs, orders_for
 from jld_explore.studio.session import StudioSession
 
 KINDS: Final = {"js": "text/javascript", "css": "text/css", "html": "text/html"}
+"""Media type by file extension."""
 SECONDS: Final = (1.0, 86_400.0)
-"""Least and most seconds of a search begun from the page."""
+"""Smallest and largest time limit of a search begun from the page, s."""
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,63}")
+"""Names under which a scene may be saved."""
 PAGES: Final = 64
-"""Open pages whose newest state is remembered."""
+"""Number of open pages whose newest revision is remembered."""
 CANDIDATES: Final = "candidates.json"
+"""File of the candidates that the page keeps."""
 
 
 class Api:
-    """The studio's memory, and its answers to a page.
+    """Handlers of the studio's requests and their state.
 
-    desk: the scene. jobs: searches. root: the only folder that anything is written into. first: the page's data.
+    Parameters
+    ----------
+    desk : StudioSession
+        Scene of the studio.
+    jobs : Jobs
+        Searches.
+    root : Path
+        The only folder into which files are written.
+    first : callable
+        Function that returns the initial data of the page.
     """
 
     def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], dict[str, Any]]) -> None:
@@ -46,7 +58,7 @@ class Api:
         self._counting, self._turn = threading.Lock(), threading.Lock()
 
     def data(self, _: dict[str, Any]) -> dict[str, Any]:
-        """The data of the page, and the candidates kept from earlier."""
+        """Return the data of the page, with the candidates kept earlier."""
         kept = self.root / CANDIDATES
         try:
             candidates = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else []
@@ -56,7 +68,7 @@ class Api:
         return {**found, "studio": {**(found["studio"] or {}), "candidates": candidates}}
 
     def solve(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The solution of a state of the page, with the number of that state; none where a newer one is asked for."""
+        """Return the solution of a revision of the page, or that a newer one supersedes it."""
         page, revision = str(asked.get("page", "")), _whole(asked.get("revision"))
         self._note(page, revision)
         with self._turn:
@@ -65,7 +77,7 @@ class Api:
             return {"revision": revision, **self.desk.solve(asked.get("labelling"), _changes(asked))}
 
     def _note(self, page: str, revision: int) -> int:
-        """The newest state that a page has asked for, this one taken in."""
+        """Record a revision of a page and return the newest one."""
         with self._counting:
             newest = self._newest[page] = max(revision, self._newest.get(page, revision))
             self._newest.move_to_end(page)
@@ -74,11 +86,11 @@ class Api:
             return newest
 
     def list_jobs(self, _: dict[str, Any]) -> dict[str, Any]:
-        """All searches."""
+        """Return all searches."""
         return {"jobs": [job.told() for job in self.jobs.listed()]}
 
     def start_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Begin to improve, prove or explore from a state of the page."""
+        """Start to improve, prove or explore from a state of the page."""
         kind, seconds = asked.get("kind"), asked.get("seconds", 3600.0)
         if kind not in ("improve", "prove", "explore"):
             raise InputError("kind", f"there is no {str(kind)[:40]!r}", "improve, prove or explore")
@@ -95,21 +107,21 @@ class Api:
         return self.jobs.stop(str(asked.get("name"))).told()
 
     def resume_job(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Go on with a search."""
+        """Resume a search."""
         return self.jobs.resume(str(asked.get("name"))).told()
 
     def results(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The data of the page of a search that has stopped."""
+        """Return the data of the page of a search that has stopped."""
         job = self.jobs.find(str(asked.get("name")))
         return study_data(read_folder(job.results), patience=0.3)
 
     def report(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The page of a search that has stopped, as one file."""
+        """Return the page of a search that has stopped, as one file."""
         job = self.jobs.find(str(asked.get("name")))
         return {"name": f"{job.name}.html", "text": study_page(read_folder(job.results))}
 
     def keep(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """Keep the list of candidates."""
+        """Write the list of candidates to disk."""
         kept = asked.get("candidates")
         if not isinstance(kept, list) or len(kept) > 500:
             raise InputError("candidates", "it is no list of up to 500", "a list")
@@ -118,11 +130,11 @@ class Api:
         return {"kept": len(kept)}
 
     def scene(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The scene file of a state of the page."""
+        """Return the scene file of a state of the page."""
         return self.desk.scene_with(asked.get("labelling"), _changes(asked))
 
     def export(self, asked: dict[str, Any]) -> dict[str, Any]:
-        """The blocks of a state of the page as a file of another program, base64."""
+        """Return the blocks of a state of the page as a file of another program, in base64."""
         kind = asked.get("format")
         if kind not in FORMATS:
             raise InputError("format", f"there is no {str(kind)[:40]!r}", "one of " + ", ".join(FORMATS))
@@ -148,15 +160,16 @@ class Api:
 
 
 def _whole(value: object) -> int:
+    """Return a revision number; raise InputError if it is not an integer from 0."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise InputError("revision", f"it is {str(value)[:40]!r}", "a whole number from 0")
     return value
 
 
 def _asked(body: bytes) -> dict[str, Any]:
-    """The object of a request. Raises InputError for what is none."""
+    """Return the JSON object of a request; raise InputError if there is none."""
     try:
-        # ValueError: not JSON, not UTF-8, or a number of thousands of digits
+        # json raises ValueError for invalid JSON, invalid UTF-8, or a number of thousands of digits.
         asked = json.loads(body or b"{}")
     except (ValueError, RecursionError):
         raise InputError("request", "it is not JSON", "one JSON object") from None
@@ -166,6 +179,7 @@ def _asked(body: bytes) -> dict[str, Any]:
 
 
 def _changes(asked: dict[str, Any]) -> dict[str, Any]:
+    """Return the changes of a request; raise InputError if they are not an object."""
     changes = asked.get("changes", {})
     if not isinstance(changes, dict):
         raise InputError("changes", "they are no object", "an object")
@@ -173,7 +187,10 @@ def _changes(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def build_app(answers: Api, token: str, hosts: tuple[str, ...]) -> Guard:
-    """The ASGI application. token: first part of every path; hosts: what `Host` may be."""
+    """Build the ASGI application.
+
+    `token` is the first part of every path; `hosts` holds the admissible values of the header `Host`.
+    """
 
     def calling(call: Callable[[dict[str, Any]], dict[str, Any]]) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:

@@ -1,6 +1,6 @@
-"""Who may talk to the studio: its own page on this machine, by a token, and nobody through another site.
+"""Restrict access to the studio to its own page on this machine, by a token.
 
-Every answer carries a policy that lets a page run and load only what this server gives it.
+Every response has a content security policy that lets a page load only what this server provides.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LARGEST: Final = 4_000_000
-"""Bytes of a request, at the most."""
+"""Largest size of a request, bytes."""
 
 HEADERS: Final = {
     "content-security-policy": (
@@ -25,19 +25,29 @@ HEADERS: Final = {
     "x-content-type-options": "nosniff",
     "cache-control": "no-store",
 }
+"""Security headers of every response."""
 
 
 class Guard:
-    """Lets requests through that name this server as their host, come from its own page, and carry the token.
+    """ASGI middleware that admits requests with the right host, origin and token.
 
-    token: the first part of every path. hosts: what `Host` may be. A request that changes something needs an `Origin`
-    of these hosts, or none at all, and JSON; no request may be larger than `LARGEST`.
+    POST requests need JSON and an `Origin` of these hosts or none. No request may be larger than `LARGEST`.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        Application behind the guard.
+    token : str
+        First part of every path.
+    hosts : tuple of str
+        Admissible values of the header `Host`.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: tuple[str, ...]) -> None:
         self.app, self.token, self.hosts = app, token, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Check a request and pass it to the application, or send a refusal."""
         if scope["type"] != "http":
             if scope["type"] == "lifespan":
                 await self.app(scope, receive, send)
@@ -61,6 +71,7 @@ class Guard:
         await self.app(inside, once, _with_headers(send))
 
     def _refusal(self, scope: Scope) -> tuple[int, str] | None:
+        """Return status code and text of a refusal, None for an admissible request."""
         headers: dict[str, list[str]] = {}
         for name, value in scope["headers"]:
             headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
@@ -86,7 +97,10 @@ class Guard:
 
 
 async def _body(receive: Receive) -> bytes | None:
-    """All of a request's body; None where it is larger than `LARGEST`, whatever its length was said to be."""
+    """Return the body of a request, None if it is larger than `LARGEST`.
+
+    The actual size counts, whatever the request states as its length.
+    """
     parts, size, more = [], 0, True
     while more:
         message = await receive()
@@ -99,6 +113,8 @@ async def _body(receive: Receive) -> bytes | None:
 
 
 def _with_headers(send: Send) -> Send:
+    """Return a `send` that adds the security headers to every response."""
+
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
             own = [(name.encode(), value.encode()) for name, value in HEADERS.items()]

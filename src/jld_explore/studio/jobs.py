@@ -1,4 +1,7 @@
-"""Searches behind a page: each a process of its own with a folder of its own, so that it outlives a closed tab."""
+"""Manage the searches of the studio, each in its own process and folder.
+
+A search therefore continues after its browser tab is closed.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +22,40 @@ from jld_core.errors import InputError
 from jld_explore.report import write_text
 
 Kind = Literal["improve", "prove", "explore", "study"]
+"""Purpose of a search; "study" is a study begun outside the studio."""
 State = Literal["running", "stopping", "stopped", "done", "failed"]
+"""State of a search."""
 
 ORDERS: Final = "order.json"
-"""In a job's folder, beside its results: what it was told to do."""
+"""File in the folder of a job that holds its settings."""
 
 MOST: Final = 4
-"""Searches that may run at a time."""
+"""Largest number of searches that may run at a time."""
 
 
 @dataclass
 class Job:
-    """One search. orders: settings of the search. progress: as it last reported. error: why it failed, in one line."""
+    """One search.
+
+    Attributes
+    ----------
+    name : str
+        Name of the job and of its folder.
+    kind : Kind
+        Purpose of the search.
+    folder : Path
+        Folder of the job.
+    orders : dict
+        Settings of the search.
+    state : State
+        Present state.
+    progress : dict
+        Last progress report.
+    error : str
+        Reason of a failure, in one line.
+    process : Popen or None
+        Process of the search.
+    """
 
     name: str
     kind: Kind
@@ -43,11 +68,11 @@ class Job:
 
     @property
     def results(self) -> Path:
-        """The folder of its study."""
+        """Results folder of the search."""
         return self.folder if self.kind == "study" else self.folder / "results"
 
     def told(self) -> dict[str, Any]:
-        """What a page is told about it."""
+        """Return the facts that a page shows about the search."""
         summary = self.results / "summary.json"
         found: dict[str, Any] = {}
         if self.state not in ("running", "stopping") and summary.exists():
@@ -63,7 +88,15 @@ class Job:
 
 
 class Jobs:
-    """All searches of one opened folder, those of earlier sessions too; any thread may ask."""
+    """All searches of one opened folder, including those of earlier sessions; thread-safe.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of the searches.
+    study : Path, optional
+        Folder of a study that was opened.
+    """
 
     def __init__(self, root: Path, study: Path | None = None) -> None:
         self.root = root
@@ -77,7 +110,7 @@ class Jobs:
             self.all[place.parent.name] = Job(place.parent.name, told["kind"], place.parent, told["orders"], state)
 
     def start(self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any]) -> Job:
-        """Begin a search of a scene. Raises InputError where too many are running."""
+        """Start a search of a scene; raise InputError if too many are running."""
         with self._turn:
             self._room()
             number = 1
@@ -91,7 +124,7 @@ class Jobs:
             return job
 
     def resume(self, name: str) -> Job:
-        """Go on with a search. Raises InputError where it runs, or too many do."""
+        """Resume a search; raise InputError if it is running or too many are."""
         with self._turn:
             job = self.find(name)
             if job.state in ("running", "stopping"):
@@ -101,7 +134,7 @@ class Jobs:
             return job
 
     def stop(self, name: str) -> Job:
-        """Ask a search to stop; what it has finished is on disk."""
+        """Ask a search to stop; its finished results are on disk."""
         with self._turn:
             job = self.find(name)
             if job.process is not None and job.state == "running":
@@ -110,18 +143,18 @@ class Jobs:
             return job
 
     def listed(self) -> list[Job]:
-        """All searches, in the order they were begun."""
+        """Return all searches in the order in which they were begun."""
         with self._turn:
             return list(self.all.values())
 
     def find(self, name: str) -> Job:
-        """A search by its name. Raises InputError for none."""
+        """Return a search by its name; raise InputError if there is none."""
         if name not in self.all:
             raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
         return self.all[name]
 
     def close(self) -> None:
-        """Stop all that run, and wait for them."""
+        """Stop all running searches and wait for their processes; kill them after 10 s."""
         for job in self.listed():
             self.stop(job.name)
         for job in self.listed():
@@ -133,10 +166,12 @@ class Jobs:
                     job.process.wait()
 
     def _room(self) -> None:
+        """Raise InputError if no further search may run."""
         if sum(job.state in ("running", "stopping") for job in self.all.values()) >= MOST:
             raise InputError("job", f"{MOST} searches are running", "one of them stopped first")
 
     def _launch(self, job: Job) -> None:
+        """Start the process of a search and a thread that reads its output."""
         scene = job.results / "scene.json" if job.kind == "study" else job.folder / "scene.json"
         resume = job.results.exists() and any(job.results.iterdir())
         told = {"kind": job.kind, "orders": job.orders, "done": False}
@@ -145,7 +180,7 @@ class Jobs:
         orders = json.dumps({**job.orders, "resume": resume})
         command = [sys.executable, "-m", "jld_explore.studio.worker", str(scene), str(job.results), orders]
         job.state, job.error = "running", ""
-        # a file, as a pipe that nobody reads while stdout is read fills up and halts the worker
+        # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
         words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
         job.process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, encoding="utf-8", errors="replace"
@@ -153,6 +188,7 @@ class Jobs:
         threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True).start()
 
     def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
+        """Read the progress of a process until it ends, then record its state."""
         assert process.stdout is not None
         with process.stdout, words:
             for line in process.stdout:
@@ -170,7 +206,7 @@ class Jobs:
 
 
 def _progress_of(line: str) -> dict[str, Any] | None:
-    """A report of a worker; None for a line of another kind, as a library may print."""
+    """Return a progress report; None for any other line, such as output of a library."""
     try:
         told = json.loads(line)
     except ValueError:
@@ -179,13 +215,13 @@ def _progress_of(line: str) -> dict[str, Any] | None:
 
 
 def _orders_of(study: Path) -> dict[str, Any]:
-    """The settings of a study that was begun elsewhere, as far as its summary says them."""
+    """Return the settings of a study begun elsewhere, as far as its summary contains them."""
     summary = json.loads((study / "summary.json").read_text(encoding="utf-8"))
     return {"driver": summary.get("driver"), "seed": summary.get("seed", 0)}
 
 
 def orders_for(kind: Kind, labelling: str, seconds: float) -> dict[str, Any]:
-    """What the three kinds of search are told to do."""
+    """Return the settings of a search by its purpose."""
     if kind == "improve":
         return {"driver": "hillclimb", "seconds": seconds, "options": {"start": labelling}}
     if kind == "prove":

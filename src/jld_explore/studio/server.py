@@ -1,4 +1,4 @@
-"""The studio as a command runs it: what is opened, where it listens, and that nothing outlives it."""
+"""Run the studio: open a scene, listen on a local port, and stop all searches at the end."""
 
 from __future__ import annotations
 
@@ -27,15 +27,27 @@ START: dict[str, Any] = {
     },
     "loads": {"live": [{"body": [1, 0]}]},
 }
-"""What the studio opens where it is given nothing."""
+"""Scene that the studio opens without a source."""
 
 
 def open_studio(source: Path | None, port: int, announce: Callable[[str], None], browser: bool) -> None:
     """Serve the studio on 127.0.0.1 until it is interrupted.
 
-    source: a scene file, a folder written by jld explore, or None for a wall to begin with. port: 0 takes a free one.
-    announce: told the address. browser: open it. Raises InputError for a source that cannot be opened, a port that is
-    taken, or where the extra `studio` is not installed.
+    Parameters
+    ----------
+    source : Path or None
+        Scene file, folder written by `jld explore`, or None for a sample wall.
+    port : int
+        Port; 0 takes a free one.
+    announce : callable
+        Function called with the address.
+    browser : bool
+        Open the address in a browser.
+
+    Raises
+    ------
+    InputError
+        If the source cannot be opened, the port is taken, or the extra `studio` is not installed.
     """
     try:
         import uvicorn
@@ -70,7 +82,7 @@ def open_studio(source: Path | None, port: int, announce: Callable[[str], None],
 
 @contextmanager
 def _interrupting(number: int) -> Iterator[None]:
-    """Let a signal end this process as Ctrl-C does, with all that is to be closed; in the main thread alone."""
+    """Let a signal end this process as Ctrl-C does, with cleanup; main thread only."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -78,7 +90,7 @@ def _interrupting(number: int) -> Iterator[None]:
     def stop(_: int, __: object) -> None:
         raise KeyboardInterrupt
 
-    # uvicorn shuts down at the signal and then raises it again, for whoever handled it before
+    # uvicorn shuts down at the signal and then raises it again for the previous handler.
     before = signal.signal(number, stop)
     try:
         yield
@@ -87,7 +99,7 @@ def _interrupting(number: int) -> Iterator[None]:
 
 
 def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
-    """The scene, the folder that is written into, and the study's folder where one was opened."""
+    """Return the scene, the folder for output, and the study's folder if one was opened."""
     if source is None:
         return parse_scene(START), Path("studio"), None
     if source.is_dir():
@@ -96,7 +108,7 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
 
 
 def first_data(desk: StudioSession, root: Path, study: Path | None) -> dict[str, Any]:
-    """The data of the page: a study's table where one was opened, else the scene with its own labels, solved."""
+    """Return the initial data of the page: a study's table, or the scene with its own labels."""
     extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
     extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}
     if study is not None:
@@ -115,13 +127,14 @@ def first_data(desk: StudioSession, root: Path, study: Path | None) -> dict[str,
 
 
 def _listener(port: int) -> socket.socket:
-    # with the protocol named: asyncio switches Nagle's delay off only for sockets that say they are TCP, and an answer
-    # whose head and body are written apart waits 40 ms for it
+    """Return a listening socket; raise InputError if the port cannot be used."""
+    # Name the protocol, because asyncio disables Nagle's delay only for sockets that are declared as TCP.
+    # A response with separate head and body would otherwise be delayed by 40 ms.
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(("127.0.0.1", port))
-        listener.listen()  # whoever is told the address may come before the server is up
+        listener.listen()  # a browser may connect before the server is ready
     except (OSError, OverflowError) as error:
         listener.close()
         raise InputError("--port", f"{port} cannot be had ({error})", "a free port, or none for any") from None

@@ -1,4 +1,4 @@
-"""What lies on the desk: one scene, solved for whatever labels, materials and loads the page asks for."""
+"""Solve one scene for the labels, materials and loads that the page requests."""
 
 from __future__ import annotations
 
@@ -21,15 +21,27 @@ from jld_explore.report import CaseSolver, loads_of, solution_of
 from jld_explore.space import LETTERS, SearchSpace, from_string, reasons_against, search_space
 
 KEPT: Final = 16
-"""Assemblies kept for changes taken back and done again: all but labels is in their key."""
+"""Number of cached assemblies; the cache key contains all changes except labels."""
 
 CHANGEABLE: Final = ("materials", "loads")
-"""Parts of a scene that a page may change besides its labels; the geometry stays."""
+"""Parts of a scene besides labels that a page may change; the geometry is fixed."""
 
 
 @dataclass(frozen=True)
 class ScenarioCache:
-    """A scene with changed materials or loads, ready to be solved."""
+    """Scene with changed materials or loads, ready to be solved.
+
+    Attributes
+    ----------
+    scene : Scene
+        Changed scene.
+    assembly : Assembly
+        Its assembly.
+    space : SearchSpace or None
+        Its search space, None if the scene cannot be searched.
+    solver : CaseSolver
+        Its solver.
+    """
 
     scene: Scene
     assembly: Assembly
@@ -38,7 +50,13 @@ class ScenarioCache:
 
 
 class StudioSession:
-    """Solves labellings of one scene under changing materials and loads, for one page, in any thread."""
+    """Solver of labellings of one scene under changing materials and loads; thread-safe.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the studio; its geometry is fixed.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -50,7 +68,7 @@ class StudioSession:
         self._first = self.setup({})
 
     def setup(self, changes: Mapping[str, Any]) -> ScenarioCache:
-        """The scene with changes to its materials and loads. Raises InputError for what no scene may hold."""
+        """Return the scene with changed materials and loads; raise InputError if it is invalid."""
         for key in changes:
             if key not in CHANGEABLE:
                 raise InputError(key, "the studio does not change it", " or ".join(CHANGEABLE))
@@ -67,23 +85,23 @@ class StudioSession:
             return made
 
     def _space(self, scene: Scene, assembly: Assembly) -> SearchSpace | None:
-        """What a search would admit. Friction, strengths and loads have no part in that, weights have."""
+        """Return the search space; only changed weights require a new one."""
         if self._first is not None and np.array_equal(assembly.elements.weight, self._first.assembly.elements.weight):
             return self._first.space
         try:
             return search_space(scene, assembly)
         except InputError:
-            return None  # nothing can be searched, for want of a material or of room; it can be solved all the same
+            return None  # the scene cannot be searched but can still be solved
 
     def labels(self, letters: object) -> Bits:
-        """(m,) labels from letters d and i. Raises InputError for anything else."""
+        """Convert letters d and i to (m,) labels; raise InputError for anything else."""
         count = len(self.setup({}).assembly.interfaces)
         if not isinstance(letters, str) or len(letters) != count or letters.strip(LETTERS):
             raise InputError("labelling", f"it is {str(letters)[:40]!r}", f"{count} letters d or i")
         return from_string(letters)
 
     def solve(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """What the page shows of a labelling: its solution, the loads, and why a search would not admit it."""
+        """Return solution and loads of a labelling, and why a search would not admit it."""
         start = time.perf_counter()
         setup = self.setup(changes)
         labels = self.labels(letters)
@@ -98,7 +116,10 @@ class StudioSession:
         }
 
     def scene_with(self, letters: object, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """The scene file of a state of the page: its labels stand in `labels`, by pairs of elements."""
+        """Return the scene file of a state of the page, with its labels by pairs of elements.
+
+        Raises InputError if labels by pairs cannot represent the state.
+        """
         setup, labels = self.setup(changes), self.labels(letters)
         document = setup.scene.model_dump(mode="json", exclude_defaults=True)
         ids, faces = setup.assembly.elements.ids, setup.assembly.interfaces

@@ -1,4 +1,7 @@
-"""A search in a process of its own: progress as lines of JSON on stdout, SIGTERM stops it, exit codes as of jld."""
+"""Run a search in its own process, with progress as JSON lines on stdout.
+
+SIGTERM stops the search. Exit codes are those of `jld`.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +20,17 @@ from jld_explore.evaluation import raise_deferred
 from jld_explore.study import Interrupted, Progress
 
 EVERY: Final = 0.2
-"""Seconds between two reports."""
+"""Smallest time between two progress reports, s."""
 
 
 class _Teller:
-    """Writes progress, not too often."""
+    """Progress reporter that writes at most one line every `EVERY` seconds."""
 
     def __init__(self) -> None:
         self._last = -math.inf
 
     def __call__(self, progress: Progress) -> None:
+        """Write progress unless the last report is too recent."""
         now = time.monotonic()
         if now - self._last < EVERY:
             return
@@ -34,6 +38,7 @@ class _Teller:
         self.tell(progress)
 
     def tell(self, progress: Progress) -> None:
+        """Write progress as one line of JSON."""
         best, bound = (None if not math.isfinite(v) else v for v in (progress.best, progress.bound))
         told: dict[str, Any] = {"done": progress.done, "total": progress.total, "best": best, "bound": bound}
         sys.stdout.write(json.dumps({**told, "seconds": progress.seconds}) + "\n")
@@ -41,7 +46,7 @@ class _Teller:
 
 
 def main(scene: str, folder: str, orders: str) -> int:
-    """Search a scene into a folder. Returns the exit code: 0 done, 2 bad input, 3 stopped."""
+    """Search a scene into a folder; return the exit code: 0 done, 2 bad input, 3 stopped."""
 
     def stop(number: int, frame: object) -> None:
         raise_deferred(Interrupted())

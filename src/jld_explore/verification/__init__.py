@@ -1,14 +1,14 @@
-"""A proof of the exact driver, checked by code that shares nothing with what found it.
+"""Check proofs of the exact driver by code that is independent of the search.
 
-- `Balances`: what a mechanism proves about λ, in whole numbers
-- `Checker`: the reasons of one claim, in order
-- `Claim`: what a certificate says
-- `Labellings`: what a scene lets be labelled
-- `Lemma`: a clause that follows from others
-- `Mechanism`: a reason why labellings are too weak
-- `Reason`: one line of a certificate
-- `Rule`: a reason why labellings are none of the scene
-- `Verified`: what has been checked
+- `Balances`: exact work balances of mechanisms of one assembly under one load
+- `Checker`: checker of the reasons of one claim, in order
+- `Claim`: statement that a certificate proves
+- `Labellings`: labellings of a scene as clauses
+- `Lemma`: reason: a clause that follows from earlier ones
+- `Mechanism`: reason: a mechanism that refutes labellings
+- `Reason`: type of one line of a certificate
+- `Rule`: reason: a rule of the scene that excludes labellings
+- `Verified`: result of checking a certificate
 - `verify`: check a certificate
 - `write`: write a certificate
 """

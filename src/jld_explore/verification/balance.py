@@ -1,8 +1,9 @@
-"""What a mechanism proves about λ, in whole numbers: no rounding stands between it and the scene's own numbers.
+"""Compute work balances of mechanisms exactly in integers, without rounding.
 
-A double is a whole number over a power of two, so jumps, dissipation and work of a mechanism are whole numbers over
-one as well. The two places where they are not, a root in space and a quotient under crushing, are rounded up, against
-the mechanism. Formulas by their numbers in docs/method.md, stated here once more and shared with nothing that searches.
+A double is an integer over a power of two, so jumps, dissipation and work of a mechanism are as well.
+Two operations are not exact: a square root in space and a quotient under crushing.
+Both are rounded up, which weakens the bound of the mechanism.
+Formula numbers refer to docs/method.md. The formulas are restated here and share no code with the search.
 """
 
 from __future__ import annotations
@@ -20,30 +21,46 @@ from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 
 Moves = Mapping[int, Sequence[int]]
-"""Velocities of elements that move, whole numbers: (ux, uy, ω), in space (u, ω); of a support never."""
+"""Velocities of moving elements as integers: (ux, uy, ω), in space (u, ω); supports never move."""
 
 _PARTS: Final = 24
-"""Dissipation is kept in 24ths, so that halves, sixths and twelfths of strengths are whole numbers."""
+"""Denominator of dissipation, so that halves, sixths and twelfths of strengths are integers."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """λ · work ≤ spent for every labelling that a mechanism was weighed for; spent None where that is without bound."""
+    """Work balance λ · work ≤ spent that holds for a set of labellings.
+
+    Attributes
+    ----------
+    work : Fraction
+        Power of the live load.
+    spent : Fraction or None
+        Dissipation minus power of the dead load; None if unbounded.
+    """
 
     work: Fraction
     spent: Fraction | None
 
     def proves(self, bound: Fraction) -> bool:
-        """Whether no such labelling carries a λ above the bound."""
+        """Return True if the balance excludes every λ above the bound."""
         if self.spent is None or self.work < 0:
             return False
         return self.spent <= bound * self.work if self.work > 0 else self.spent < 0
 
 
 class Balances:
-    """Work balances of one assembly under one load.
+    """Exact work balances of one assembly under one load.
 
-    Raises InputError where its faces have no balance in whole numbers: spatial ones that are crushed or no rectangles.
+    Parameters
+    ----------
+    assembly : Assembly
+        Structure with a single load case.
+
+    Raises
+    ------
+    InputError
+        If a spatial assembly has crushing or faces that are not rectangles.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -67,7 +84,7 @@ class Balances:
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Rows of A_eqᵀ, per face and side: what each velocity of an element adds to each jump."""
+        """Compute the rows of A_eqᵀ per face and side: jump per unit velocity of an element."""
         assembly, faces = self.assembly, self.assembly.interfaces
         axes = [faces.normal, faces.e1] if self._planar else [faces.normal, faces.e1, faces.e2]
         values = np.concatenate([assembly.elements.centroid.ravel(), faces.origin.ravel()])
@@ -91,9 +108,21 @@ class Balances:
         self._live, self._live_digits = whole(assembly.live)
 
     def weigh(self, moves: Moves, digits: int, labels: Mapping[int, bool]) -> Balance:
-        """The balance of a mechanism whose velocities are `moves` over 2**digits.
+        """Evaluate the work balance of a mechanism.
 
-        labels: True dry, of the faces that are decided; others may have either label.
+        Parameters
+        ----------
+        moves : mapping of int to sequence of int
+            Velocities of elements, as integers over 2**digits.
+        digits : int
+            Binary digits of the velocities after the point.
+        labels : mapping of int to bool
+            Labels of decided faces, True = dry; other faces may have either label.
+
+        Returns
+        -------
+        Balance
+            Balance valid for all labellings with these labels.
         """
         scale = self._coefficient_digits + digits
         work = self._power(self._live, self._live_digits, moves, digits)
@@ -115,6 +144,7 @@ class Balances:
         return Balance(work, dissipated - dead)
 
     def _jump(self, face: int, moves: Moves) -> list[int]:
+        """Return the integer jump of a face under given velocities."""
         found = [0] * self.assembly.freedoms
         for element, sign, rows in self._sides[face]:
             velocity = moves.get(element)
@@ -124,13 +154,17 @@ class Balances:
         return found
 
     def _power(self, forces: list[list[int]], shared: int, moves: Moves, digits: int) -> Fraction:
+        """Return the power of forces under given velocities."""
         total = sum(
             f * v for element, velocity in moves.items() for f, v in zip(forces[element], velocity, strict=True)
         )
         return Fraction(total, 1 << (shared + digits))
 
     def _planar_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
-        """D(J), (3.4) to (3.7), in 24ths of 2**−(jumps + 3 digits), rounded up; None where it is infinite."""
+        """Return the dissipation of a planar face, (3.4) to (3.7), rounded up; None if infinite.
+
+        The unit is 1/24 of 2**−(jumps + 3 digits).
+        """
         area, length, _, _, tension, shear, crush_dry, crush_inner, cohesion, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         opening, slip, turn = jump[0] << digits, abs(jump[1]), length * abs(jump[2])
@@ -157,7 +191,10 @@ class Balances:
         return sheared + max(ends, corner)
 
     def _spatial_cost(self, face: int, jump: Sequence[int], dry: bool) -> int | None:
-        """D(J), (3.4) and (3.5), in 24ths of 2**−(jumps + 4 digits), rounded up; None where it is infinite."""
+        """Return the dissipation of a spatial face, (3.4) and (3.5), rounded up; None if infinite.
+
+        The unit is 1/24 of 2**−(jumps + 4 digits).
+        """
         area, l1, l2, arm, tension, shear, _, _, cohesion, friction, rough = self._numbers[face]
         known, digits = self._finite[face], self._digits
         slide = math.isqrt(jump[1] * jump[1] + jump[2] * jump[2])
@@ -175,14 +212,20 @@ class Balances:
 
 
 def whole(values: Floats) -> tuple[list[list[int]], int]:
-    """Finite numbers (r, c) as whole ones over 2**digits, exactly: rows of them, and digits."""
+    """Convert finite numbers (r, c) exactly to integers over 2**digits.
+
+    Return the rows of integers and the number of digits.
+    """
     pairs = [[float(value).as_integer_ratio() for value in row] for row in values]
     digits = max((below.bit_length() - 1 for row in pairs for _, below in row), default=0)
     return [[above << (digits - below.bit_length() + 1) for above, below in row] for row in pairs], digits
 
 
 def _rows(frame: Sequence[Sequence[int]], arm: Sequence[int], far: int, near: int) -> list[list[int]]:
-    """What the velocities of an element do at a face, (1.1) and (3.1), all over one power of two."""
+    """Return the jump of a face per velocity of an element, (1.1) and (3.1), as integers.
+
+    All values have the same power of two as denominator.
+    """
     if len(arm) == 2:
         along = [[x << far, y << far, arm[0] * y - arm[1] * x] for x, y in frame]
         return [*along, [0, 0, 1 << far + near]]

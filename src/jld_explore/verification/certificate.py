@@ -1,7 +1,8 @@
-"""The file of a certificate: lines of JSON, first what is claimed, then the reasons in order, last a digest of it all.
+"""Read and write certificate files: JSON lines with the claim, the reasons and a digest.
 
-A reason is one line: a mechanism (`Mechanism`), one of the three rules of a segmentation (`Rule`), or a lemma that
-follows from reasons before it (`Lemma`). Reasons are numbered from one, after the clauses that the scene itself gives.
+A reason is one line: a mechanism (`Mechanism`), one of three rules of a segmentation (`Rule`), or a lemma (`Lemma`).
+A lemma follows from reasons before it.
+Reasons are numbered consecutively after the clauses of the scene, which are numbered from one.
 """
 
 from __future__ import annotations
@@ -18,17 +19,32 @@ from jld_core.errors import InputError
 from jld_core.files import whole_file
 
 VERSION: Final = 1
+"""Version of the file format."""
 MOST_DIGITS: Final = 10_000
-"""Limit, exclusive, on the binary digits of velocities: every double has fewer than 1100 behind its point."""
+"""Exclusive limit on the binary digits of velocities; a double has fewer than 1100 after its point."""
 
 _KEY: Final = "jld certificate"
+"""Key of the version in the first line."""
 _EXPECTED: Final = "a certificate as jld explore --certificate writes it"
+"""Remedy in error messages about a damaged certificate."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What a certificate says: no labelling of the scene carries more than `bound` (with load cases: their governing
-    factor), scene units; `labelling`, of 'd' and 'i', carries `load_factor`, None where nothing was found.
+    """Statement of a certificate: no labelling of the scene carries more than `bound`.
+
+    Attributes
+    ----------
+    scene : dict
+        Scene as JSON, not validated.
+    bound : float
+        Upper bound on λ, scene units; with load cases on the governing factor.
+    labelling : str or None
+        Best labelling found, letters 'd' and 'i'.
+    load_factor : float or None
+        λ that `labelling` carries; None if no labelling was found.
+    made_by : str
+        Name of the program that wrote the certificate.
     """
 
     scene: dict[str, Any]
@@ -40,9 +56,20 @@ class Claim:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Under load case `case` no labelling with these dry and inner faces carries more than the bound.
+    """Reason: a mechanism by which no labelling with these labels carries more than the bound.
 
-    moves: velocities of elements, whole numbers over 2**digits.
+    Attributes
+    ----------
+    dry : tuple of int
+        Faces that are dry.
+    inner : tuple of int
+        Faces that are inner.
+    case : int
+        Position of the load case.
+    digits : int
+        Binary digits of the velocities after the point.
+    moves : dict of int to tuple of int
+        Velocities of elements, as integers over 2**digits.
     """
 
     dry: tuple[int, ...]
@@ -54,8 +81,16 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule that no labelling breaks: kind slit (a dry face, then the inner ones that join its sides), large (inner
-    faces that join too large a block), small (elements around which all faces are dry).
+    """Reason: a rule of the scene that excludes labellings.
+
+    Attributes
+    ----------
+    kind : str
+        "slit", "large" or "small".
+    numbers : tuple of int
+        For "slit" a dry face, then the inner faces that join its two sides.
+        For "large" inner faces that join a block above a limit.
+        For "small" elements enclosed by dry faces whose block is below a limit.
     """
 
     kind: str
@@ -64,7 +99,15 @@ class Rule:
 
 @dataclass(frozen=True)
 class Lemma:
-    """A clause, and the numbers of those from which it follows."""
+    """Reason: a clause that follows from earlier clauses by unit propagation.
+
+    Attributes
+    ----------
+    literals : tuple of int
+        Literals of the clause.
+    by : tuple of int
+        Numbers of the clauses used, in order.
+    """
 
     literals: tuple[int, ...]
     by: tuple[int, ...]
@@ -74,7 +117,17 @@ Reason = Mechanism | Rule | Lemma
 
 
 def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
-    """Write a certificate, whole or not at all."""
+    """Write a certificate atomically.
+
+    Parameters
+    ----------
+    path : Path
+        File to write; its folder is created if missing.
+    claim : Claim
+        Statement that the certificate proves.
+    reasons : iterable of Reason
+        Reasons in the order in which they are checked.
+    """
     head = {_KEY: VERSION, **{name: value for name, value in vars(claim).items() if name != "scene"}}
     lines = [{**head, "scene": claim.scene}, *(_line(reason) for reason in reasons)]
     text = "".join(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n" for line in lines).encode()
@@ -85,6 +138,7 @@ def write(path: Path, claim: Claim, reasons: Iterable[Reason]) -> None:
 
 
 def _line(reason: Reason) -> dict[str, Any]:
+    """Return a reason as a JSON object."""
     if isinstance(reason, Mechanism):
         moves = {str(element): velocity for element, velocity in reason.moves.items()}
         return {"dry": reason.dry, "inner": reason.inner, "case": reason.case, "digits": reason.digits, "moves": moves}
@@ -136,7 +190,7 @@ def read(path: Path) -> tuple[Claim, list[Reason]]:
 
 
 def _claim(head: dict[str, Any], path: str) -> Claim:
-    """Return the claim of a first line without its version. Raises InputError for what no certificate claims."""
+    """Return the claim of a first line without its version; raise InputError if it is invalid."""
     for name in (*Claim.__dataclass_fields__, *head):
         if (name in head) != (name in Claim.__dataclass_fields__):
             how = "is unknown" if name in head else "is missing"
@@ -173,7 +227,7 @@ def _finite(value: object) -> float | None:
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make a JSON object whose keys are all different: readers disagree about which of two equal keys counts."""
+    """Return a JSON object; raise ValueError for repeated keys, which are ambiguous."""
     found = dict(pairs)
     if len(found) < len(pairs):
         raise ValueError
@@ -181,17 +235,18 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _no_number(name: str) -> float:
-    """Read NaN and Infinity, which JSON does not have but Python writes, as a number that is not finite."""
+    """Convert NaN and Infinity, which Python writes but JSON does not allow, to a float."""
     return float(name)
 
 
 def _short(value: object) -> str:
-    """Return a value as short text, for a complaint."""
+    """Return a value as text of at most 40 characters for an error message."""
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."
 
 
 def _reasons(lines: list[dict[str, Any]]) -> Iterator[Reason]:
+    """Yield the reasons of all lines; raise ValueError for an invalid line."""
     for line in lines:
         if "moves" in line:
             if line.keys() != {"dry", "inner", "case", "digits", "moves"}:
@@ -211,6 +266,7 @@ def _reasons(lines: list[dict[str, Any]]) -> Iterator[Reason]:
 
 
 def _numbers(values: list[Any]) -> tuple[int, ...]:
+    """Return a list of integers as a tuple; raise ValueError for anything else."""
     if not isinstance(values, list) or any(type(value) is not int for value in values):
         raise ValueError
     return tuple(values)

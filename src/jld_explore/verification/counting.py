@@ -1,4 +1,4 @@
-"""At least so many of some literals: clauses with variables for how many there are among the first ones."""
+"""Encode cardinality constraints (at least n of some literals) as clauses."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from collections.abc import Sequence
 
 
 def at_least(literals: Sequence[int], least: int, top: int) -> tuple[list[list[int]], int]:
-    """Clauses that at least `least` of the literals are true, and the largest variable then. top: the largest so far.
+    """Return clauses for "at least `least` literals are true", and the largest variable used.
 
-    Variable (i, j) says that j of the first i literals are true: it only holds if (i − 1, j) does, or (i − 1, j − 1)
-    and literal i. One direction is enough, since only more is asked for. Source: Sinz 2005, CP, LNCS 3709, 827–831.
+    Variable (i, j) states that j of the first i literals are true.
+    It implies (i − 1, j), or (i − 1, j − 1) together with literal i.
+    One direction of the implication suffices, since the constraint is only a lower bound.
+    `top` is the largest variable used before. Source: Sinz 2005, CP, LNCS 3709, 827–831.
     """
     if least > len(literals):
         return [[]], top
-    before: list[int | None] = [None] * (least + 1)  # (0, j): false for every j > 0
+    before: list[int | None] = [None] * (least + 1)  # (0, j) is false for every j > 0
     clauses: list[list[int]] = []
     for place, literal in enumerate(literals, 1):
         now: list[int | None] = [None] * (least + 1)

@@ -1,8 +1,9 @@
-"""What may be labelled, stated once more from the scene itself, and clauses that hold for every labelling of it.
+"""Derive clauses for the labellings of a scene, independently of the search.
 
-Face f has the variable f + 1, true where the face is inner. A clause that a certificate gives is added only if it
-follows from what the scene asks for; what follows is decided here, by looks at a graph, and by nothing a search uses.
-Limits that no clause speaks of are left out: what is then proven is proven of more labellings than the scene has.
+Face f has the variable f + 1, true if the face is inner.
+A clause of a certificate is accepted only if it follows from the scene.
+This module decides that by graph traversal and shares no code with the search.
+Limits that clauses cannot express are ignored. The proof then covers more labellings than the scene has.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _STATED: Final = {
     "block_mass",
     "dry_faces",
 }
-"""Keys under "search" that rules follow from."""
+"""Keys under "search" from which rules follow."""
 
 _NARROWER: Final = {
     "block_aspect",
@@ -44,22 +45,39 @@ _NARROWER: Final = {
     "assemble",
     "assemble_out_of_plane",
 }
-"""Those that leave fewer labellings, or none out: what is proven without them is as true with them."""
+"""Keys under "search" that never add labellings; a proof without them holds with them as well."""
 
 _IDLE: Final = {"symmetry", "front"}
-"""Those that say nothing of which labellings there are."""
+"""Keys under "search" that do not affect which labellings are admissible."""
 
 
 class Labellings:
-    """The labellings of a scene. fixed: the label (True dry) of every face that has one only.
+    """Labellings of a scene as fixed labels and clauses.
 
-    beginning: clauses known before a certificate says anything, those of counts with variables of their own.
+    Parameters
+    ----------
+    scene : Scene
+        Validated scene.
+    assembly : Assembly
+        Assembly of the scene.
+
+    Attributes
+    ----------
+    fixed : dict of int to bool
+        Label of each face that has only one, True = dry.
+    beginning : list of list of int
+        Clauses known before any reason; counts have variables of their own.
+
+    Raises
+    ------
+    InputError
+        If "search" has a key that certificates do not support.
     """
 
     def __init__(self, scene: Scene, assembly: Assembly) -> None:
         self.assembly, self.search = assembly, scene.search
         for name, field in type(scene.search).model_fields.items():
-            # a key that lets more labellings in, or one added since, would make rules wrong
+            # A key that admits more labellings, or an unknown new key, would make rules wrong.
             strange = name not in _STATED | _NARROWER | _IDLE
             if strange and getattr(scene.search, name) != field.get_default(call_default_factory=True):
                 key = f"search.{field.alias or name}"
@@ -87,7 +105,7 @@ class Labellings:
                 self.beginning += clauses
 
     def _fixed(self) -> dict[int, bool]:
-        """Labels that no labelling changes: of what is no candidate, and of what is kept."""
+        """Return the labels that are fixed: of faces that are no candidates or are kept."""
         assembly, search = self.assembly, self.search
         elements, faces = assembly.elements, assembly.interfaces
         dry = faces_of_pairs(search.keep.dry, elements, faces, "search.keep.dry")
@@ -116,14 +134,20 @@ class Labellings:
     # --- clauses that a certificate gives ---------------------------------------------------------------
 
     def slit(self, face: int, through: Sequence[int]) -> Clause | None:
-        """Not this face dry with these inner: they join its two sides. None where that does not follow."""
+        """Return the clause that forbids a slit, or None if it does not follow.
+
+        The face is dry and the faces `through` are inner and join its two sides.
+        """
         if not self.search.segmentation or face in through or not self._are_faces([face, *through]):
             return None
         a, b = self._ends[face]
         return [face + 1, *(-(f + 1) for f in through)] if b in self._joined(a, through) else None
 
     def too_large(self, joined: Sequence[int]) -> Clause | None:
-        """Not all of these inner: the block that they join breaks a limit. None where that does not follow."""
+        """Return the clause that not all given faces are inner, or None if it does not follow.
+
+        The inner faces must join a block that exceeds a limit.
+        """
         if not joined or not self._are_faces(joined):
             return None
         start = self._ends[joined[0]][0]
@@ -136,10 +160,13 @@ class Labellings:
         return None
 
     def too_small(self, within: Sequence[int]) -> Clause | None:
-        """Not all faces around these elements dry: what is free inside breaks a limit. None where not so."""
+        """Return the clause that not all faces around given elements are dry, or None.
+
+        The free elements within must be below a limit; None means that the clause does not follow.
+        """
         members = set(within)
         known = all(0 <= e < len(self._support) for e in members) and not all(self._support[e] for e in members)
-        # supports that touch are of one block without a face between them
+        # Supports that touch belong to one block without a face between them.
         if not known or any(other not in members for e in members for other in self._touching[e]):
             return None
         border = {f for e in members for f in self._around[e] if len(members.intersection(self._ends[f])) == 1}
@@ -149,10 +176,11 @@ class Labellings:
         return None
 
     def _are_faces(self, faces: Iterable[int]) -> bool:
+        """Return True if all numbers are faces of the assembly."""
         return all(0 <= face < len(self._ends) for face in faces)
 
     def _joined(self, start: int, faces: Sequence[int]) -> set[int]:
-        """Elements reached from one across some faces, and from support to support that touches it."""
+        """Return the elements reachable from one across given faces and between touching supports."""
         reached, waiting = {start}, [start]
         while waiting:
             at = waiting.pop()
@@ -164,7 +192,10 @@ class Labellings:
         return reached
 
     def _sizes(self, members: Iterable[int]) -> list[tuple[float, Sequence[float | None], float]]:
-        """Size of a set of elements by each measure over its free ones, its limits, and their relative rounding."""
+        """Return size, limits and relative rounding of a set of elements for each measure.
+
+        Only free elements contribute to the size.
+        """
         elements, search = self.assembly.elements, self.search
         free = sorted(e for e in members if not self._support[e])
         weights = [math.sqrt(math.fsum(w * w for w in elements.weight[e].tolist())) for e in free]

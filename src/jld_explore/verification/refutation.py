@@ -1,7 +1,7 @@
-"""That clauses contradict each other, lemma by lemma: each follows from named ones by unit propagation alone.
+"""Check lemma by lemma that clauses are contradictory, using unit propagation alone.
 
-The format is that of LRAT without deletions and without lemmas that only preserve satisfiability. Source: Cruz-Filipe,
-Heule, Hunt, Kaufmann, Schneider-Kamp 2017, CADE 26, LNCS 10395, 220–236.
+The format is LRAT without deletions and without lemmas that only preserve satisfiability.
+Source: Cruz-Filipe, Heule, Hunt, Kaufmann, Schneider-Kamp 2017, CADE 26, LNCS 10395, 220–236.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 
 
 def follows(lemma: Sequence[int], by: Sequence[int], clauses: Mapping[int, Sequence[int]]) -> bool:
-    """Whether a lemma follows: were it false, each named clause in turn had one literal left, the last one none.
+    """Return True if a lemma follows by reverse unit propagation from named clauses in order.
 
-    by: names of clauses, in that order.
+    With the lemma false, each named clause in turn must have one literal left, and the last one none.
+    `by` holds the names of the clauses in that order.
     """
     false = set(lemma)
     if any(-literal in false for literal in lemma):

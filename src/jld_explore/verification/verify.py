@@ -1,7 +1,7 @@
-"""A certificate, checked reason by reason: what the scene means, that every mechanism balances, that nothing is left.
+"""Check a certificate: its scene, every reason, and that no labelling is left.
 
-What is believed: that the scene is read and assembled as `jld check` shows it, and the few hundred lines of this wing.
-Whatever searched, solved or wrote the file is not.
+The check relies on the reading and assembling of the scene, as `jld check` shows it, and on this sub-package.
+It does not rely on the program that searched, solved or wrote the file.
 """
 
 from __future__ import annotations
@@ -24,9 +24,20 @@ from jld_explore.verification.refutation import follows
 
 @dataclass(frozen=True)
 class Verified:
-    """What has been checked: no labelling of the scene carries a λ above `claim.bound`.
+    """Result of a successful check: no labelling of the scene carries a λ above `claim.bound`.
 
-    mechanisms, rules, lemmas: how many reasons of each kind. size: of the file, bytes. seconds: it took.
+    Attributes
+    ----------
+    claim : Claim
+        Statement of the certificate.
+    scene : Scene
+        Scene that the certificate holds.
+    mechanisms, rules, lemmas : int
+        Number of reasons of each kind.
+    size : int
+        Size of the file, bytes.
+    seconds : float
+        Time of the check, s.
     """
 
     claim: Claim
@@ -41,8 +52,22 @@ class Verified:
 def verify(path: Path, scene: Scene | None = None) -> Verified:
     """Check a certificate.
 
-    scene: the one it is to be of; None takes the one it holds. Raises InputError, one line, for the first reason that
-    is none, and for a certificate of another scene.
+    Parameters
+    ----------
+    path : Path
+        File of the certificate.
+    scene : Scene, optional
+        Scene that the certificate must be of; by default the scene it holds.
+
+    Returns
+    -------
+    Verified
+        Statement and numbers of the checked reasons.
+
+    Raises
+    ------
+    InputError
+        For the first reason that does not hold, for a file that is no certificate, or for another scene.
     """
     start = time.perf_counter()
     claim, reasons = read(path)
@@ -60,7 +85,27 @@ def verify(path: Path, scene: Scene | None = None) -> Verified:
 
 
 class Checker:
-    """Checks the reasons of one claim, in order. The scene's own clauses have the numbers from one on."""
+    """Checker of the reasons of one claim, in order.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the claim.
+    assembly : Assembly
+        Assembly of the scene.
+    claim : Claim
+        Statement to check.
+
+    Attributes
+    ----------
+    clauses : dict of int to list of int
+        Clauses by number; those of the scene are numbered from one.
+
+    Raises
+    ------
+    InputError
+        If the scene is not supported or the labelling of the claim is not one of the scene.
+    """
 
     def __init__(self, scene: Scene, assembly: Assembly, claim: Claim) -> None:
         self.labellings = Labellings(scene, assembly)
@@ -73,7 +118,7 @@ class Checker:
         self._check_labelling(claim.labelling)
 
     def _check_labelling(self, labelling: str | None) -> None:
-        """Raise InputError for a labelling that is none of the scene's: another length, or a label that is fixed."""
+        """Raise InputError if a labelling has the wrong length or contradicts a fixed label."""
         if labelling is None:
             return
         if len(labelling) != self._faces:
@@ -85,7 +130,18 @@ class Checker:
                 raise InputError("labelling", f"letter {face + 1} is {labelling[face]!r}", f"a face that is {fixed}")
 
     def check(self, reasons: list[Reason]) -> None:
-        """Raises InputError for the first reason that does not hold, or where labellings are left."""
+        """Check all reasons in order.
+
+        Parameters
+        ----------
+        reasons : list of Reason
+            Reasons of the certificate.
+
+        Raises
+        ------
+        InputError
+            For the first reason that does not hold, or if labellings remain.
+        """
         for number, reason in enumerate(reasons, len(self.clauses) + 1):
             clause = self.clause(reason)
             if clause is None:
@@ -96,7 +152,7 @@ class Checker:
             raise InputError("reasons", "they leave labellings that may carry more", "a proof that leaves none")
 
     def clause(self, reason: Reason) -> list[int] | None:
-        """What a reason rules out, as a clause; None where it does not hold."""
+        """Return the clause that a reason proves, or None if the reason does not hold."""
         if isinstance(reason, Mechanism):
             return self._of_mechanism(reason)
         if isinstance(reason, Lemma):
@@ -110,6 +166,7 @@ class Checker:
         return self.labellings.too_small(numbers) if reason.kind == "small" else None
 
     def _of_mechanism(self, reason: Mechanism) -> list[int] | None:
+        """Return the clause that a mechanism proves, or None if its balance exceeds the bound."""
         if not 0 <= reason.case < len(self._balances):
             return None
         balances, decided = self._balances[reason.case], dict(self.labellings.fixed)
@@ -128,6 +185,7 @@ class Checker:
 
 
 def _wrong(reason: Reason) -> str:
+    """Return the error message for a reason that does not hold."""
     if isinstance(reason, Mechanism):
         return "its mechanism does not keep all labellings it speaks of below the bound"
     if isinstance(reason, Lemma):

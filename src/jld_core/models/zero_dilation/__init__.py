@@ -1,8 +1,24 @@
-"""Collapse without dilation: a solution of one labelling, the lowest and the highest there are, a proven bound below.
+"""Collapse without dilation (zero-dilation friction) of one labelling.
 
-In the order data flows: `solve` (what one labelling is asked), `search` (one solution), `starts`, `pivots`, `found` and
-`range` (many, and the lowest and highest of them), `proof` (what that proves). Below them all: in the plane `modes`,
-`statics`, `frozen`, `products` (the program), `around`, `normal`, `repair`, `blocks` (the same, large), `certificate`
-over `binary_fractions`, `sweep` and `floor` (steps and branches) under one `ceiling`; in space `space_modes`,
-`space_statics`, `space_products`, `space_certificate`, `space_floor`.
+The package computes one solution, the lowest and the highest solution found, and a proven lower bound on λ of all.
+Modules in the order of data flow:
+
+- one solution: `solve` (entry point), `search` (fixed-point search), `proof` (conversion to a `Proof`)
+- lowest and highest solution: `starts`, `pivots`, `found`, `range`
+- common to all lower bounds: `lower_bound_problem`, `frozen`, `rlt_relaxation`, `binary_fractions`
+- lower bound in the plane: `modes`, `loops`, `statics`, `certificate`, `lower_bound`
+- lower bound in the plane, large scenes: `product_space`, `normal`, `interior`, `blocks`, `sweep`
+- lower bound in space: `spatial_modes`, `spatial_statics`, `spatial_rlt_relaxation`, `spatial_certificate`,
+  `spatial_lower_bound`
+
+Terms of the lower bounds, with formulas in docs/method.md (4.6) to (4.9):
+
+- Φ = (F, λ, 1) are forces and load factor, w = (u, t) velocities and slides, X = Φ wᵀ their products.
+- A mode is a rate z ≥ 0 of a hinge or a slide. The slack of its yield row is y ≥ 0, and y z = 0 in a solution.
+- A closed mode has z = 0, a held mode has y = 0, in all solutions of a region.
+- The cost of a mechanism is Σ_hinges z + Σ_faces C |slip|, C the friction or shear capacity of the face.
+- The slack σ is the decrease of λ per unit of cost in a program. It gives the multipliers the margin that a proof
+  in exact arithmetic needs, and lowers the bound.
+- `size` holds upper bounds on |Φ|, `reach` upper bounds on |w| per unit of cost.
+- m, n and q are the numbers of faces, free elements and resultants; 2e is the number of forms from loops.
 """

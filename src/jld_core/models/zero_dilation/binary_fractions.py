@@ -1,4 +1,4 @@
-"""Tables of binary fractions of any length: sums and products of doubles without rounding."""
+"""Matrices of binary fractions of any length: sums and products without rounding."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ import numpy as np
 
 from jld_core.arrays import Floats
 
-BITS: Final = 70  # binary places to which numbers are cut
+BITS: Final = 70
+"""Number of binary places to which numbers are rounded."""
 
 
 @dataclass(frozen=True)
 class BinaryFractions:
-    """A table of binary fractions: integers of any length over 2^scale."""
+    """Matrix of binary fractions: integers of any length, divided by 2^scale."""
 
     values: Any
     scale: int
 
     @staticmethod
     def of(table: Floats) -> BinaryFractions:
-        """Doubles as they are."""
+        """Convert doubles exactly."""
         part, power = np.frexp(table)
         used = table != 0.0
         least = int(power[used].min(initial=0))
@@ -30,28 +31,30 @@ class BinaryFractions:
         return BinaryFractions(digits << np.where(used, power - least, 0).astype(object), 53 - least)
 
     def transposed(self) -> BinaryFractions:
-        """Rows for columns."""
+        """Return the transpose."""
         return BinaryFractions(self.values.T, self.scale)
 
     def rows(self, chosen: Any) -> BinaryFractions:
-        """Some of its rows."""
+        """Return the chosen rows."""
         return BinaryFractions(self.values[chosen], self.scale)
 
     def times(self, factor: float) -> BinaryFractions:
-        """Every entry times one double."""
+        """Multiply every entry by one double, exactly."""
         by = BinaryFractions.of(np.array([[factor]]))
         return BinaryFractions(self.values * by.values[0, 0], self.scale + by.scale)
 
     def __add__(self, other: BinaryFractions) -> BinaryFractions:
+        """Add two matrices exactly."""
         scale = max(self.scale, other.scale)
         one, two = self.values << (scale - self.scale), other.values << (scale - other.scale)
         return BinaryFractions(one + two, scale)
 
     def __sub__(self, other: BinaryFractions) -> BinaryFractions:
+        """Subtract two matrices exactly."""
         return self + BinaryFractions(-other.values, other.scale)
 
     def __matmul__(self, other: BinaryFractions) -> BinaryFractions:
-        """Products of what is not zero."""
+        """Multiply two matrices exactly, entries that are not zero only."""
         out = np.zeros((self.values.shape[0], other.values.shape[1]), dtype=object)
         columns = [np.flatnonzero(row) for row in other.values]
         held = [row[at] for row, at in zip(other.values, columns, strict=True)]
@@ -60,15 +63,15 @@ class BinaryFractions:
         return BinaryFractions(out, self.scale + other.scale)
 
     def floats(self) -> Floats:
-        """Doubles next to them, to 15 digits."""
+        """Return the nearest doubles, to about 15 digits."""
         drop = max(self.scale - 300, 0)
         doubles = [
             math.ldexp(float(v >> drop if v >= 0 else -(-v >> drop)), drop - self.scale) for v in self.values.flat
         ]
-        # a table without rows keeps its number of columns: structures without loops have such tables
+        # A matrix without rows keeps its number of columns: structures without loops have such matrices.
         return np.array(doubles, dtype=float).reshape(self.values.shape)
 
 
 def cut(table: Floats, bits: int = BITS) -> Floats:
-    """Numbers to a whole multiple of 2^−bits, exactly."""
+    """Round numbers to multiples of 2^−bits."""
     return np.asarray(np.ldexp(np.rint(np.ldexp(table, bits)), -bits))

@@ -1,7 +1,7 @@
-"""The program over products solved by blocks of the graph of velocities.
+"""Solve the program over products by matrix blocks along the graph of velocities.
 
-Slides that are multiplied with their own face alone have four products a face instead of a column of X. What comes out
-are multipliers like those of `relax`; a certificate decides about them.
+Slides that are multiplied with their own face only have four products per face instead of a column of X. The result
+contains multipliers like those of `relax`; a certificate decides what they prove.
 """
 
 from __future__ import annotations
@@ -31,16 +31,28 @@ from jld_core.models.zero_dilation.rlt_relaxation import (
     units_of,
 )
 
-_FREE: Final = (1e-6, 1e-4)  # sizes, one after the other, from which a multiplier may change as it must
-_GONE: Final = 1e-14  # multipliers below this are none
-_SHIFT: Final = 1e-14  # regularisation of the normal equations, refined away
-_REFINED: Final = 40  # steps of conjugate gradients for one change
-_EXACT: Final = 1e-9  # of what is left, at which they end
+_FREE: Final = (1e-6, 1e-4)
+"""Sizes, tried in order, above which a multiplier may change without limit in a correction."""
+
+_GONE: Final = 1e-14
+"""Size below which a multiplier counts as zero."""
+
+_SHIFT: Final = 1e-14
+"""Regularisation of the normal equations, compensated by refinement."""
+
+_REFINED: Final = 40
+"""Maximum number of steps of conjugate gradients per correction."""
+
+_EXACT: Final = 1e-9
+"""Relative residual at which these steps end."""
 
 
 @dataclass(frozen=True)
 class BlockAnswer:
-    """Multipliers, and from X the forces it mixes (k, 3m + 1) with λ, z and y on the mean (4m,)."""
+    """Multipliers of a relaxation, and means and states computed from X.
+
+    states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y.
+    """
 
     multipliers: Multipliers
     states: Floats
@@ -58,10 +70,11 @@ def relax_in_blocks(
     distance: int | None = None,
     exact: float | None = None,
 ) -> BlockAnswer | None:
-    """The program that `relax` states; None where the method does not end well. As for `relax`.
+    """Solve the program of `relax` by matrix blocks; None if the method does not converge.
 
-    distance: in faces, within which a velocity knows forces and equilibrium, None: all of them. exact: as for
-    `minimise`; far from its end multipliers are larger, and the easier to make exact.
+    Parameters as for `relax`. distance: number of faces within which a velocity is multiplied with forces and
+    equilibrium, None: all of them. exact: tolerance, as for `minimise`. With a large tolerance multipliers are larger
+    and easier to make exact.
     """
     count = len(modes.rows)
     unit, wide = units_of(region, size), region.high - region.low
@@ -101,9 +114,9 @@ def relax_in_blocks(
 
 
 class BlockCertifier(Certifier):
-    """A certifier whose corrections are made by blocks as well; what counts as proven is the same.
+    """Certifier whose corrections are computed by matrix blocks; the proof is the same.
 
-    distance: as multipliers were sought with.
+    distance: as given to `relax_in_blocks`.
     """
 
     def __init__(
@@ -114,7 +127,10 @@ class BlockCertifier(Certifier):
         self._equilibrium = lambda rest: self.around.equilibrium(modes.statics, rest)
 
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
-        """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
+        """Return the bound of multipliers, or a bound close to it, if proven; −inf if not.
+
+        enough: bound at which refinement of the certificate ends.
+        """
         found = -math.inf
         lone = lone_faces(multipliers.over != 0.0, self.region.closed, self.modes.loops)
         self.alone[-len(lone) :] = lone
@@ -125,6 +141,7 @@ class BlockCertifier(Certifier):
         return found
 
     def _correction(self, over: Floats, price: Floats) -> Any:
+        """Return a function from the residual R to the change of multipliers that reduces R."""
         largest = self.largest
         share = np.where(self.free, 1.0, np.minimum(over * largest[:, None] / self.least_free, 1.0))
         share = np.where((share < _GONE / self.least_free) | ~self.around.products, 0.0, share)
@@ -137,6 +154,7 @@ class BlockCertifier(Certifier):
         solved = NormalEquations(space, share > 0.0, velocities.groups).factor(weights, 1.0, _SHIFT)
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
+            """Return the changes of `over`, `live` and `bound` for a residual."""
             size = float(abs(rest).max(initial=0.0)) or 1.0
             left = velocities.split(self.size[:, None] * (rest / size) @ velocities.basis)
             point = solved(left, _EXACT, _REFINED)

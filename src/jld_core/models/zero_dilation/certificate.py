@@ -1,13 +1,15 @@
-"""The proof of a lower bound without dilation: multipliers made exact where they can be, the rest charged, in integers.
+"""Certificate of a lower bound without dilation, checked in integer arithmetic.
 
 For multipliers M ≥ 0, g ≥ 0 and any Q, Ψ there is an identity of forms in Φ = (F, λ, 1) and w = (u, t),
 
     (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k h_l + Σ g_k ŷ_k (b_λ·u) + (K Φ)ᵀ Q w + Φᵀ Ψ z_closed + Φᵀ R w
 
-of forms h = (z, those of loops), whose left side is λ − p − σ cost in a solution, and whose right side is at least
-ΦᵀR w. Every double precision number in it is a binary fraction, so R follows without rounding; with |Φ| ≤ size and
-|w| ≤ reach · cost, λ ≥ p is proven if Σ |R_ij| size_i reach_j ≤ σ (docs/method.md (4.8)); what rounding leaves of the
-identities of loops is charged with R.
+with forms h = (z, forms of loops). In a solution, its left side is λ − p − σ cost and its right side is at least
+ΦᵀR w. Every double precision number in the identity is a binary fraction, so R follows without rounding. With
+|Φ| ≤ size and |w| ≤ reach · cost, λ ≥ p is proven if Σ |R_ij| size_i reach_j ≤ σ (docs/method.md (4.8)). Rounding
+errors in the identities of loops are charged together with R.
+
+The multipliers are first corrected so that R becomes small.
 """
 
 from __future__ import annotations
@@ -34,22 +36,45 @@ from jld_core.models.zero_dilation.rlt_relaxation import (
     without,
 )
 
-_ROUNDS: Final = 20  # corrections of the multipliers
-_FREE: Final = 1e-7  # size from which a multiplier may change as it must; a smaller one in proportion
-_GONE: Final = 1e-14  # multipliers below this are none
-_FINER: Final = 0.2  # step in which slack is taken back where less of it proves as well
-_FINEST: Final = 2e-4  # share of it at which that ends
-_ASTRAY: Final = 1e4  # times the least charge so far at which corrections have gone astray
-_STALLED: Final = 0.7  # share of the charge that a correction may leave and count as one, thrice
-_REFINED: Final = 12  # corrections by the same factors, as long as each
-_GAINS: Final = 0.5  # leaves less than this share of what was left
-_IN_FULL: Final = 9000  # unknowns up to which normal equations are factored in full, 0.65 GB
-_SHIFT: Final = 1e-15  # regularisation of the normal equations, refined away
-_NIL: Final = 1e-60  # what is cut off residuals when they become doubles
+_ROUNDS: Final = 20
+"""Maximum number of corrections of the multipliers."""
+
+_FREE: Final = 1e-7
+"""Size above which a multiplier may change without limit in a correction; smaller ones change in proportion."""
+
+_GONE: Final = 1e-14
+"""Size below which a multiplier counts as zero."""
+
+_FINER: Final = 0.2
+"""Factor by which the slack σ decreases after a proof, as less slack may prove a higher bound."""
+
+_FINEST: Final = 2e-4
+"""Fraction of the initial slack at which this reduction ends."""
+
+_ASTRAY: Final = 1e4
+"""Ratio of the charge to the least charge so far at which corrections have diverged."""
+
+_STALLED: Final = 0.7
+"""Factor by which a correction must reduce the charge; three failures in a row end the corrections."""
+
+_REFINED: Final = 12
+"""Maximum number of refinements of a correction with the same factor."""
+
+_GAINS: Final = 0.5
+"""Factor by which each refinement must reduce the residual."""
+
+_IN_FULL: Final = 9000
+"""Number of unknowns up to which normal equations are factored as a dense matrix (0.65 GB)."""
+
+_SHIFT: Final = 1e-15
+"""Regularisation of the normal equations, compensated by refinement."""
+
+_NIL: Final = 1e-60
+"""Upper limit of what is lost where residuals are converted to doubles."""
 
 
 class Certifier:
-    """Makes multipliers of one region exact and checks what they prove.
+    """Certifier of one planar region: makes multipliers exact and checks what they prove.
 
     slack: σ. size, reach: see `Statics.size` and `statics.reach`.
     """
@@ -65,21 +90,24 @@ class Certifier:
         self.free = np.zeros((count + 3, len(modes.forms)), dtype=bool)
         self.free[np.arange(count), np.arange(count)] = True
         self.free[:count][region.held] = True
-        # the forms, and how far below zero those of loops may be for a unit of cost: rounding of their identities
+        # Forms h, and how far below zero those of loops may be per unit of cost, due to rounding of their identities.
         rates = _exact_rates(modes)
         self._forms = BinaryFractions.of(np.vstack([np.eye(count), modes.loops])) @ rates
         identities = (BinaryFractions.of(modes.loops[::2] - modes.loops[1::2]) @ rates).floats()
         self.misses = np.repeat(abs(identities) @ reach, 2)
-        # velocities whose products equilibrium is not taken off, (3n + m,)
+        # Mask (3n + m,) of velocities to which no multiple of equilibrium is applied.
         self.alone = np.zeros(modes.rates.shape[1], dtype=bool)
         self.sign_free = np.append(region.held, [False, False])
         self._equilibrium: Callable[[Floats], Floats] | None = None
-        # what rows are divided by, and multipliers of rows times b_λ·u
+        # Divisors of the rows, and divisors of the multipliers of rows times b_λ·u.
         self.largest = row_sizes(self.facts * self.size)
         self.prices = self.largest[:-1]
 
     def bound(self, multipliers: Multipliers, enough: float = math.inf) -> float:
-        """The bound of multipliers, or one close to it, if it is proven; −inf if not. enough: not sought beyond."""
+        """Return the bound of multipliers, or a bound close to it, if proven; −inf if not.
+
+        enough: bound at which refinement of the certificate ends.
+        """
         over, live = BinaryFractions.of(cut(multipliers.over)), BinaryFractions.of(cut(multipliers.live[:, None]))
         bound = BinaryFractions.of(cut(np.array([[multipliers.bound]])))
         over.values[:, self.still] = 0
@@ -91,8 +119,8 @@ class Certifier:
             rest = self._settled(over, live, bound, slack)
             charge = (float(self.size @ (abs(rest) @ self.reach)) + self._missed(over)) * (1.0 + 1e-9) + _NIL
             if charge <= slack:
-                # the same rows prove more with less slack, which costs λ
-                # beyond the region nothing was said of λ
+                # Less slack may prove a higher bound, since slack costs λ.
+                # A proven bound is cut off at the end of the region: beyond, nothing is known about λ.
                 found = math.nextafter(float(bound.floats()[0, 0]), -math.inf)
                 proven = max(proven, min(found, self.region.high))
                 if proven >= enough or slack <= self.slack * _FINEST:
@@ -111,7 +139,7 @@ class Certifier:
                 correct = self._correction(near, price)
             change = correct(rest)
             over, live, bound = over + change[0], live + change[1], bound + change[2]
-            # what this makes negative is none, and may not change again
+            # Multipliers that became negative are set to zero and may not change again.
             wrong, dear = (over.values < 0) & ~self.free, (live.values[:, 0] < 0) & ~self.sign_free
             over.values[wrong], live.values[dear] = 0, 0
             if wrong.any() or dear.any():
@@ -119,10 +147,10 @@ class Certifier:
         return proven
 
     def _correction(self, over: Floats, price: Floats) -> Any:
-        """From what is left of R to a change of the multipliers that takes most of it away, as fractions.
+        """Return a function from the residual R to the change of multipliers that reduces R.
 
-        Forces are taken as shares of the largest there can be, and rows by the largest of their numbers, so that all
-        that is compared is of order one; small multipliers change in proportion.
+        Forces are scaled by their upper bounds, and rows by their largest entries, so that all numbers compared are of
+        order one. Small multipliers change in proportion to their size. The changes are returned as fractions.
         """
         largest = self.largest
         facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(self.modes.forms @ self.motions)
@@ -140,6 +168,7 @@ class Certifier:
         scales = 1.0 / np.concatenate([largest[i], largest[last]])
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
+            """Return the changes of `over`, `live` and `bound` for a residual."""
             size = float(abs(rest).max(initial=0.0)) or 1.0
             found = solve((self.states.T @ (rest / size) @ self.motions).ravel()) * size * scales
             more, paid = np.zeros(over.shape), np.zeros((len(price), 1))
@@ -152,19 +181,19 @@ class Certifier:
     # --- in integers --------------------------------------------------------------------------------------
 
     def _settled(self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float) -> Floats:
-        """R (3m + 2, 3n + m): what is left of the identity once Q and Ψ have taken off it what they can, twice."""
+        """Return R (3m + 2, 3n + m): the residual of the identity after two reductions by Q and Ψ."""
         lacking = self._lacking(over, live, bound, slack)
         return taken_off(lacking, self.modes.statics, self._forms.rows(self.still), self.alone, self._equilibrium)
 
     def _missed(self, over: BinaryFractions) -> float:
-        """What products with the forms of loops may be below zero."""
+        """Return how far products with the forms of loops may be below zero, due to rounding."""
         of_loops = BinaryFractions(over.values[:, len(over.values[0]) - len(self.misses) :], over.scale).floats()
         return float((abs(self.facts) @ self.size) @ abs(of_loops) @ self.misses)
 
     def _lacking(
         self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float
     ) -> BinaryFractions:
-        """The left side of the identity less the right one without R, Q and Ψ, without rounding."""
+        """Return the left minus the right side of the identity without R, Q and Ψ, exactly."""
         modes, columns, rates = self.modes, self.facts.shape[1], self._forms.rows(slice(len(self.modes.rows)))
         facts, unit = BinaryFractions.of(self.facts), np.eye(columns)
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
@@ -186,10 +215,11 @@ def taken_off(
     alone: Bools,
     equilibrium: Callable[[Floats], Floats] | None = None,
 ) -> Floats:
-    """A form in Φ and w less what products with equilibrium, K Φ = 0, and with velocities that are zero take off it.
+    """Reduce a form in Φ and w by multiples of equilibrium K Φ = 0 and of zero velocities.
 
-    statics: K. still: (e, w) forms of w that are zero. alone: (w,) velocities without products with equilibrium.
-    equilibrium: from a rest to multipliers of K that take most off it; None: the least.
+    statics: K. still: (e, w) forms of w that are zero. alone: (w,) velocities to which no multiple of equilibrium is
+    applied. equilibrium: function from a residual to the multipliers of K that reduce the residual most; None: least
+    squares.
     """
     exact = BinaryFractions.of(statics)
     if equilibrium is None:
@@ -207,17 +237,21 @@ def taken_off(
 
 
 def clean(table: Floats) -> Floats:
-    """Numbers of order one without those that are rounding."""
+    """Set entries that are rounding errors of numbers of order one to zero."""
     return np.where(abs(table) < 1e-11, 0.0, table)
 
 
 def least_change(rows: Any, share: Floats) -> Any:
-    """Target → least weighted change of multipliers with rowsᵀ change = target, nearly: by refined normal equations."""
+    """Return a solver for the least weighted change with rowsᵀ change ≈ target.
+
+    rows: sparse rows. share: weight of each multiplier. The solver uses refined normal equations.
+    """
     weighted = sp.csr_array(sp.diags_array(share) @ rows)
     normal = sp.csc_array(weighted.T @ weighted)
     solved = _factor(normal, _SHIFT * float(normal.diagonal().max(initial=1.0)))
 
     def solve(target: Floats) -> Floats:
+        """Return the refined change for one target."""
         change, left = np.zeros(len(share)), target
         for _ in range(_REFINED):
             more = share * (weighted @ solved(left))
@@ -231,10 +265,10 @@ def least_change(rows: Any, share: Floats) -> Any:
 
 
 def _factor(normal: Any, shift: float) -> Any:
-    """Right-hand side → solution of (normal + shift) x = rhs.
+    """Return a solver of (normal + shift) x = rhs.
 
-    The products of what no multiplier touches are rows of zeros, and the others fill up entirely: in full these are
-    three times as quick as by a sparse factor, as long as they fit.
+    Products that no multiplier touches are rows of zeros, and all others fill in completely. A dense factor of these
+    is three times as fast as a sparse one, as long as the matrix fits in memory.
     """
     used = np.flatnonzero(np.diff(normal.indptr))
     if len(used) <= _IN_FULL:
@@ -244,6 +278,7 @@ def _factor(normal: Any, shift: float) -> Any:
         if failed == 0:
 
             def in_full(rhs: Floats) -> Floats:
+                """Solve with the dense factor."""
                 out = np.zeros(len(rhs))
                 out[used] = lapack.dpotrs(factor, rhs[used], lower=1)[0]
                 return out
@@ -254,7 +289,7 @@ def _factor(normal: Any, shift: float) -> Any:
 
 
 def _exact_rates(modes: Modes) -> BinaryFractions:
-    """H from the numbers of A, without the rounding of βδ ∓ θ."""
+    """Return H from the numbers of A exactly, without the rounding of βδ ∓ θ."""
     jumps = BinaryFractions.of(modes.matrix.T.copy())
     values = jumps.values.reshape(modes.faces, 3, -1)
     beta = np.array([int(b) for b in modes.rows.reshape(modes.faces, 4, -1, 3).sum(axis=2)[:, 1, 2]], dtype=object)

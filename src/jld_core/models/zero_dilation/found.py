@@ -1,4 +1,7 @@
-"""The lowest and the highest collapse load without dilation that a search from every side finds, each certified."""
+"""Search for the lowest and the highest collapse load without dilation, from many starts.
+
+Every solution reported is certified.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +20,52 @@ from jld_core.models.zero_dilation.pivots import Pivots
 from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPair, ProximalOptions
 from jld_core.models.zero_dilation.starts import certified, low_compression_states, starts
 
-_DRAWS: Final = 8  # mechanisms in the plane at a time,
-_ENOUGH: Final = 4  # and after the first so often as long as some go with forces; until any solution is known
-_TURNS: Final = 25  # so often at the most
-_LITTLE: Final = 24  # states of little pressure that are started from in space,
-_IDLE: Final = 8  # so many in a row without a lower solution
-_LOWER: Final = 1e-6  # relative, that counts
-_CLOSES: Final = 2  # mechanisms drawn where the gap of a pair is to be closed
-_SHARES: Final = (0.05, 0.2, 0.5)  # of states of little pressure in mixtures with the lowest,
-_TRIES: Final = 6  # in a row without gain on the way down from those
+_DRAWS: Final = 8
+"""Number of random mechanisms per round, planar scenes."""
+
+_ENOUGH: Final = 4
+"""Number of further rounds of random mechanisms once a solution is known, while some mechanism has forces."""
+
+_TURNS: Final = 25
+"""Maximum number of rounds of random mechanisms while no solution is known."""
+
+_LITTLE: Final = 24
+"""Maximum number of states of low compression used as starts."""
+
+_IDLE: Final = 8
+"""Number of consecutive starts or mixtures without a lower solution after which the search stops."""
+
+_LOWER: Final = 1e-6
+"""Relative decrease of λ that counts as a lower solution."""
+
+_CLOSES: Final = 2
+"""Number of random seeds for which the gap of a pair is closed."""
+
+_SHARES: Final = (0.05, 0.2, 0.5)
+"""Shares of a state of low compression in a mixture with the lowest solution."""
+
+_TRIES: Final = 6
+"""Number of consecutive tries without gain in a descent from a mixture."""
 
 
 @dataclass
 class Found:
-    """Certified solutions of one labelling, kept as they come, scaled.
+    """Certified solutions of one labelling found so far, scaled.
 
-    width: relative, of a solution's bracket. nothing: λ that is rounding of zero. lowest, highest: pairs of forces and
-    mechanism; of a load that grows from zero, so that one with λ < 0 is the lowest
-    only where there is none with λ ≥ 0. loads: λ of all that were certified. best: the pair that comes
-    nearest, where none is certified.
+    Attributes
+    ----------
+    width : float
+        Relative width of the bracket up to which a pair counts as a solution.
+    nothing : float
+        λ below which λ is rounding of zero.
+    lowest : PrimalDualPair or None
+        Solution of least λ ≥ 0, as the load grows from zero. A solution with λ < 0 only if there is no other.
+    highest : PrimalDualPair or None
+        Solution of largest λ.
+    best : PrimalDualPair or None
+        Best pair offered, certified or not.
+    loads : list of float
+        λ of all certified solutions.
     """
 
     width: float
@@ -47,11 +77,11 @@ class Found:
 
     @property
     def low(self) -> float:
-        """λ of the lowest, +inf where there is none."""
+        """Return λ of the lowest solution, +inf if there is none."""
         return math.inf if self.lowest is None else self.lowest.state.load
 
     def offer(self, pair: PrimalDualPair) -> bool:
-        """Keep a pair that is a solution; say whether it is."""
+        """Store a pair if it is a solution, update `best`, and return whether it is one."""
         if self.best is None or (pair.state.admissible, -pair.gap) > (self.best.state.admissible, -self.best.gap):
             self.best = pair
         if not pair.solves(self.width):
@@ -65,11 +95,15 @@ class Found:
         return True
 
     def _order(self, load: float) -> tuple[bool, float]:
+        """Return the sort key that puts λ ≥ 0 before λ < 0."""
         return load < -self.nothing, load
 
 
 class MultiStartSearch:
-    """The search of one labelling; further starts may be handed in as they turn up."""
+    """Multi-start search of one labelling for low and high solutions.
+
+    Callers may add starts with `search_from` at any time. thorough, in several methods: use all starts and directions.
+    """
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: ProximalOptions, associative: Proof) -> None:
         self.pairs = FixedPointSearch(analysis, labels, scheme)
@@ -80,10 +114,10 @@ class MultiStartSearch:
         most = load if math.isfinite(load) else np.inf
         self.pivots = None if self.modes is None else Pivots(self.modes, most * (1.0 + 1e-9))
         self._seed = 0
-        self._ends = list[float]()  # λ of all ways down, scaled
+        self._ends = list[float]()  # Scaled λ at the end of each descent.
 
     def search(self, thorough: bool = True, enough: float = -math.inf) -> Found:
-        """Search from all starts; not further once a λ at or below `enough`, scaled, is certified."""
+        """Search from all starts; stop once a solution with scaled λ ≤ enough is certified."""
         for forces in starts(self.pairs, self.associative, thorough):
             self.search_from(forces)
             if self.found.low <= enough:
@@ -97,7 +131,7 @@ class MultiStartSearch:
         return self.found
 
     def seek(self) -> None:
-        """Where nothing has led to a solution yet, search from states of little pressure until one does."""
+        """Search from states of low compression until the first solution is found."""
         rng, nothing = np.random.default_rng(0), np.zeros(self.pairs.count + 1)
         for _ in range(_LITTLE if self.pivots is not None else 0):
             if self.found.lowest is not None:
@@ -107,8 +141,10 @@ class MultiStartSearch:
                 self.improve(closed)
 
     def draw(self) -> None:
-        """Search from solutions of mechanisms drawn at random, planar scenes only: proximal steps miss those whose
-        faces are pressed otherwise than in any state they begin with."""
+        """Search from solutions of random mechanisms, planar scenes only.
+
+        Proximal steps miss solutions whose compressed faces differ from those of every start.
+        """
         pivots, found = self.pivots, self.found
         for turn in range(_TURNS if pivots is not None else 0):
             assert pivots is not None
@@ -118,14 +154,15 @@ class MultiStartSearch:
             for end, sign, known in zip(points[:1] + points[-1:], (1.0, -1.0), before, strict=False):
                 if not sign * float(end[-1]) >= known:
                     self.improve(end, 1)
-            # of a wall's many mechanisms hardly any drawn one goes with forces
+            # Hardly any random mechanism of a wall has admissible forces.
             if found.lowest is not None and (not points or turn >= _ENOUGH):
                 break
 
     def mix(self, enough: float = -math.inf) -> None:
-        """Where ways down end apart, go down from the lowest mixed with states of little pressure, while that gains.
+        """Descend from mixtures of the lowest solution with states of low compression.
 
-        Where all end alike, hundreds of mixtures have found nothing lower on walls of 83 to 141 faces.
+        Only run if earlier descents ended at different λ, and stop after `_IDLE` mixtures without gain. If all descents
+        end at the same λ, hundreds of mixtures found nothing lower on walls of 83 to 141 faces.
         """
         apart = max(self._ends, default=0.0) - min(self._ends, default=0.0)
         if self.pivots is None or apart <= _LOWER * max(self._ends, default=0.0):
@@ -142,10 +179,11 @@ class MultiStartSearch:
             idle = 0 if self.found.low < low - _LOWER * abs(low) else idle + 1
 
     def _mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
+        """Return a point mixed with a state of low compression, None if there is none."""
         return None if self.pivots is None else self.pivots.mixed(point, share, rng)
 
     def close(self, point: Floats | None) -> Floats | None:
-        """The lowest solution that closing the gap from forces and λ (q·m + 1,) leads to."""
+        """Return the lowest solution found by closing the gap from a point (q·m + 1,)."""
         if self.pivots is None or point is None:
             return None
         ends = [end for k in range(_CLOSES) if (end := self.pivots.close(point, self._seed + k)) is not None]
@@ -154,10 +192,11 @@ class MultiStartSearch:
         return min(ends, key=lambda end: float(end[-1]), default=None)
 
     def press_little(self, enough: float = -math.inf) -> None:
-        """Search from states below the lowest that press little on faces drawn at random, while that finds lower ones.
+        """Search from states of low compression on random faces, while lower solutions appear.
 
-        In the plane pivots have found what this finds; in space, where torsion takes friction off a joint, the lowest
-        solutions often are such (benchmarks/zero_dilation_space.py).
+        The states have a λ below the lowest solution. In the plane, the descent by linear programs finds the same
+        solutions. In space, torsion reduces the friction of a joint, and the lowest solutions often have low
+        compression (benchmarks/zero_dilation_space.py).
         """
         rng, idle = np.random.default_rng(0), 0
         for _ in range(_LITTLE):
@@ -171,7 +210,10 @@ class MultiStartSearch:
                 break
 
     def search_from(self, forces: Floats, thorough: bool = True) -> None:
-        """Proximal steps from scaled forces (q·m,) to a solution, and from there down, and up where thorough."""
+        """Search by proximal steps from scaled forces (q·m,), then improve the solution.
+
+        thorough: also search upwards, and use two seeds instead of one.
+        """
         for pair in self.pairs.attempts(forces):
             point = np.append(pair.state.forces.ravel(), pair.state.load)
             if self.found.offer(pair) or pair.locked:
@@ -183,7 +225,7 @@ class MultiStartSearch:
         self.improve(point, 2 if thorough else 1, thorough)
 
     def improve(self, point: Floats, seeds: int = 2, up: bool = True) -> None:
-        """Down, and up, from forces and λ (q·m + 1,) of a solution, planar scenes only."""
+        """Descend, and if up also ascend, from a solution (q·m + 1,), planar scenes only."""
         if self.pivots is None:
             return
         for sign in (1.0, -1.0) if up else (1.0,):
@@ -193,7 +235,7 @@ class MultiStartSearch:
         self._seed += seeds
 
     def check(self, points: Iterable[Floats]) -> None:
-        """Certify points (q·m + 1,) that are worth it: lower than the lowest or higher than the highest."""
+        """Certify the lowest and the highest of the points (q·m + 1,) if they extend the range."""
         lowest, highest = self.found.lowest, self.found.highest
         ends = sorted(points, key=lambda point: float(point[-1]))
         for point in ends[:1] + ends[1:][-1:]:
@@ -205,4 +247,5 @@ class MultiStartSearch:
 
 
 def _low(pair: PrimalDualPair | None) -> float:
+    """Return λ of a pair, NaN if there is none."""
     return math.nan if pair is None else pair.state.load

@@ -1,4 +1,4 @@
-"""A cheap bound without dilation: λ with friction frozen at the least N of each face, again and again."""
+"""Cheap lower bound without dilation: λ with friction frozen at the least N, iterated."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.models.zero_dilation.statics import Statics
 
 _ROUNDS: Final = 8
+"""Maximum number of iterations."""
 
 
 def frozen_friction(
     analysis: LimitAnalysis, labels: Bits, modes: LinearModes, normals: Ints, size: Floats, ceiling: LowerBoundProblem
 ) -> float:
-    """A proven bound, scaled, 0 where none is won; every next step asks for the least N above the last.
+    """Return a proven lower bound, scaled, 0 if none is found.
 
     normals: (m,) columns of N. size: see `Statics.size`. Every solution has the λ of its own frozen friction, which
-    rises with N. Each step's bound is the proven lower end of a bracket.
+    grows with N. Each iteration freezes friction at the least N of states with λ above the last bound. Its bound is
+    the proven lower end of a bracket.
     """
     base, bound, none = analysis.template.yield_set.associative, 0.0, np.zeros(len(modes.rows), dtype=bool)
     for turn in range(1, _ROUNDS + 1):

@@ -1,7 +1,8 @@
-"""An interior point method for programs over products: min c·X with y_k z_l ≥ 0 or = 0 for given pairs, b_λ·u = 1.
+"""Interior-point method for programs over products of forces and velocities.
 
-Mehrotra's predictor and corrector with more correctors (Gondzio 1996); equations are regularised as by proximal
-multipliers (Friedlander & Orban 2012). Answers are hints as everywhere; what they prove the certificate checks.
+The program is min c·X with y_k z_l ≥ 0 or = 0 for given pairs, and b_λ·u = 1. The method is Mehrotra's predictor and
+corrector with more correctors (Gondzio 1996). Equations are regularised as by proximal multipliers (Friedlander & Orban
+2012). Its answers are not trusted: the certificate checks what they prove.
 """
 
 from __future__ import annotations
@@ -17,32 +18,72 @@ from jld_core.models.zero_dilation.normal import NormalEquations
 from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 
 _STEPS: Final = 120
-_FIRST: Final = 0.1  # slacks and multipliers to begin with; of 0.01 and 1 walls take half as many steps again
-_EQUAL: Final = 1e-6  # what equations give way by, per unit that their multipliers change
-_POSITIVE: Final = 1e-8  # the same of what is not negative
-_SHIFT: Final = 1e-9  # added to normal equations
-_REFINED: Final = 3  # corrections of a solution by the same factor, while
-_EXACT: Final = (1e-7, 1e-12)  # more than this is left of the right-hand side, far off and near the end
+"""Maximum number of steps."""
+
+_FIRST: Final = 0.1
+"""Initial slacks and multipliers; with 0.01 or 1, walls take half as many steps again."""
+
+_EQUAL: Final = 1e-6
+"""Regularisation of equations: residual per unit change of the multiplier."""
+
+_POSITIVE: Final = 1e-8
+"""Regularisation of inequalities: residual per unit change of the multiplier."""
+
+_SHIFT: Final = 1e-9
+"""Shift of the diagonal of the normal equations."""
+
+_REFINED: Final = 3
+"""Maximum number of corrections of a solution by the same factor."""
+
+_EXACT: Final = (1e-7, 1e-12)
+"""Relative residual at which such corrections end: far from the optimum, and near to it."""
+
 _CORRECTORS: Final = 2
-_BACK: Final = 0.995  # share of the way to the boundary
-_CENTRE: Final = 0.5  # share of it that is aimed at
-_SURE: Final = 5.0  # times as much that is near enough to count
-_DONE: Final = 2e-7  # residuals and complementarity at which it ends: multipliers nearer to zero are hard to make exact
-_IDLE: Final = 3  # steps in a row that better nothing, once
-_NEAR: Final = 1e-3  # this has been reached; ten times as many before, but
-_HASTY: Final = 2  # twice as many where no more than
-_ROUGH: Final = 1e-2  # this is asked: then nothing comes of it
-_STATED: Final = 100.0  # times as near to zero as asked what multipliers leave of the cost must be where little is
-_LITTLE: Final = 1e-3  # this or more: bounds may be low, but are to be made exact
-_OPEN: Final = 0.01  # share of complementarity that counts where no more than _ROUGH is asked: a bound needs none of it
+"""Maximum number of additional correctors per step."""
+
+_BACK: Final = 0.995
+"""Fraction of the distance to the boundary that a step takes."""
+
+_CENTRE: Final = 0.5
+"""Lower limit of the centring target, as a fraction of the tolerance."""
+
+_SURE: Final = 5.0
+"""Multiple of the tolerance up to which an answer counts as accurate."""
+
+_DONE: Final = 2e-7
+"""Default tolerance of residuals and complementarity. Multipliers nearer to zero are hard to make exact."""
+
+_IDLE: Final = 3
+"""Number of consecutive steps without improvement at which the method ends, once `_NEAR` is reached."""
+
+_NEAR: Final = 1e-3
+"""Error from which `_IDLE` applies as it is; before, ten times as many steps are allowed."""
+
+_HASTY: Final = 2
+"""Multiple of `_IDLE` that replaces ten if the tolerance is `_ROUGH` or larger: further steps then gain nothing."""
+
+_ROUGH: Final = 1e-2
+"""Tolerance from which `_HASTY` and `_OPEN` apply."""
+
+_STATED: Final = 100.0
+"""Weight of the dual residual in the error, for tolerances of `_LITTLE` or more."""
+
+_LITTLE: Final = 1e-3
+"""Tolerance from which `_STATED` applies: the bound may be low, but its multipliers must be easy to make exact."""
+
+_OPEN: Final = 0.01
+"""Weight of complementarity in the error, for tolerances of `_ROUGH` or more: a bound does not require it."""
+
 _GAINS: Final = 0.9
+"""Factor by which the error must decrease to count as an improvement."""
 
 
 @dataclass(frozen=True)
 class ProductProgram:
-    """min cost·(Z, T) + (1 − b_λ·u)⁺.
+    """Program over products: min cost·(Z, T) + (1 − b_λ·u)⁺.
 
-    equal, positive: (r, modes) forms that are zero or not negative. groups: (w,) velocities of one element.
+    equal, positive: (r, modes) masks of forms that are zero, and that are not negative. groups: (w,) velocities of one
+    element.
     """
 
     space: ProductSpace
@@ -54,9 +95,11 @@ class ProductProgram:
 
 @dataclass(frozen=True)
 class ProductAnswer:
-    """point, and multipliers (r, modes) of the forms, positive ones ≥ 0; bound: multiplier of b_λ·u = 1, at most 1.
+    """Answer of the interior-point method.
 
-    left: the largest of residuals and complementarity, all of order one. steps: taken. sure: it is near what was asked.
+    point: (Z, T). multipliers: (r, modes) of the forms, ≥ 0 for positive ones. bound: multiplier of b_λ·u = 1, at most
+    1. left: the largest of residuals and complementarity, all of order one. steps: number taken. sure: True if `left`
+    is near the tolerance.
     """
 
     point: Point
@@ -68,9 +111,10 @@ class ProductAnswer:
 
 
 def minimise(program: ProductProgram, seconds: float = np.inf, exact: float | None = None) -> ProductAnswer | None:
-    """The least, as near as it comes within some seconds of processor time; None where the arithmetic fails.
+    """Minimise a program over products; return None where the arithmetic fails.
 
-    exact: residuals and complementarity at which it ends; None: as near as multipliers can be made exact.
+    seconds: of processor time, after which the best answer so far is returned. exact: tolerance of residuals and
+    complementarity; None: the default `_DONE`.
     """
     try:
         return _Path(program, _DONE if exact is None else exact).follow(seconds)
@@ -79,6 +123,8 @@ def minimise(program: ProductProgram, seconds: float = np.inf, exact: float | No
 
 
 class _Path:
+    """State of the interior-point method for one program."""
+
     def __init__(self, program: ProductProgram, exact: float) -> None:
         self.exact = exact
         self.space = space = program.space
@@ -89,18 +135,18 @@ class _Path:
         unit = space.unit
         self.cost = (program.cost[0] - unit, program.cost[1])
         self.x: Point = (np.zeros_like(program.cost[0]), np.zeros_like(program.cost[1]))
-        # slacks of the rows, and of 1 − b_λ·u, the last of them
+        # Slacks of the rows; the last one is 1 − b_λ·u.
         self.s, self.v = np.full((2, len(self.k) + 1), _FIRST)
         self.q = np.zeros(len(self.ke))
 
     def rows(self, x: Point) -> tuple[Floats, Floats]:
-        """Forms that are to be positive, without what is constant in the last, and those that are to be zero."""
+        """Return the positive forms and the zero forms at x, without the constant of the last one."""
         table = self.space.values(x)
         last = -float((self.space.unit * x[0]).sum())
         return np.append(table[self.k, self.l], last), table[self.ke, self.le]
 
     def back(self, v: Floats, q: Floats) -> Point:
-        """Their transposed."""
+        """Apply the transpose of `rows`."""
         table = np.zeros(self.shape)
         table[self.k, self.l] = v[:-1]
         table[self.ke, self.le] = q
@@ -108,7 +154,7 @@ class _Path:
         return z - v[-1] * self.space.unit, t
 
     def follow(self, seconds: float) -> ProductAnswer:
-        """Steps until nothing is left or nothing is gained; the best of them."""
+        """Take steps until the tolerance is met or progress ends; return the best iterate."""
         end, best, idle = time.process_time() + seconds, None, 0
         for step in range(_STEPS):
             g, e = self.rows(self.x)
@@ -132,12 +178,14 @@ class _Path:
         return best
 
     def _answer(self, left: float, step: int) -> ProductAnswer:
+        """Return the current iterate as an answer."""
         table = np.zeros(self.shape)
         table[self.k, self.l] = self.v[:-1]
         table[self.ke, self.le] = self.q
         return ProductAnswer(self.x, table, 1.0 - float(self.v[-1]), left, step, left <= _SURE * self.exact)
 
     def _step(self, rp: Floats, re: Floats, rd: Point, mu: float, exact: float) -> None:
+        """Take one predictor-corrector step from the residuals of primal, equations and dual."""
         d = 1.0 / (self.s / self.v + _POSITIVE)
         weights = np.zeros(self.shape)
         weights[self.k, self.l] = d[:-1]
@@ -145,6 +193,7 @@ class _Path:
         solve = self.normal.factor(weights, float(d[-1]), _SHIFT, plain=True)
 
         def direction(rc: Floats, times: int = _REFINED) -> tuple[Point, Floats, Floats, Floats]:
+            """Return the changes of x, s, v and q for complementarity residuals rc."""
             z, t = self.back(d * (rp + rc / self.v), re / _EQUAL)
             dx = solve((z - rd[0], t - rd[1]), exact, times)
             g, e = self.rows(dx)
@@ -176,10 +225,11 @@ class _Path:
 
 
 def _way(at: Floats, step: Floats) -> float:
-    """How much of a step keeps all positive, at most 1 / _BACK."""
+    """Return the fraction of a step that keeps all entries positive, at most 1 / _BACK."""
     falls = step < 0.0
     return min(1.0 / _BACK, float((-at[falls] / step[falls]).min(initial=np.inf)))
 
 
 def _largest(point: Point) -> float:
+    """Return the largest absolute entry of (Z, T)."""
     return max(float(abs(point[0]).max(initial=0.0)), float(abs(point[1]).max(initial=0.0)))

@@ -1,13 +1,14 @@
-"""What loops of blocks say of slides: none is faster than the other faces of the loop let it be.
+"""Bounds on slides from loops of blocks: the other faces of a loop limit each slide.
 
-Around a loop of two, three or four blocks that touch one after the other, the jumps over the faces add up to nothing,
-so that one slide is a sum of what the other faces do, s = Σ c_k z_k. All z are ≥ 0, and of the two slides of a face one
-is zero in some mechanism of every solution, hence
+Around a loop of two, three or four blocks that touch one after the other, the jumps of the faces sum to zero. One
+slide is therefore a sum over the modes of the other faces, s = Σ c_k z_k. All z are ≥ 0, and some mechanism of every
+solution has one of the two slides of each face equal to zero, hence
 
     s⁺ ≤ Σ c_k⁺ z_k,    s⁻ ≤ Σ c_k⁻ z_k                                               docs/method.md (4.7)
 
-Without these a program over products lets both slides of a face be large at once and see different forces, whose
-difference is none that a block is under: walls with openings had no bound above zero.
+Without these forms, a program over products permits large values of both slides of a face at once, multiplied by
+different forces. The difference of those forces appears in no equation of equilibrium, and walls with openings had no
+bound above zero.
 """
 
 from __future__ import annotations
@@ -21,17 +22,21 @@ import numpy as np
 from jld_core.arrays import Floats
 from jld_core.assembly import Assembly
 
-_NOTHING: Final = 1e-9  # of what a sum misses of its slide, relative, and coefficients that are rounding
-_LARGE: Final = 1e3  # coefficients above this, relative to the slide's own: nearly parallel faces that say little
+_NOTHING: Final = 1e-9
+"""Relative residual up to which a sum equals its slide; also the size of coefficients that are rounding."""
+
+_LARGE: Final = 1e3
+"""Largest coefficient, relative to that of the slide; larger ones come from nearly parallel faces and bound little."""
 
 Loop = tuple[int, ...]
+"""Numbers of the faces of one loop."""
 
 
 def loops_of(assembly: Assembly, rates: Floats) -> Floats:
-    """(2e, 4m) coefficients of modes: forms of z that are ≥ 0 where one slide of each face is zero, in pairs.
+    """Return coefficients (2e, 4m) of forms of z from loops, in pairs.
 
-    rates: (4m, w) of modes. A pair is that of s⁺ and of s⁻ of one face in one loop: its difference is the identity of
-    the loop, which is zero but for rounding.
+    The forms are ≥ 0 if one slide of each face is zero. rates: (4m, w) of modes. A pair consists of the forms for s⁺
+    and s⁻ of one face in one loop. Its difference is the identity of the loop, which is zero up to rounding.
     """
     jumps = _jumps(rates)
     rows = []
@@ -56,14 +61,17 @@ def loops_of(assembly: Assembly, rates: Floats) -> Floats:
 
 
 def opened(assembly: Assembly) -> bool:
-    """There is an opening: a loop of blocks that is not a sum, face by face, of short ones."""
+    """Return True if there is an opening: a loop of blocks that short loops do not span.
+
+    The test counts the faces of loops modulo 2.
+    """
     between = _between(assembly)
     cycles = len(between) - _rank((1 << a) ^ (1 << b) for a, b in between)
     return _rank(sum(1 << face for face in loop) for loop in face_loops(assembly)) < cycles
 
 
 def _rank(rows: Iterable[int]) -> int:
-    """Of rows of bits, modulo 2."""
+    """Return the rank modulo 2 of rows given as bits of integers."""
     kept: dict[int, int] = {}
     for row in rows:
         while row and row.bit_length() in kept:
@@ -74,14 +82,14 @@ def _rank(rows: Iterable[int]) -> int:
 
 
 def _between(assembly: Assembly) -> list[tuple[int, int]]:
-    """Numbers of the two elements at each face, the lower first, all supports one: 0."""
+    """Return the two element numbers of each face, the lower first; all supports are number 0."""
     number = np.where(assembly.elements.support, 0, 1 + np.arange(len(assembly.elements)))
     sides = np.sort(np.column_stack([number[assembly.interfaces.a], number[assembly.interfaces.b]]), axis=1)
     return [(a, b) for a, b in sides.tolist()]
 
 
 def face_loops(assembly: Assembly) -> Iterator[Loop]:
-    """Loops of faces around which blocks touch one after the other, each once, without a shorter way across."""
+    """Yield each loop of faces around blocks in contact, without shortcuts, once."""
     between: dict[tuple[int, int], list[int]] = {}
     near: dict[int, set[int]] = {}
     for face, (a, b) in enumerate(_between(assembly)):
@@ -96,7 +104,7 @@ def face_loops(assembly: Assembly) -> Iterator[Loop]:
 
 
 def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
-    """Blocks around loops of three and of four, the latter without a chord."""
+    """Yield the blocks of loops of three and of four blocks, the latter without a chord."""
     for a in sorted(near):
         later = sorted(b for b in near[a] if b > a)
         for b, c in combinations(later, 2):
@@ -107,6 +115,6 @@ def _rings(near: dict[int, set[int]]) -> Iterator[tuple[int, ...]]:
 
 
 def _jumps(rates: Floats) -> Floats:
-    """(m, 3, w): both hinges of each face, and its slide s."""
+    """Return (m, 3, w): both hinge modes of each face, and its slide s."""
     of_face = rates.reshape(len(rates) // 4, 4, -1)
     return np.stack([of_face[:, 0], of_face[:, 1], of_face[:, 3] - of_face[:, 2]], axis=1)

@@ -1,8 +1,9 @@
-"""A bound below which no solution without dilation exists: cheap bounds, products, sweeps in λ, branches.
+"""Lower bound on λ over all non-dilatant planar solutions, by relaxation and branching.
 
-Every step excludes an interval [L, p) of λ, given that [0, L) is excluded already; where a sweep stalls on a mode, the
-solutions in which it does not move and those in which its slack is zero are bounded apart, for every solution is one
-or the other. A step counts as proven if its certificate says so, `certificate`.
+The relaxations are linear programs over products (RLT). Every step excludes an interval [L, p) of λ, given that [0, L)
+is excluded already. Where progress stalls on a mode, the solutions are split: either the mode does not move, or its
+slack is zero. Every solution belongs to one of the two parts. A step counts as proven if its certificate is valid, see
+`certificate`.
 """
 
 from __future__ import annotations
@@ -26,34 +27,51 @@ from jld_core.models.zero_dilation.statics import Statics, reach
 from jld_core.models.zero_dilation.sweep import BlockSweep
 
 FACES: Final = 60
-"""Faces up to which products are formed; larger scenes have the cheap bounds alone, unless time is given for more."""
+"""Number of faces up to which products are formed; larger scenes have only cheap bounds, unless given more time."""
 
-_ENOUGH: Final = 2e-7  # distance from the lowest solution found, relative, at which a certificate is fine enough
-_SLACK: Final = 1e-8  # λ that a unit of cost earns in the program, relative to λ or to 1, and
-_MORE: Final = 1e-6  # the same where the bound is far yet: it costs λ, and the certificate is exact at once
-_FINER: Final = 0.1  # steps in which it goes back
-_FAR: Final = 1e-4  # distance of a bound from the lowest solution found, relative, up to which slack is what lacks
-_BLOCKS: Final = 25  # faces from which programs are solved by blocks
-_AT_ONCE: Final = 45  # faces up to which the first of them is followed to its end
-_DEPTH: Final = 6  # branches above one another
+_ENOUGH: Final = 2e-7
+"""Distance from the lowest solution found, relative, below which a certificate is not refined further."""
+
+_SLACK: Final = 1e-8
+"""Least slack σ: decrease of λ per unit of cost in the program, relative to λ or to 1."""
+
+_MORE: Final = 1e-6
+"""Slack σ while the bound is far from the solution: the bound is lower, but its certificate is exact at once."""
+
+_FINER: Final = 0.1
+"""Factor by which the slack decreases again near the solution, and the inverse by which it grows."""
+
+_FAR: Final = 1e-4
+"""Relative distance from the lowest solution found up to which the slack, not the rows, limits the bound."""
+
+_BLOCKS: Final = 25
+"""Number of faces from which programs are solved by matrix blocks."""
+
+_AT_ONCE: Final = 45
+"""Number of faces up to which the first program by matrix blocks is solved to full accuracy."""
+
+_DEPTH: Final = 6
+"""Maximum depth of branching."""
 
 
 @dataclass(frozen=True)
 class _Bounds:
-    """What is excluded below: with certificates, and as the solver has it."""
+    """Lower bounds of one region: with certificates (proven), and from the solver (believed)."""
 
     proven: float
     believed: float
 
     def with_(self, proven: float, believed: float) -> _Bounds:
+        """Return the bounds raised to given values where these are higher."""
         return _Bounds(max(self.proven, proven), max(self.believed, believed, proven))
 
     def least(self, other: _Bounds) -> _Bounds:
+        """Return the lower of both bounds with another region."""
         return _Bounds(min(self.proven, other.proven), min(self.believed, other.believed))
 
 
 class FloorSearch:
-    """One labelling."""
+    """Lower-bound search of one planar labelling."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, ceiling: LowerBoundProblem) -> None:
         self.analysis, self.labels, self.modes, self.ceiling = analysis, labels, modes, ceiling
@@ -62,7 +80,7 @@ class FloorSearch:
         self._size, self._reach = everywhere.size, reach(everywhere)
 
     def search(self) -> LowerBound:
-        """The bound."""
+        """Compute the lower bound."""
         modes, ceiling, none = self.modes, self.ceiling, np.zeros(len(self.modes.rows), dtype=bool)
         if self._reach is None:
             ceiling.note("no certificate: velocities are not bounded")
@@ -71,9 +89,9 @@ class FloorSearch:
         bounds = _Bounds(low, low)
         if ceiling.allows(modes.faces, FACES, self._size):
             if self._reach is not None and modes.faces >= _BLOCKS and not ceiling.met(low):
-                # of programs by blocks only what is proven counts: walls end here
+                # Programs by matrix blocks count only if proven; walls usually end here.
                 steps = BlockSweep(modes, self._size, self._reach, ceiling)
-                # beside openings hinges alone prove nothing
+                # Around openings, products with hinges alone prove nothing.
                 stage = len(steps.stages) - 1 if opened(modes.assembly) else 0
                 if modes.faces <= _AT_ONCE and stage == 0:
                     low = max(low, steps.at_once(low))
@@ -86,7 +104,7 @@ class FloorSearch:
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _sweep(self, bounds: _Bounds, closed: Bools, held: Bools, pairs: Bools, depth: int) -> _Bounds:
-        """Relaxations of one region, each from the bound of the last; branches where they stall."""
+        """Solve relaxations of one region, each from the last bound; branch where they stall."""
         name, slack, ceiling = "products" if depth == 0 else f"branch {depth}", _SLACK, self.ceiling
         while not ceiling.met(bounds.believed) and ceiling.left > 0.0:
             low = bounds.believed
@@ -99,7 +117,7 @@ class FloorSearch:
                 return bounds
             certifies = self._reach is not None and bounds.proven >= low * (1.0 - tolerances.GAP)
             if certifies and slack < _MORE and relaxed.multipliers.bound < ceiling.below(_FAR):
-                # another step follows whatever this one proves
+                # Another step follows in any case, so its certificate may use more slack.
                 slack = _MORE
                 ceiling.note("more slack")
                 continue
@@ -130,8 +148,9 @@ class FloorSearch:
         return bounds
 
     def _proven(self, region: Region, relaxed: RltSolution, slack: float) -> float:
+        """Return the bound proven by the multipliers of a relaxation, −inf if none."""
         assert self._reach is not None
-        # what another step follows need not be proven with the least slack
+        # With more than the least slack another step follows, so the first valid certificate is enough.
         enough = self.ceiling.below(_ENOUGH) if slack == _SLACK else -math.inf
         check = Certifier(self.modes, region, self.ceiling.earns(slack), self._size, self._reach)
         return check.bound(relaxed.multipliers, enough)

@@ -1,4 +1,4 @@
-"""What every search for a bound without dilation climbs under: the lowest solution found, the clock, what was done."""
+"""Shared state of a lower-bound search: lowest solution found, time budget, log."""
 
 from __future__ import annotations
 
@@ -14,22 +14,31 @@ from jld_core.arrays import Floats
 from jld_core.deadline import time_left
 
 PATIENT: Final = 600.0
-"""Seconds of processor time from which products are tried on any number of faces."""
+"""Processor time in seconds from which products are formed for any number of faces."""
 
-_LEAST: Final = 1e-8  # λ, scaled, of which shares are taken where λ is less
-_ROOM: Final = 0.02  # room above the lowest solution found, relative to what is not excluded, and
-_LEAST_ROOM: Final = 1e-3  # to λ itself: an interval of no width leaves an interior point no interior
-_STALL: Final = 0.05  # share of the distance that a step must win, else rows are added or solutions parted
-_TRUSTED: Final = 1e-7  # what an unproven bound is lowered by, relative: more than the solver's own tolerance
+_LEAST: Final = 1e-8
+"""Lower limit of the scaled |λ| to which relative distances refer."""
+
+_ROOM: Final = 0.02
+"""Margin above the lowest solution found, relative to the interval of λ not yet excluded."""
+
+_LEAST_ROOM: Final = 1e-3
+"""Additional margin relative to λ; an interval of zero width leaves the interior-point method no interior."""
+
+_STALL: Final = 0.05
+"""Fraction of the remaining distance that a step must gain; below it rows are added or the region is split."""
+
+_TRUSTED: Final = 1e-7
+"""Relative reduction of an unproven bound; it exceeds the tolerance of the solver."""
 
 
 @dataclass(frozen=True)
 class LowerBound:
-    """Bounds on λ ≥ 0 of every solution, scaled.
+    """Lower bounds on λ ≥ 0 of every solution, scaled.
 
-    proven: with certificates throughout. bound: the highest there is, true within `tolerance`, relative: 0 where it is
-    the proven one, else what a solver's word is trusted to. closed: it meets the lowest solution found. programs:
-    solved. seconds: of processor time. route: what was done.
+    proven: bound by certificates only. bound: the highest bound, valid within the relative `tolerance`, which is 0 if
+    `bound` equals `proven`, and otherwise covers the solver. closed: True if `bound` meets the lowest solution found.
+    programs: number solved. seconds: of processor time. route: steps in order.
     """
 
     proven: float
@@ -42,8 +51,12 @@ class LowerBound:
 
 
 class LowerBoundProblem:
-    """load: λ of the lowest solution found, scaled. seconds: of processor time from now, after which no further program
-    begins. offer: takes forces and λ (k, q + 1) that may lead lower, and returns λ of the lowest then."""
+    """Shared state of a lower-bound search over all non-dilatant solutions.
+
+    load: scaled λ of the lowest solution found. seconds: of processor time from now, after which no further program
+    begins. offer: function that receives forces and λ (k, q + 1), which may lead to a lower solution, and returns λ of
+    the lowest solution found.
+    """
 
     def __init__(self, load: float, seconds: float, offer: Callable[[Floats], float] | None = None) -> None:
         self.load = load
@@ -51,56 +64,63 @@ class LowerBoundProblem:
         self._start, self._seconds, self._offer = time.process_time(), seconds, offer
 
     def note(self, step: str, programs: int = 0) -> None:
-        """A step done, and how many programs it took."""
+        """Record a step and the number of programs it solved."""
         self.route.append(step)
         self.programs += programs
 
     @property
     def spent(self) -> float:
-        """Seconds of processor time."""
+        """Return the processor time used so far, in seconds."""
         return time.process_time() - self._start
 
     @property
     def left(self) -> float:
-        """Seconds of processor time, no more than are left to the deadline of the command."""
+        """Return the remaining processor time in seconds, limited by the deadline of the command."""
         return min(self._seconds - self.spent, time_left())
 
     @property
     def unit(self) -> float:
-        """What relative distances of λ are relative to."""
+        """Return the load to which relative distances of λ refer."""
         return max(abs(self.load), _LEAST)
 
     def earns(self, slack: float) -> float:
-        """λ that a unit of cost earns in a program, from a share of λ or of 1."""
+        """Return σ, the decrease of λ per unit of cost, from a share of λ or of 1."""
         return slack * max(abs(self.load), 1.0)
 
     def above(self, low: float) -> float:
-        """Up to where solutions are sought, where none is below `low`."""
+        """Return the upper end of the interval of λ to search, if no solution lies below `low`."""
         return self.load + _ROOM * (self.load - low) + _LEAST_ROOM * self.unit
 
     def below(self, share: float) -> float:
-        """λ, less a share of it."""
+        """Return λ of the lowest solution found, reduced by a relative share."""
         return self.load - share * self.unit
 
     def met(self, bound: float) -> bool:
-        """A bound meets the lowest solution found."""
+        """Return True if a bound meets the lowest solution found."""
         return bound >= self.below(tolerances.GAP)
 
     def won(self, low: float, bound: float, share: float = _STALL) -> bool:
-        """From `low` to a bound is more than a share of the distance there was."""
+        """Return True if a step from `low` to a bound gains enough.
+
+        share: fraction of the distance from `low` to the lowest solution found that the step must exceed.
+        """
         return bound - low > share * (self.load - low)
 
     def trusted(self, bound: float) -> float:
-        """What is believed of a bound that a solver calls optimal."""
+        """Return an unproven bound reduced by the tolerance of the solver."""
         return min(bound, self.load) - _TRUSTED * self.unit
 
     def take(self, states: Floats) -> None:
-        """Forces and λ (k, q + 1) that a relaxation mixes may lead to a lower solution."""
+        """Offer states (k, q + 1) of a relaxation as starts, and update the lowest λ found."""
         if self._offer is not None:
             self.load = min(self.load, self._offer(states))
 
     def allows(self, faces: int, most: int, size: Floats) -> bool:
-        """Products may be formed: of at most so many faces unless there is time, and of bounded forces `size`."""
+        """Return True if products may be formed; otherwise record the reason.
+
+        faces: number of faces. most: limit of this number, unless `seconds` reaches `PATIENT`. size: bounds on forces,
+        which must be finite.
+        """
         if faces > most and self._seconds < PATIENT:
             self.note(f"no products: {faces} faces")
         elif not np.isfinite(size).all():
@@ -110,7 +130,7 @@ class LowerBoundProblem:
         return False
 
     def floor(self, proven: float, believed: float) -> LowerBound:
-        """What it has come to."""
+        """Return the result of the search from the proven bound and the solver's bound."""
         sure = proven >= believed - tolerances.GAP * self.unit
         bound = proven if sure else believed
         return LowerBound(

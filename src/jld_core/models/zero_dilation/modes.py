@@ -1,12 +1,12 @@
-"""Planar collapse without dilation as one complementarity problem, scaled: y ≥ 0, z ≥ 0, y_k z_k = 0.
+"""Planar collapse without dilation as one complementarity problem, scaled.
 
     A F + b + λ b_λ = 0,   y = C F + d            four rows a face: N ∓ m, μN ∓ V; inner N + σtA ∓ 3m, τA ∓ V
     b_λ·u = 1,             z = H (u, t)           four modes a face: hinge either way, slide either way
 
-An opening is both hinges at once, and sliding opens nothing, docs/method.md (4.5) and (4.6): with the jumps
-(δ, s, θ) = Aᵀu the hinge modes are z = βδ ∓ θ (β = 1 dry, 3 inner) and the slides t and t + s with t ≥ 0. Modes may be
-scaled at will, so these hold exactly in the numbers of A. Every solution is one whose face slides one way at most,
-t = max(0, −s).
+with y ≥ 0, z ≥ 0, y_k z_k = 0. An opening is both hinges at once, and sliding does not open a face, docs/method.md
+(4.5) and (4.6). With the jumps (δ, s, θ) = Aᵀu, the hinge modes are z = βδ ∓ θ (β = 1 dry, 3 inner) and the slides are
+t and t + s with t ≥ 0. Modes may be scaled arbitrarily, so these formulas hold exactly in the numbers of A. In every
+solution a face slides one way at most: t = max(0, −s).
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from jld_core.program import Template
 
 @dataclass(frozen=True)
 class LinearModes:
-    """One labelling of one assembly, nothing of it crushing, its forces under linear rows, in the plane or in space.
+    """Forces and modes of one labelling under linear rows, in the plane or in space.
 
-    matrix: A (·, q) of q resultants. dead: b. live_rate: (w,) b_λ·u of (u, further velocities). rows, constants: C
-    (k, q), d (k,), y = C F + d. rates: of modes, one a row. capacities: (m, q + 2) what friction μN or shear
-    strength τA carries, of (F, λ, 1). near: (m, m) faces that meet at an element, themselves included.
+    Nothing is crushed. matrix: A (·, q) of q resultants. dead: b. live_rate: (w,) b_λ·u of (u, further velocities).
+    rows, constants: C (k, q), d (k,), with y = C F + d. rates: of modes, one per row. capacities: (m, q + 2) friction
+    capacity μN or shear capacity τA as forms of (F, λ, 1). near: (m, m) True for faces that meet at an element, and on
+    the diagonal.
     """
 
     matrix: Floats
@@ -42,60 +43,66 @@ class LinearModes:
 
     @property
     def faces(self) -> int:
-        """m"""
+        """Return the number of faces m."""
         return len(self.near)
 
     @property
     def live(self) -> Floats:
-        """b_λ"""
+        """Return the live load b_λ."""
         return self.live_rate[: len(self.dead)]
 
     @property
     def statics(self) -> Floats:
-        """K (·, q + 2): K (F, λ, 1) = 0 is equilibrium."""
+        """Return K (·, q + 2), where K (F, λ, 1) = 0 is equilibrium."""
         return np.column_stack([self.matrix, self.live, self.dead])
 
     @property
     def slacks(self) -> Floats:
-        """(k, q + 2): y of (F, λ, 1)."""
+        """Return the forms (k, q + 2) that map (F, λ, 1) to y."""
         return np.column_stack([self.rows, np.zeros(len(self.rows)), self.constants])
 
 
 @dataclass(frozen=True)
 class Modes(LinearModes):
-    """In the plane: A (3n, 3m), C (4m, 3m), rates: H (4m, 3n + m). Mode 4f + j belongs to face f."""
+    """Complementarity problem of a planar labelling.
+
+    A is (3n, 3m), C is (4m, 3m), and rates are H (4m, 3n + m). Mode 4f + j belongs to face f.
+    """
 
     assembly: Assembly
 
     @cached_property
     def loops(self) -> Floats:
-        """(2e, 4m) coefficients of z, sums ≥ 0 in every solution, in pairs, see `loops_of`."""
+        """Return coefficients (2e, 4m) of z whose sums are ≥ 0 in every solution; see `loops_of`."""
         return loops_of(self.assembly, self.rates)
 
     @cached_property
     def forms(self) -> Floats:
-        """(4m + 2e, 3n + m): forms of w that are ≥ 0 in every solution, z and then those of loops."""
+        """Return the forms (4m + 2e, 3n + m) of w that are ≥ 0 in every solution: z, then loops."""
         return np.vstack([self.rates, self.loops @ self.rates])
 
     @property
     def hinges(self) -> Bools:
-        """(4m,) True for hinge modes, False for slides."""
+        """Return a mask (4m,), True for hinge modes, False for slides."""
         return np.arange(len(self.rows)) % 4 < 2
 
     @property
     def close(self) -> Bools:
-        """(4m, 4m + 2e) rows and forms of faces that meet at an element, or at two next to one another."""
+        """Return a mask (4m, 4m + 2e) of rows and forms whose faces are close.
+
+        Two faces are close if they meet at an element, or if some face meets both of them.
+        """
         near = self.near.astype(int)
         used = np.vstack([np.eye(len(self.rows)), self.loops]).reshape(-1, self.faces, 4).any(axis=2)
         return np.repeat((near @ near @ used.T) > 0, 4, axis=0)
 
     def of(self, forces: Floats) -> Floats:
-        """y (4m,) of scaled forces (3m,)."""
+        """Return y (4m,) of scaled forces (3m,)."""
         return np.asarray(self.rows @ forces + self.constants)
 
 
 def modes_of(template: Template, labels: Bits) -> Modes | None:
-    """The complementarity problem of a labelling; None where it is not one of linear rows (spatial, crushing)."""
+    """Build the complementarity problem of a labelling; None for spatial scenes and crushing."""
     facets = template.yield_set.associative.facets(labels)
     if facets is None:
         return None
@@ -129,7 +136,7 @@ def modes_of(template: Template, labels: Bits) -> Modes | None:
 
 
 def near_faces(assembly: Assembly) -> Bools:
-    """(m, m) faces that meet at an element, themselves included."""
+    """Return a mask (m, m) of faces that meet at an element; each face meets itself."""
     faces, near = assembly.interfaces, np.eye(len(assembly.interfaces), dtype=bool)
     for element in range(len(assembly.elements)):
         own = (faces.a == element) | (faces.b == element)

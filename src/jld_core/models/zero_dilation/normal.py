@@ -1,9 +1,9 @@
-"""Normal equations over products of forces and velocities: the one system that bounds without dilation are made by.
+"""Normal equations over products of forces and velocities, factored by matrix blocks.
 
-Rows c_k ⊗ h_l over X = S Z, one for every slack times every mode, with weights d_kl give
-Σ_l (Cᵀ diag(d_l) C) ⊗ h_l h_lᵀ: blocks as large as the forces are free, one for every two velocities that some mode has
-in common, so that a factor of blocks along the graph of velocities takes a small part of what one of single numbers
-does (multifrontal Cholesky; Duff & Reid 1983).
+Rows c_k ⊗ h_l over X = S Z, one for each slack times each mode, with weights d_kl give
+Σ_l (Cᵀ diag(d_l) C) ⊗ h_l h_lᵀ. Each matrix block has the size of the free forces, and there is one for every two
+velocities that occur in the same mode. A factor of matrix blocks along the graph of velocities therefore costs a small
+part of a factor of single numbers (multifrontal Cholesky; Duff & Reid 1983).
 """
 
 from __future__ import annotations
@@ -19,45 +19,57 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.product_space import Point, ProductSpace
 
 Solve = Callable[[Point, float, int], Point]
-"""(right-hand side, share of it that may be left, corrections at the most) → solution."""
+"""Function from right-hand side, relative residual and maximum number of corrections to a solution."""
 
-_MORE: Final = 10.0  # by which the shift grows where a factor fails, for good
+_MORE: Final = 10.0
+"""Factor by which the shift grows, permanently, where a factorisation fails."""
+
 _TRIES: Final = 8
-_FLAT: Final = 1e-30  # curvature, relative, that is none
-_AWAY: Final = 1e3  # times the least that was left, at which corrections have gone astray
+"""Maximum number of factorisations with growing shift."""
+
+_FLAT: Final = 1e-30
+"""Relative curvature that counts as zero."""
+
+_AWAY: Final = 1e3
+"""Ratio of the residual to the least residual so far at which corrections have diverged."""
 
 
 class NormalEquations:
-    """Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift over one space, factored again and again."""
+    """Matrix Σ d_kl (y_k z_l)(y_k z_l)ᵀ + d (b_λ·u)(b_λ·u)ᵀ + shift, factored repeatedly."""
 
     def __init__(self, space: ProductSpace, used: Bools, groups: Ints) -> None:
-        """groups: (w,) velocities that are eliminated together. used: (r, modes) where weights may stand, of slides of
-        lone faces on own slacks and 1 alone."""
+        """Prepare the elimination order and the tables for one space.
+
+        groups: (w,) velocities that are eliminated together. used: (r, modes) mask of weights that may be positive; for
+        slides of lone faces, on their own slacks and 1 only.
+        """
         self.space = space
         slides = np.concatenate([4 * space.lone + 2, 4 * space.lone + 3])
         modes = np.flatnonzero(used.any(axis=0))
         self._modes = modes[~np.isin(modes, slides)]
         self._of = [np.flatnonzero(used[:, mode]) for mode in self._modes]
-        # of a lone face the two slides act as one, along s
+        # The two slides of a lone face act as one, along s.
         ways = np.vstack([space.rates[self._modes], space.rates[4 * space.lone + 3]])
         self._tree = _Tree(ways, groups, space.of, np.array([basis.shape[1] for basis in space.bases]))
         self._facts = [space.facts @ basis for basis in space.bases]
         self._shift = 0.0
 
     def factor(self, weights: Floats, live: float, shift: float, plain: bool = False) -> Solve:
-        """(right-hand side, what may be left of it, corrections) → solution. weights: (r, modes) ≥ 0.
+        """Factor the matrix and return its solver; weights: (r, modes) ≥ 0, live: d.
 
-        The shift, and what rounding adds, is taken back by conjugate gradients with the factor as preconditioner, or
-        by plain corrections, which leave alone what the equations hardly see.
+        Refinement compensates for the shift and for rounding. By default it uses conjugate gradients with the factor as
+        preconditioner. plain: use simple corrections, which leave directions of tiny curvature unchanged.
         """
         once = self._once(weights, live, shift)
         space = self.space
 
         def applied(x: Point) -> Point:
+            """Apply the matrix without shift."""
             z, t = space.adjoint(weights * space.values(x))
             return z + live * float((space.unit * x[0]).sum()) * space.unit, t
 
         def solve(rhs: Point, exact: float, most: int) -> Point:
+            """Solve with refinement, and return the solution of least residual."""
             x = way = old = (np.zeros_like(rhs[0]), np.zeros_like(rhs[1]))
             rest, goal = rhs, exact * length(rhs)
             product = 1.0
@@ -70,7 +82,7 @@ class NormalEquations:
                 pushed = applied(way)
                 bent = _dot(way, pushed)
                 if not plain and not (after > 0.0 and bent > _FLAT * _dot(way, way)):
-                    break  # what is left is rounding
+                    break  # The residual is rounding.
                 step = 1.0 if plain else _dot(way, rest) / bent
                 x = (x[0] + step * way[0], x[1] + step * way[1])
                 old, product = rest, after
@@ -85,7 +97,7 @@ class NormalEquations:
         return solve
 
     def _once(self, weights: Floats, live: float, shift: float) -> Callable[[Point], Point]:
-        """Right-hand side → solution of what is shifted, as exact as it comes."""
+        """Factor the shifted matrix and return its solver without refinement."""
         space, shift = self.space, max(shift, self._shift)
         slides = space.ones * (4 * space.lone)
         first, second = (weights[space.rows, slides + slide].T[:, :, None] for slide in (2, 3))
@@ -93,7 +105,7 @@ class NormalEquations:
         stays, slips = across @ (first * space.own), across @ (second * space.own)
         both = stays + slips + shift * np.eye(4)
         back = np.linalg.inv(both) if len(both) else both
-        half = slips @ back @ (stays + shift * np.eye(4))  # slips − slips back slips, without its cancellation
+        half = slips @ back @ (stays + shift * np.eye(4))  # Equals slips − slips back slips, without cancellation.
         tables = self._tables(weights, 0.5 * (half + np.swapaxes(half, 1, 2)))
         for _ in range(_TRIES):
             held = self._tree.factor(tables, shift)
@@ -109,6 +121,7 @@ class NormalEquations:
         price = live / (1.0 + live * float((unit * along).sum()))
 
         def solve(rhs: Point) -> Point:
+            """Solve the shifted equations once."""
             t = np.einsum("fab,fb->fa", back, rhs[1])
             pulled = np.zeros((space.facts.shape[1], len(space.of)))
             for places, part, way in zip(space.at, np.einsum("fab,fb->fa", slips, t), ways, strict=True):
@@ -121,7 +134,7 @@ class NormalEquations:
         return solve
 
     def _tables(self, weights: Floats, lone: Floats) -> dict[tuple[int, int], Floats]:
-        """Cᵀ diag(d_l) C of each way over the states of every two bases that meet there: (ways, k, k′) of each pair."""
+        """Compute Cᵀ diag(d_l) C of each way, for every two bases that meet: (ways, k, k′)."""
         space, out = self.space, {}
         for (one, other), ways in self._tree.meetings.items():
             table = np.empty((len(ways), space.bases[one].shape[1], space.bases[other].shape[1]))
@@ -138,28 +151,34 @@ class NormalEquations:
 
 
 def length(point: Point) -> float:
-    """Of (Z, T) as one vector."""
+    """Return the norm of (Z, T) as one vector."""
     return float(np.hypot(np.linalg.norm(point[0]), np.linalg.norm(point[1])))
 
 
 def _dot(one: Point, other: Point) -> float:
+    """Return the scalar product of two points (Z, T)."""
     return float((one[0] * other[0]).sum() + (one[1] * other[1]).sum())
 
 
 class _Tree:
-    """Elimination of blocks along the graph in which columns of ways (modes, w) meet where a mode has both.
+    """Elimination tree of matrix blocks along the graph of velocities.
 
-    meetings: for every two bases whose columns meet the ways in which they do.
+    Two columns are connected if some way (mode, row of `ways`) contains both. meetings: the ways in which the columns
+    of each pair of bases are connected.
     """
 
     def __init__(self, ways: Floats, groups: Ints, of: Ints, sizes: Ints) -> None:
-        """groups: (w,) columns that are taken together, counted from 0. of: (w,) bases of columns; sizes: of bases."""
+        """Compute the elimination order and the fronts.
+
+        ways: (modes, w). groups: (w,) number of the group in which a column is eliminated, from 0. of: (w,) basis of
+        each column. sizes: number of states of each basis.
+        """
         touches = np.zeros((len(ways), int(groups.max(initial=-1)) + 1))
         np.maximum.at(touches.T, groups, (ways != 0.0).T.astype(float))
         order, later = _least_fill((touches.T @ touches) > 0.0)
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order))
-        # groups and what they reach, by place; chains in which nothing is lost become one
+        # Groups and their later neighbours, by place in the order. Chains without additional fill are merged.
         reach = [sorted(int(place[k]) for k in later[int(j)]) for j in order]
         nodes: list[tuple[list[int], list[int]]] = []
         of_group = []
@@ -182,7 +201,7 @@ class _Tree:
         self.meetings, self._parts = self._meetings(ways[:, order])
 
     def _meetings(self, ways: Floats) -> tuple[dict[tuple[int, int], list[int]], list[list[_Part]]]:
-        """Which blocks of each front are sums of which tables, by pairs of bases."""
+        """Return the tables per pair of bases, and each front's matrix blocks as sums of them."""
         found: list[dict[tuple[int, int], dict[tuple[int, int], dict[int, float]]]] = []
         wanted: dict[tuple[int, int], dict[int, int]] = {}
         for columns, rest in self._nodes:
@@ -213,7 +232,10 @@ class _Tree:
         return {key: list(number) for key, number in wanted.items()}, parts
 
     def factor(self, tables: dict[tuple[int, int], Floats], shift: float) -> Callable[[Floats], Floats] | None:
-        """tables: of each pair of bases that meet (ways, k, k′). Right-hand side (k, w) → solution; None: it fails."""
+        """Factor the matrix with given tables (ways, k, k′); return its solver, or None.
+
+        The solver maps a right-hand side (k, w) to the solution. None means that the matrix is not positive definite.
+        """
         flat = {key: table.reshape(len(table), -1) for key, table in tables.items()}
         updates: list[list[tuple[list[int], Floats, Ints]]] = [[] for _ in self._nodes]
         out = []
@@ -241,6 +263,7 @@ class _Tree:
         return lambda rhs: self._solve(out, rhs)
 
     def _solve(self, held: list[tuple[Floats, Floats]], rhs: Floats) -> Floats:
+        """Solve by forward and backward substitution along the tree."""
         rows = np.arange(len(rhs))
         used = rows[None, :] < self._sizes[:, None]
         x = rhs.T[self._order][used]
@@ -261,11 +284,15 @@ class _Tree:
 
 
 _Part = tuple[tuple[int, int], list[tuple[int, int]], Any]
-"""Bases, blocks (row, column) of a front, and of which tables each is the sum, (blocks, ways)."""
+"""Pair of bases, (row, column) of the matrix blocks of a front, and the tables each is the sum of, (blocks, ways)."""
 
 
 class _Ends:
-    """Where columns of one front stand: in it, `at`, and in the whole, `own` and `rest`; first: numbers of its own."""
+    """Positions of the columns of one front.
+
+    at: their positions in the front. own, rest: positions of eliminated and of later columns in the whole vector.
+    first: number of eliminated unknowns.
+    """
 
     def __init__(self, columns: list[int], rest: list[int], sizes: Ints, starts: Ints) -> None:
         self.at = np.concatenate([[0], np.cumsum(sizes[columns + rest])]).astype(np.int64)
@@ -275,9 +302,10 @@ class _Ends:
 
 
 def _add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) -> None:
-    """Add the lower half of an update to a front, run by run of rows that stand together there too.
+    """Add the lower half of an update to a front, in runs of rows contiguous in both.
 
-    at, its: where columns begin in the front and in the update.
+    places: the position of each column of the update in the front. at, its: the first unknown of each column in the
+    front and in the update.
     """
     runs: list[tuple[int, int, int]] = []
     for n, place in enumerate(places):
@@ -293,14 +321,14 @@ def _add(front: Floats, update: Floats, places: list[int], at: Ints, its: Ints) 
 
 
 def _least_fill(meets: Bools) -> tuple[Ints, list[list[int]]]:
-    """An order of elimination that fills little, least degree first, and what each column meets later."""
+    """Return an elimination order of low fill (minimum degree) and the later neighbours."""
     width = len(meets)
     left = [set(np.flatnonzero(meets[j]).tolist()) - {j} for j in range(width)]
     remaining = list(range(width))
     order: list[int] = []
     later: Any = [[] for _ in range(width)]
     while remaining:
-        # ties go to who shares most with the last one, so that columns of one element follow one another
+        # Among columns of equal degree prefer neighbours of the last one, so that columns of one element stay together.
         last = left[order[-1]] if order else set()
         j = min(remaining, key=lambda k: (len(left[k]), k not in last, k))
         remaining.remove(j)

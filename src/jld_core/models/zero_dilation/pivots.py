@@ -1,10 +1,11 @@
-"""From one solution without dilation to lower ones (or higher), by linear programs in turn.
+"""Alternating linear programs: from one non-dilatant solution to lower or higher ones.
 
-For given forces, any mechanism whose modes z are free only where y = 0 completes them to a solution; for a given
-mechanism, so do any forces with y = 0 where z > 0, and the least λ among those is one linear program. Going from one
-to the other and back never loses, and ends in a solution that neither step betters: a local minimum of the problem
-with complementarity, found without its nonlinear program. Forces that nothing completes are first brought to a solution
-in the same way: by the mechanism of least Σ yz for the forces and the forces of least Σ yz for the mechanism, in turn.
+Given forces, any mechanism whose modes z vanish where y > 0 completes them to a solution. Given a mechanism, so do
+any forces with y = 0 where z > 0, and the least λ among those is one linear program. The alternation never increases
+λ. It ends in a solution that neither step improves: a local minimum of the problem with complementarity, found without
+solving the nonlinear program. Forces that no mechanism completes are first brought to a solution in the same way: by
+the mechanism of least Σ yz for the forces and the forces of least Σ yz for the mechanism, in turn.
+
 Source: the alternation is our own; the problem is that of Ferris & Tin-Loi 2001 (docs/method.md (4.6)).
 """
 
@@ -19,18 +20,36 @@ from jld_core.deadline import checkpoint
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.solvers import LinearRows
 
-_CLOSED: Final = (1e-9, 1e-7, 1e-5)  # y below which a mode may move, as small as lets any mechanism through
-_MOVING: Final = 1e-9  # z above which a mode moves
-_BETTER: Final = 1e-9  # gain in λ, relative, that counts
-_IDLES: Final = 1e-3  # scaled price of a mode that works against nothing, so that few of them move
-_SWAY: Final = 1e-3  # weight of a random direction when another vertex of the same λ is sought
-_UNEVEN: Final = (0.2, 1e-6)  # by how much y is weighed at random, relative and absolute, where the gap is closed,
-_ROUNDS: Final = 6  # times at the most
-_CLOSING: Final = 0.9  # share of Σ yz that a round must come down to
+_CLOSED: Final = (1e-9, 1e-7, 1e-5)
+"""Values of y below which a mode may move, tried in order until some mechanism exists."""
+
+_MOVING: Final = 1e-9
+"""Value of z above which a mode counts as moving."""
+
+_BETTER: Final = 1e-9
+"""Relative gain in λ that counts."""
+
+_IDLES: Final = 1e-3
+"""Scaled weight of a mode whose slack is zero, so that few of these modes move."""
+
+_SWAY: Final = 1e-3
+"""Size of the random objective that selects another vertex of the same λ."""
+
+_UNEVEN: Final = (0.2, 1e-6)
+"""Random change of the weights y where the gap is closed: relative, absolute. The second is also the weight of λ."""
+
+_ROUNDS: Final = 6
+"""Maximum number of rounds to close the gap."""
+
+_CLOSING: Final = 0.9
+"""Factor by which Σ yz must decrease in each round."""
 
 
 class Pivots:
-    """The two linear programs of one labelling. most: λ above which nothing is of interest, scaled."""
+    """The two linear programs of one labelling: mechanisms for forces, forces for mechanisms.
+
+    modes: the complementarity problem, planar. most: scaled λ above which solutions are ignored.
+    """
 
     def __init__(self, modes: Modes, most: float) -> None:
         self.modes = modes
@@ -49,22 +68,29 @@ class Pivots:
         self._motions = LinearRows(unit, np.append(np.zeros(count), 1.0), ends, -free, free)
 
     def mechanism(self, closed: Bools, weights: Floats) -> Floats | None:
-        """z (4m,) ≥ 0 of least weighted sum that moves closed modes alone, b_λ·u = 1; None where there is none."""
+        """Return z (4m,) ≥ 0 of least weighted sum with b_λ·u = 1; None if there is none.
+
+        closed: (4m,) modes whose slack is zero; only these may move. weights: (4m,).
+        """
         self._motions.bound(slice(0, len(closed)), np.zeros(len(closed)), np.where(closed, np.inf, 0.0))
         answer = self._motions.minimise(weights @ self.modes.rates)
         return self.modes.rates @ answer.point if answer.found else None
 
     def forces(self, moving: Bools, objective: Floats) -> Floats | None:
-        """(F, λ) with y = 0 on moving modes that minimises an objective (3m + 1,); None where there is none."""
+        """Return (F, λ) that minimises an objective with y = 0 on moving modes, or None.
+
+        moving: (4m,) bool. objective: (3m + 1,) of (F, λ).
+        """
         d = self.modes.constants
         self._statics.bound(slice(self._first, self._first + len(d)), -d, np.where(moving, -d, np.inf))
         answer = self._statics.minimise(objective)
         return answer.point if answer.found else None
 
     def close(self, point: Floats, seed: int) -> Floats | None:
-        """A solution (F, λ) that forces lead to, Σ yz made less for mechanism and forces in turn; None if none is met.
+        """Return a solution (F, λ) reached by reducing Σ yz from a point, or None.
 
-        point: (3m + 1,) scaled forces and λ, of which nothing is asked. seed: of the mechanisms drawn.
+        Mechanism and forces are updated in turn. point: (3m + 1,) scaled forces and λ, of any kind. seed: of the random
+        weights.
         """
         rng, count, last = np.random.default_rng(seed), len(self.modes.constants), np.inf
         every, none = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
@@ -80,7 +106,7 @@ class Pivots:
             gap = float(slack @ z)
             if found is not None or gap > _CLOSING * last:
                 return found
-            # of forces with the same Σ yz the lowest
+            # Prefer the lowest λ among forces of equal Σ yz.
             nearest = self.forces(none, np.append(np.where(moving, z, 0.0) @ self.modes.rows, _UNEVEN[1]))
             if nearest is None:
                 return None
@@ -88,16 +114,17 @@ class Pivots:
         return None
 
     def mixed(self, point: Floats, share: float, rng: np.random.Generator) -> Floats | None:
-        """Forces and λ (3m + 1,) with a share of a state that presses little on faces drawn at random."""
+        """Return a point (3m + 1,) mixed with a state of low compression on random faces, or None."""
         objective = np.zeros(len(point))
         objective[:-1:3] = rng.exponential(size=self.modes.faces)
         state = self.forces(np.zeros(len(self.modes.constants), dtype=bool), objective)
         return None if state is None else (1.0 - share) * point + share * state
 
     def descend(self, point: Floats, seed: int, tries: int = 24, sign: float = 1.0) -> Floats | None:
-        """A solution (F, λ) of λ no higher (sign 1) or no lower (sign −1) than a given one; None if it is none.
+        """Return a solution with λ not above (sign 1) or not below (sign −1) that of a point.
 
-        point: (3m + 1,) scaled forces and λ. seed: of the mechanisms and vertices drawn. tries: in a row without gain.
+        point: (3m + 1,) scaled forces and λ. seed: of random mechanisms and vertices. tries: consecutive tries without
+        gain. The solution is (F, λ), or None if no mechanism completes the point.
         """
         rng = np.random.default_rng(seed)
         count = len(self.modes.constants)
@@ -126,10 +153,10 @@ class Pivots:
         return best
 
     def drawn(self, seed: int, draws: int) -> list[Floats]:
-        """Solutions (F, λ) of mechanisms drawn at random, the lowest and the highest of each that any forces go with.
+        """Return solutions (F, λ) of random mechanisms: the lowest and the highest of each.
 
-        draws: of a state and of the mechanism that works least against it, but for weights that are drawn as well;
-        every other mechanism is of drawn weights alone. Where few faces leave few mechanisms these are most of them.
+        draws: number of mechanisms. Even-numbered ones have random weights only. For odd-numbered ones the weights are
+        multiplied by the slacks of a random state. Where few faces leave few mechanisms, these are most of them.
         """
         rng, found = np.random.default_rng(seed), list[Floats]()
         count, columns = len(self.modes.constants), self.modes.rows.shape[1]
@@ -138,7 +165,7 @@ class Pivots:
             checkpoint()
             weights = rng.exponential(size=count)
             if draw % 2:
-                # states of much pressure on some faces and little on others
+                # A random objective yields high compression on some faces and low compression on others.
                 state = self.forces(none, np.append(rng.standard_normal(columns), rng.standard_normal()))
                 if state is not None:
                     weights *= np.maximum(self.modes.of(state[:-1]), 0.0) + _IDLES
@@ -152,9 +179,10 @@ class Pivots:
         return found
 
     def climb(self, point: Floats, seed: int, legs: int, idle: int) -> list[Floats]:
-        """Corners (F, λ) of a path upwards: each leg keeps one mechanism and ends where it carries most.
+        """Return the vertices (F, λ) of a path of increasing λ, one mechanism per step.
 
-        point: (3m + 1,) of a solution. legs: mechanisms tried at the most; idle: of them in a row to no avail.
+        Each step maximises λ for one mechanism. point: (3m + 1,) of a solution. legs: maximum number of mechanisms.
+        idle: maximum number of failures in a row.
         """
         rng = np.random.default_rng(seed)
         goal = np.append(np.zeros(len(point) - 1), -1.0)
@@ -173,7 +201,7 @@ class Pivots:
         return path
 
     def _start(self, point: Floats, rng: np.random.Generator) -> Bools | None:
-        """Modes that may move at a point, with the least allowance for rounding that any mechanism needs."""
+        """Return the modes that may move at a point, with the least tolerance necessary."""
         slack = self.modes.of(point[:-1])
         for allowance in _CLOSED:
             if self.mechanism(slack < allowance, rng.exponential(size=len(slack))) is not None:

@@ -1,8 +1,8 @@
-"""The space in which products of forces with velocities live: each velocity knows the forces around it, near or far.
+"""Space of products of forces with velocities, where a velocity may use near forces only.
 
-X = Φ wᵀ column by column: what u_j multiplies is a state of equilibrium of the elements around, all of them or those
-within some distance. Fewer make the program smaller, and its bound lower but no less true: what is left out are rows.
-Slides that are multiplied with their own face alone have four products instead of a column.
+X = Φ wᵀ column by column: u_j multiplies a state in equilibrium of the elements around, either all of them or those
+within a given distance. A smaller distance makes the program smaller and its bound lower, but still valid: it only
+omits rows. Slides that are multiplied with their own face only have four products instead of a column.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.modes import Modes
 from jld_core.models.zero_dilation.rlt_relaxation import row_sizes, without
 
-_NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
+_NOTHING: Final = 1e-11
+"""Size of coefficients that are rounding errors of an elimination."""
 
 Point = tuple[Floats, Floats]
 """(Z, T): coefficients of the states by velocities (k, w), and own products of slides of lone faces (f, 4)."""
@@ -27,13 +28,13 @@ Point = tuple[Floats, Floats]
 
 @dataclass(frozen=True)
 class ProductSpace:
-    """Forms y_k z_l over (Z, T).
+    """Forms y_k z_l over the unknowns (Z, T).
 
-    facts: (r, p) slacks and the like over Φ, the last of them 1. rates: (forms, w) of z and of loops over free
-    velocities. bases: of the states that velocities know, (p, k) each, and `of` (w,) which of them; Z has as many rows
-    as the widest. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s with t of their own: T
-    holds the products of t with the face's own forces and 1, places `at` (f, 4) of Φ, of which `own` (f, 5, 4) makes
-    its slacks and 1. live: (w,) b_λ·u.
+    facts: (r, p) slacks and other forms of Φ, the last of them 1. rates: (forms, w) of z and of loops over free
+    velocities. bases: (p, k) bases of the states that velocities multiply; `of` (w,) is the basis of each velocity, and
+    Z has as many rows as the widest basis. lone: (f,) faces whose two slides, modes 4f + 2 and 4f + 3, are t and t + s
+    with a t that occurs nowhere else. T holds the products of t with the forces of the face and 1. `at` (f, 4) are
+    the places of these in Φ, and `own` (f, 5, 4) maps them to the slacks of the face and 1. live: (w,) b_λ·u.
     """
 
     facts: Floats
@@ -46,21 +47,24 @@ class ProductSpace:
     live: Floats
 
     def spread(self, z: Floats) -> Floats:
-        """(p, w) products that coefficients stand for."""
+        """Return the products (p, w) of given coefficients."""
         x = np.zeros((self.facts.shape[1], len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             x[:, columns] = basis @ z[: basis.shape[1], columns]
         return x
 
     def gather(self, form: Floats) -> Floats:
-        """A form (p, w) of products over coefficients."""
+        """Return a form (p, w) of products as a form of coefficients."""
         out = np.zeros((max(basis.shape[1] for basis in self.bases), len(self.of)))
         for basis, columns in zip(self.bases, self._columns, strict=True):
             out[: basis.shape[1], columns] = basis.T @ form[:, columns]
         return out
 
     def values(self, point: Point) -> Floats:
-        """(r, forms) y_k z_l; of slides of lone faces those with their own slacks and 1 alone mean something."""
+        """Return the values (r, forms) of y_k z_l.
+
+        For slides of lone faces, only the products with their own slacks and 1 are valid.
+        """
         z, t = point
         out = np.asarray(self.facts @ self.spread(z) @ self.rates.T)
         more = np.einsum("frc,fc->rf", self.own, t)
@@ -69,36 +73,38 @@ class ProductSpace:
         return out
 
     def adjoint(self, table: Floats) -> Point:
-        """What a weighted sum of values (r, forms) is over (Z, T)."""
+        """Return a weighted sum of values (r, forms) as a form over (Z, T)."""
         slides = self.ones * (4 * self.lone)
         both = table[self.rows, slides + 2] + table[self.rows, slides + 3]
         return self.gather(self.facts.T @ (table @ self.rates)), np.einsum("frc,rf->fc", self.own, both)
 
     @cached_property
     def unit(self) -> Floats:
-        """(k, w) b_λ·u over Z."""
+        """Return b_λ·u as a form (k, w) over Z."""
         return self.gather(np.outer(self.facts[-1], self.live))
 
     @cached_property
     def rows(self) -> Ints:
-        """(5, f) rows of the own slacks of lone faces and of 1."""
+        """Return the rows (5, f) of the own slacks of lone faces and of 1."""
         return np.vstack([4 * self.lone + k for k in range(4)] + [np.full(len(self.lone), len(self.facts) - 1)])
 
     @property
     def ones(self) -> Ints:
-        """(5, 1), by which columns are repeated for `rows`."""
+        """Return ones (5, 1), which repeat columns for `rows`."""
         return np.ones((5, 1), dtype=np.int64)
 
     @cached_property
     def _columns(self) -> list[Ints]:
+        """Return the velocities of each basis."""
         return [np.flatnonzero(self.of == basis) for basis in range(len(self.bases))]
 
 
 class LocalProductSpace:
-    """Elements and faces that velocities of a region know, those within a distance in faces; None: all there are.
+    """Elements and faces whose forces multiply each velocity of a region.
 
-    What closed modes tie together knows the same. basis: (3n + m, w) of the velocities that closed modes leave free;
-    forms: (4m + 2e, w) over them, of which rates are the first. groups: (w,) velocities of one element, as numbers.
+    distance: in faces, None: all elements. Velocities tied by closed modes share the same set. basis: (3n + m, w) of
+    the velocities that closed modes leave free. forms: (4m + 2e, w) over these, of which rates are the first. groups:
+    (w,) number of the element of each velocity.
     """
 
     def __init__(self, modes: Modes, closed: Bools, distance: int | None) -> None:
@@ -115,7 +121,7 @@ class LocalProductSpace:
         self.of = self._of[first]
 
     def _sets(self, distance: int | None) -> tuple[list[Bools], Ints]:
-        """Distinct sets (n,) of elements, and which of them each velocity (3n + m,) has."""
+        """Return the distinct sets (n,) of elements, and the set of each velocity (3n + m,)."""
         count, faces = self.touches.shape
         if distance is None:
             return [np.ones(count, dtype=bool)], np.zeros(3 * count + faces, dtype=np.int64)
@@ -141,7 +147,10 @@ class LocalProductSpace:
 
     @cached_property
     def products(self) -> Bools:
-        """(4m + 3, 4m + 2e) rows that may be formed: all that a form's velocities know, and λ and 1 always."""
+        """Return a mask (4m + 3, 4m + 2e) of products that may be formed.
+
+        A row needs all forces that the velocities of its form multiply; rows of λ and 1 are always available.
+        """
         faces = [self.touches[inside].any(axis=0) for inside in self.elements]
         known = np.ones((self.modes.faces, len(self.forms)), dtype=bool)
         for number, own in enumerate(faces):
@@ -149,13 +158,16 @@ class LocalProductSpace:
         return np.vstack([np.repeat(known, 4, axis=0), np.ones((3, len(self.forms)), dtype=bool)])
 
     def forces(self, number: int) -> tuple[Ints, Ints]:
-        """Equations of one set of elements, and the places of their forces, λ and 1 in Φ."""
+        """Return the equations of one set of elements, and the places of its forces, λ and 1 in Φ."""
         inside = self.elements[number]
         own = np.append(np.repeat(self.touches[inside].any(axis=0), 3), [True, True])
         return np.flatnonzero(np.repeat(inside, 3)), np.flatnonzero(own)
 
     def bases(self, statics: Floats) -> tuple[Floats, ...]:
-        """(3m + 2, k) states of each set, in equilibrium by statics (3n, 3m + 2)."""
+        """Return bases (3m + 2, k) of the states of each set in equilibrium.
+
+        statics: (3n, 3m + 2) equations of equilibrium.
+        """
         out = []
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
@@ -167,7 +179,7 @@ class LocalProductSpace:
         return tuple(out)
 
     def equilibrium(self, statics: Floats, rest: Floats) -> Floats:
-        """(3n, 3n + m) multipliers of equilibrium, each of what its velocity knows, that take most off a rest."""
+        """Return multipliers (3n, 3n + m) of equilibrium that reduce a residual most."""
         out = np.zeros((len(statics), rest.shape[1]))
         for number in range(len(self.elements)):
             rows, places = self.forces(number)
@@ -176,6 +188,7 @@ class LocalProductSpace:
         return out
 
     def _inverse(self, number: int, statics: Floats) -> Floats:
+        """Return the pseudo-inverse of the transposed equilibrium of one set, computed once."""
         if number not in self._inverses:
             rows, places = self.forces(number)
             self._inverses[number] = np.asarray(np.linalg.pinv(statics[np.ix_(rows, places)].T, rcond=1e-12))
@@ -183,16 +196,17 @@ class LocalProductSpace:
 
     @cached_property
     def _inverses(self) -> dict[int, Floats]:
+        """Return the cache of pseudo-inverses, by number of the set."""
         return {}
 
 
 @dataclass(frozen=True)
 class Velocities:
-    """Free velocities of a region and how X is split by them.
+    """Free velocities of a region, and the split of X by them.
 
-    What bounds the slides of a lone face asks for its own forces alone, so that of its t there are four products in
-    the column `at` (f,), and no equilibrium; of all others, `whole` (w,), there are columns. On walls that takes
-    a third of X away, and so far it never cost anything.
+    The bounds on the slides of a lone face require its own forces only. Its t therefore has four products, in column
+    `at` (f,), and no equilibrium. All other velocities, `whole` (w,), have columns. On walls this removes a third of X,
+    and no case was found where it lowers the bound.
     """
 
     space: ProductSpace
@@ -202,11 +216,11 @@ class Velocities:
     groups: Ints
 
     def split(self, form: Floats) -> Point:
-        """A form (3m + 2, w) over (Z, T)."""
+        """Return a form (3m + 2, w) as a form over (Z, T)."""
         return self.space.gather(form[:, self.whole]), form[self.space.at, self.at[:, None]]
 
     def joined(self, point: Point) -> Floats:
-        """(3m + 2, w) from (Z, T)."""
+        """Return the products (3m + 2, w) of a point (Z, T)."""
         x = np.zeros((self.space.facts.shape[1], self.basis.shape[1]))
         x[:, self.whole] = self.space.spread(point[0])
         x[self.space.at, self.at[:, None]] = point[1]
@@ -214,7 +228,10 @@ class Velocities:
 
 
 def velocities_of(around: LocalProductSpace, facts: Floats, statics: Floats, lone: Bools) -> Velocities:
-    """facts: (4m + 3, 3m + 2) as `extended`, statics: (3n, 3m + 2), both of scaled Φ; lone: (m,)."""
+    """Build the free velocities and the product space of a region.
+
+    facts: (4m + 3, 3m + 2) as from `extended`. statics: (3n, 3m + 2). Both are forms of scaled Φ. lone: (m,) mask.
+    """
     modes, basis = around.modes, around.basis
     faces, count, width = np.flatnonzero(lone), len(modes.rows), len(modes.dead)
     at = np.array([np.flatnonzero(basis[width + face])[0] for face in faces], dtype=np.int64)
@@ -235,9 +252,10 @@ def velocities_of(around: LocalProductSpace, facts: Floats, statics: Floats, lon
 
 
 def lone_faces(used: Bools, closed: Bools, loops: Floats) -> Bools:
-    """(m,) faces whose slides, both of which may move, are multiplied with their own slacks and 1 alone.
+    """Return a mask (m,) of faces whose slides multiply their own slacks and 1 only.
 
-    used: (4m + 3, 4m + 2e) rows y, λ − L, U − λ, 1 times z and forms of loops, (2e, 4m), that are there.
+    Both slides may move. used: (4m + 3, 4m + 2e) mask of rows in the program: y, λ − L, U − λ, 1 times z and forms of
+    loops. loops: (2e, 4m).
     """
     faces = len(closed) // 4
     around = loops[used[:, 4 * faces :].any(axis=0)].reshape(-1, faces, 4)[:, :, 2:].any(axis=(0, 2))

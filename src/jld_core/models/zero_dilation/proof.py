@@ -1,4 +1,4 @@
-"""What a search without dilation proves."""
+"""Convert the result of a zero-dilation search into a proof."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from jld_core.models.zero_dilation.search import PrimalDualPair
 
 
 def proof_of(associative: Proof, analysis: LimitAnalysis, pair: PrimalDualPair | None, solves: int) -> Proof:
-    """The proof of a pair; where there is none, associative friction has decided."""
+    """Convert a primal-dual pair into a proof; without a pair keep the associative status."""
     converged = pair is not None and bool(pair.converged)
     proof = Proof(
         status=associative.status,

@@ -1,4 +1,4 @@
-"""How low and how high collapse without dilation can be: the ends of what a search from every side finds."""
+"""Compute the range of collapse loads without dilation: lowest, highest and lower bound."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from jld_core.models.zero_dilation.spatial_lower_bound import SpaceFloorSearch
 from jld_core.models.zero_dilation.spatial_modes import space_modes_of
 from jld_core.models.zero_dilation.starts import certified
 
-_TRIED: Final = 3  # states of the relaxation that are walked on from
+_TRIED: Final = 3
+"""Number of states of a relaxation from which the search for solutions continues."""
 
 
 def load_range(
@@ -33,20 +34,42 @@ def load_range(
     seconds: float,
     enough: float = -math.inf,
 ) -> Proof:
-    """The lowest certified solution of one labelling, with the highest beside it and a bound below.
+    """Find the lowest and the highest certified solution, and a lower bound on all solutions.
 
-    analysis, labels, scheme, associative: as for `prove_zero_dilation`. seconds: of processor time after which no
-    further step of the bound begins; 0 leaves the bound out. enough: λ, scene units: once a solution is found at or
-    below it the search ends. The proof is that of the lowest solution found; `extra` also holds `lowest_found` and
-    `highest_found` (λ, None where no solution was certified), `solutions_found`, `highest` (the evidence of the
-    highest: λ, violation, dilation, gap, forces, mechanism) and of the bound, of scenes without crushing, effective
-    areas, cohesion of dry faces or friction of inner ones:
+    The search ends early at the deadline of the command; solutions found until then are reported.
 
-    - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None where
-      there is none above zero.
-    - `lowest_bound`, `bound_tolerance`: the highest bound there is, and how far, relative, it rests on a solver.
-    - `proven`: `lowest_bound` is `lowest_proven`. `closed`: it meets `lowest_found` within 1e-6.
-    - `floor_route`, `floor_programs`, `floor_seconds`: what was done.
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        As for `prove_zero_dilation`.
+    labels : (m,) bool array
+        Labels, True = dry.
+    scheme : ProximalOptions
+        Parameters of the fixed-point search.
+    associative : Proof
+        Associative proof for these labels.
+    seconds : float
+        Processor time in seconds after which no further step of the bound begins; 0 omits the bound.
+    enough : float, optional
+        λ in scene units. The search ends once a solution at or below this value is found.
+
+    Returns
+    -------
+    Proof
+        Proof of the lowest solution found. `extra` also holds `lowest_found` and `highest_found` (λ, None if no
+        solution was certified), `solutions_found`, `highest` (evidence for the highest solution: λ, violation,
+        dilation, gap, forces, mechanism), and the entries of the bound:
+
+        - `lowest_proven`: no solution with λ ≥ 0 has a smaller λ, by certificates checked in exact arithmetic; None
+          if no bound above zero is proven.
+        - `lowest_bound`, `bound_tolerance`: the highest bound, and the relative tolerance to which it depends on a
+          solver.
+        - `proven`: `lowest_bound` equals `lowest_proven`. `closed`: `lowest_bound` meets `lowest_found` within 1e-6.
+        - `floor_route`, `floor_programs`, `floor_seconds`: steps, number of programs, and processor time in seconds.
+
+    Notes
+    -----
+    The bound requires a scene without crushing, effective areas, cohesion of dry faces and friction of inner faces.
     """
     if associative.status is Status.UNSTABLE:
         return _without_range(proof_of(associative, analysis, None, 0))
@@ -55,13 +78,13 @@ def load_range(
     side = MultiStartSearch(analysis, labels, scheme, associative)
     unit = analysis.template.scaling.load
     found, floor = side.found, None
-    with suppress(DeadlinePassed):  # what was found by then stands
+    with suppress(DeadlinePassed):  # Keep the solutions found before the deadline.
         side.search(enough=enough / unit)
         floor = _floor(analysis, labels, side, seconds if found.low > enough / unit else 0.0)
     lowest, highest = found.lowest, found.highest
     if lowest is None or highest is None:
         none = _without_range(proof_of(associative, analysis, found.best, side.pairs.solves))
-        # where time was up before anything was tried, associative friction decides nothing
+        # If time was up before any pair was tried, the associative status does not apply.
         return none if found.best is not None else replace(none, status=Status.UNCERTIFIED)
     proof = proof_of(associative, analysis, lowest, side.pairs.solves)
     above = proof_of(associative, analysis, highest, side.pairs.solves)
@@ -77,18 +100,19 @@ def load_range(
 
 
 def _floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """The bound; solutions that its relaxations lead to are taken in."""
+    """Compute the lower bound; offer states of its relaxations as starts for lower solutions."""
     found, modes = side.found, side.modes
     if found.lowest is None or not seconds > 0.0 or side.pairs.scheme.effective_area:
         return None
     if side.pairs.base.rough or side.pairs.base.cohesive:
-        return None  # its certificates were derived for friction of dry faces alone
+        return None  # The certificates require friction of dry faces only.
     if found.low <= tolerances.GAP * side.pairs.floor:
         return LowerBound(0.0, 0.0, 0.0, closed=True, programs=0, seconds=0.0, route=("a solution at zero",))
     if modes is None:
         return _space_floor(analysis, labels, side, seconds)
 
     def offer(states: Floats) -> float:
+        """Search from states of a relaxation; return λ of the lowest solution."""
         for state in states[:_TRIED]:
             side.search_from(state[:-1], thorough=False)
         return found.low
@@ -97,12 +121,16 @@ def _floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, second
 
 
 def _space_floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, seconds: float) -> LowerBound | None:
-    """The same in space, where states of the relaxation often are solutions that no other start leads to."""
+    """Compute the lower bound in space; certify the states of its relaxations directly.
+
+    These states are often solutions that no other start finds.
+    """
     found, modes = side.found, space_modes_of(analysis.template, labels)
     if modes is None:
         return None
 
     def offer(states: Floats) -> float:
+        """Certify states of a relaxation and search from the first; return the lowest λ."""
         for state in states[:_TRIED]:
             found.offer(certified(side.pairs, state))
         for state in states[:1]:
@@ -113,10 +141,11 @@ def _space_floor(analysis: LimitAnalysis, labels: Bits, side: MultiStartSearch, 
 
 
 def _of_floor(floor: LowerBound | None, load: float) -> dict[str, Any]:
+    """Return the entries of `extra` about the lower bound; load: scale of λ, scene units."""
     if floor is None:
         none: dict[str, Any] = dict.fromkeys(("lowest_proven", "lowest_bound", "bound_tolerance"))
         return {**none, "proven": False, "closed": False, "floor_route": [], "floor_programs": 0, "floor_seconds": 0.0}
-    down = load * (1.0 - 4.0 * np.finfo(float).eps)  # scene units, rounded down
+    down = load * (1.0 - 4.0 * np.finfo(float).eps)  # Scene units, rounded down.
     return {
         "lowest_proven": float(floor.proven * down) if floor.proven > 0.0 else None,
         "lowest_bound": float(floor.bound * down),
@@ -130,12 +159,13 @@ def _of_floor(floor: LowerBound | None, load: float) -> dict[str, Any]:
 
 
 def _without_range(proof: Proof) -> Proof:
+    """Return a proof whose `extra` states that no solution and no bound were found."""
     none = {"lowest_found": None, "highest_found": None, "solutions_found": 0, "highest": None}
     return replace(proof, extra={**proof.extra, **none, **_of_floor(None, 1.0)})
 
 
 def _evidence(result: LimitAnalysisResult) -> dict[str, Any]:
-    """What a solution is known by, as in the JSON of a result."""
+    """Return the entries of a result in JSON form that document a solution."""
     printed = result.to_json()
     keys = (
         "load_factor",

@@ -1,9 +1,11 @@
-"""A lower bound on λ over all solutions without dilation: products of forces with velocities, as one linear program.
+"""Lower bound on λ over all non-dilatant solutions: RLT relaxation as one linear program.
 
-With Φ = (F, λ, 1) and w = (u, t), every solution gives a matrix X = Φ wᵀ, and what is known of Φ and w separately
-multiplies to linear facts about X: equilibrium times every w is zero, y_k z_l ≥ 0 and = 0 for k = l, (λ − L) z ≥ 0,
-b_λ·u = 1. The least λ b_λ·u over all X that obey them bounds λ from below (docs/method.md (4.7); reformulation and
-linearisation of Sherali & Adams). Modes that cannot move take their w out of the program altogether.
+With Φ = (F, λ, 1) and w = (u, t), every solution yields a matrix X = Φ wᵀ. Linear conditions on Φ and on w multiply to
+linear conditions on X: equilibrium times every w is zero, y_k z_l ≥ 0, y_k z_k = 0, (λ − L) z ≥ 0, b_λ·u = 1. The least
+λ b_λ·u over all X that satisfy these conditions is a lower bound on λ. Modes that cannot move remove their w from the
+program.
+
+Source: reformulation-linearisation technique of Sherali & Adams; docs/method.md (4.7).
 """
 
 from __future__ import annotations
@@ -18,18 +20,26 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.modes import LinearModes, Modes
 from jld_core.solvers import LinearAnswer, interior_point
 
-_NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
-_MIXED: Final = 6  # modes, the largest, whose forces are read off X
-_SEEN: Final = 1e-6  # z from which they are
-_VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row
+_NOTHING: Final = 1e-11
+"""Size of coefficients that are rounding errors of an elimination."""
+
+_MIXED: Final = 6
+"""Number of modes, the largest, whose states are computed from X."""
+
+_SEEN: Final = 1e-6
+"""Least z of a mode whose state is computed from X."""
+
+_VIOLATED: Final = 1e-7
+"""Size of a negative product from which its row is added to the program."""
 
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Of the rows of the program: what proves its bound.
+    """Multipliers of the rows of the program, which prove its bound.
 
-    over: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w, ≥ 0 but for y_l z_l and held rows. live: (4m + 2,)
-    of (y, λ − L, U − λ) times b_λ·u, ≥ 0 but for held rows. bound: scaled.
+    over: (4m + 3, 4m + 2e) of (y, λ − L, U − λ, 1) times forms of w; ≥ 0 except for y_l z_l and held rows.
+    live: (4m + 2,) of (y, λ − L, U − λ) times b_λ·u; ≥ 0 except for held rows.
+    bound: scaled λ.
     """
 
     over: Floats
@@ -39,9 +49,12 @@ class Multipliers:
 
 @dataclass(frozen=True)
 class RltSolution:
-    """What came out: multipliers, and from X the forces it mixes (k, 3m + 1) with λ, z and y on the mean (4m,), and the
-    rows left out that it violates (4m, 4m + 2e). sure: the solver calls it optimal; else its multipliers are worth a
-    try."""
+    """Solution of the relaxation: multipliers, and states and means computed from X.
+
+    states: (k, 3m + 1) forces and λ that X combines. rates, slacks: (4m,) mean z and mean y. violated: (4m, 4m + 2e)
+    mask of omitted rows that X violates. sure: True if the solver reports an optimum; otherwise the multipliers may
+    still prove a bound.
+    """
 
     multipliers: Multipliers
     states: Floats
@@ -53,7 +66,10 @@ class RltSolution:
 
 @dataclass(frozen=True)
 class Region:
-    """Where solutions are sought: low ≤ λ ≤ high, closed modes (4m,) with z = 0, held ones with y = 0."""
+    """Part of the solutions: an interval of λ, closed modes, and held modes.
+
+    low ≤ λ ≤ high; closed modes (4m,) have z = 0, held ones y = 0.
+    """
 
     low: float
     high: float
@@ -61,10 +77,11 @@ class Region:
     held: Bools
 
     def halves(self, rates: Floats, slacks: Floats) -> tuple[Region, Region] | None:
-        """Both sides of the mode that disagrees most with itself, which on the mean moves and has slack: it is still,
-        or has none. None where all agree. rates, slacks: z and y on the mean (4m,).
+        """Split the region at the mode that most violates z y = 0 on the mean, or return None.
 
-        A slide that moves keeps the other one of its face still.
+        The measure is min(z, 1) y. In one part, the mode does not move. In the other part, its slack is zero; if the
+        mode is a slide, the other slide of the face is then zero. None if the measure is zero for all modes. rates,
+        slacks: (4m,) mean z and mean y.
         """
         apart = np.where(self.closed | self.held, 0.0, np.minimum(rates, 1.0) * slacks)
         if not apart.max() > 0.0:
@@ -77,7 +94,10 @@ class Region:
 
 
 def without(rows: Floats) -> Floats:
-    """(n, k) basis of what rows (r, n) leave free, sparse where they are: by elimination, small columns first."""
+    """Return a basis (n, k) of the null space of rows (r, n), by sparse elimination.
+
+    Pivots in columns with few entries are preferred.
+    """
     table, n = rows.copy(), rows.shape[1]
     used, pivots = np.zeros(n, dtype=bool), []
     for i in range(len(table)):
@@ -103,7 +123,10 @@ def without(rows: Floats) -> Floats:
 
 
 def products(first: Any, second: Any, i: Ints, j: Ints) -> Any:
-    """Rows first_i ⊗ second_j of two sparse tables, (len(i), columns of first × columns of second)."""
+    """Return the rows first_i ⊗ second_j of two sparse matrices for given i and j.
+
+    The shape is (len(i), columns of first × columns of second).
+    """
     one, two = sp.csr_array(first)[i], sp.csr_array(second)[j]
     a, b = np.diff(one.indptr), np.diff(two.indptr)
     count = a * b
@@ -116,7 +139,7 @@ def products(first: Any, second: Any, i: Ints, j: Ints) -> Any:
 
 
 def cost_of(modes: Modes) -> Floats:
-    """(3m + 2, 3n + m): Σ_hinges z + Σ_faces capacity (z₊ + z₋), as a form in Φ and w."""
+    """Return the cost Σ_hinges z + Σ_faces capacity (z₊ + z₋) as a form (3m + 2, 3n + m)."""
     one = np.zeros(modes.matrix.shape[1] + 2)
     one[-1] = 1.0
     hinged = np.outer(one, modes.rates[modes.hinges].sum(axis=0))
@@ -124,7 +147,7 @@ def cost_of(modes: Modes) -> Floats:
 
 
 def extended(modes: LinearModes, region: Region) -> Floats:
-    """(k + 3, q + 2): y, λ − L, U − λ and 1 of (F, λ, 1)."""
+    """Return the forms (k + 3, q + 2) y, λ − L, U − λ and 1 of (F, λ, 1)."""
     last = np.zeros((3, modes.matrix.shape[1] + 2))
     last[0, -2:], last[1, -2:], last[2, -1] = (1.0, -region.low), (-1.0, region.high), 1.0
     return np.vstack([modes.slacks, last])
@@ -133,14 +156,14 @@ def extended(modes: LinearModes, region: Region) -> Floats:
 def relax(
     modes: Modes, region: Region, size: Floats, pairs: Bools, slack: float, seconds: float = np.inf
 ) -> RltSolution | None:
-    """Solve the program of a region with the rows of given pairs, slacks times forms of w (4m, 4m + 2e); None where the
-    solver fails.
+    """Solve the relaxation of a region with given rows y_k z_l; None if the solver fails.
 
-    size: (3m + 2,) of Φ, see `Statics.size`: in the program forces are shares of it and λ of the way from low to high,
-    and every row is of order one, as is what is minimised, (λ − low) b_λ·u: of a narrow region, too, digits are left.
+    size: (3m + 2,) bounds on Φ, see `Statics.size`. The program scales forces by these, and λ by the width of the
+    region. Every row and the objective (λ − low) b_λ·u are of order one, so that narrow regions keep their accuracy.
+    pairs: (4m, 4m + 2e) mask of slacks times forms of w.
 
-    slack: what each unit of `cost_of` earns; it leaves the multipliers room that the proof needs. The bound never
-    exceeds region.high: beyond, an elastic b_λ·u = 1 gives way.
+    slack: decrease of the objective per unit of `cost_of`, which gives the multipliers the margin that the proof needs.
+    seconds: time limit. The bound never exceeds region.high, since the equation b_λ·u = 1 is elastic.
     """
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
     basis = without(modes.rates[region.closed])
@@ -194,8 +217,10 @@ def relax(
 def solve_products(
     objective: Floats, matrix: Any, high: Floats, seconds: float, presolve: bool = True
 ) -> LinearAnswer | None:
-    """min objective·X with 0 ≤ rows ≤ high but for the last, b_λ·u = 1, which an amount ≥ 0 may make up for at a price
-    of 1, the last unknown, its sign the last row. None where no multipliers come of it. presolve: see `interior_point`.
+    """Minimise objective·X subject to 0 ≤ rows ≤ high, and b_λ·u = 1 as the last row.
+
+    The last equation is elastic: an additional unknown ≥ 0, the last one, may replace b_λ·u at a cost of 1. Its sign is
+    the last row of the program. presolve: see `interior_point`. Return None if there are no usable multipliers.
     """
     elastic = np.zeros((matrix.shape[0], 1))
     elastic[-1] = 1.0
@@ -210,20 +235,29 @@ def solve_products(
 
 
 def scaled(modes: LinearModes, region: Region, unit: Floats) -> tuple[Floats, Floats, Floats]:
-    """`extended` over Φ in units, rows divided by their largest numbers; these; equilibrium, divided likewise."""
+    """Return scaled `extended` forms, their divisors, and scaled equilibrium.
+
+    unit: maps scaled Φ to Φ. Each row is divided by its largest entry.
+    """
     facts, statics = extended(modes, region) @ unit, modes.statics @ unit
     largest = row_sizes(facts)
     return facts / largest[:, None], largest, statics / row_sizes(statics)[:, None]
 
 
 def row_sizes(rows: Floats) -> Floats:
-    """(k,) largest number of each row; 1 where all are zero, as those of a crack without strength are."""
+    """Return the largest absolute entry (k,) of each row, 1 for rows of zeros.
+
+    A crack without strength has rows of zeros.
+    """
     sizes = abs(rows).max(axis=1)
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def units_of(region: Region, size: Floats) -> Floats:
-    """(3m + 2, 3m + 2): (F, λ, 1) of forces as shares of the largest, λ as a share of the region, and 1."""
+    """Return the matrix (3m + 2, 3m + 2) that maps scaled Φ to Φ.
+
+    Forces are scaled by their bounds, λ by the width of the region from its lower end.
+    """
     unit = np.diag(size)
     unit[-2, -2:] = region.high - region.low, region.low
     return unit
@@ -232,7 +266,7 @@ def units_of(region: Region, size: Floats) -> Floats:
 def _read(
     modes: Modes, region: Region, x: Floats, forms: Floats, live: Floats, asked: Bools
 ) -> tuple[Floats, Floats, Floats, Bools]:
-    """Forces that X mixes, z and y on the mean, and the rows it violates."""
+    """Compute states, mean z, mean y and violated rows from X."""
     seen, count = x @ forms.T, len(modes.rows)
     violated = (modes.slacks @ seen < -_VIOLATED) & ~asked & moving_forms(forms, region) & ~region.held[:, None]
     violated[np.arange(count), np.arange(count)] = False
@@ -240,14 +274,14 @@ def _read(
 
 
 def moving_forms(forms: Floats, region: Region) -> Bools:
-    """(4m + 2e,) forms, given over free velocities, that are not zero throughout."""
+    """Return a mask (4m + 2e,) of forms over free velocities that are not identically zero."""
     moving = (forms != 0.0).any(axis=1)
     moving[: len(region.closed)] = ~region.closed
     return np.asarray(moving)
 
 
 def mixed(x: Floats, live: Floats, rates: Floats) -> Floats:
-    """Forces and λ (k, q + 1) that X mixes: on the mean, and as the largest modes see them."""
+    """Return forces and λ (k, q + 1) that X combines: the mean, and per largest mode."""
     mean, z = x @ live, x[-1] @ rates.T
     states = [mean / mean[-1]] if mean[-1] > _SEEN else []
     states += [x @ rates[mode] / z[mode] for mode in np.argsort(-z, kind="stable")[:_MIXED] if z[mode] > _SEEN]
@@ -255,13 +289,13 @@ def mixed(x: Floats, live: Floats, rates: Floats) -> Floats:
 
 
 def equal_pairs(held: Ints, moving: Ints) -> tuple[Ints, Ints]:
-    """y_k z_l = 0: for k = l, and for every held k."""
+    """Return the pairs with y_k z_l = 0: k = l, and every held k with every moving l."""
     both = np.isin(moving, held)
     k = np.concatenate([moving[~both], np.repeat(held, len(moving))])
     return k, np.concatenate([moving[~both], np.tile(moving, len(held))])
 
 
 def _all(first: int, second: int, start: int = 0, chosen: Ints | None = None) -> tuple[Ints, Ints]:
-    """Every row of one table with every (chosen) row of the other."""
+    """Return index pairs of every row of one matrix with every (chosen) row of another."""
     other = np.arange(second) if chosen is None else chosen
     return np.repeat(np.arange(first) + start, len(other)), np.tile(other, first)

@@ -1,4 +1,4 @@
-"""The search for forces and velocities that satisfy friction without dilation; see `solve`."""
+"""Fixed-point search for a solution of friction without dilation; see `solve`."""
 
 from __future__ import annotations
 
@@ -19,26 +19,66 @@ from jld_core.models.effective_area import HOLD, areas_under, change, slack_to_a
 from jld_core.program import ConicProgram, Template
 from jld_core.solvers import ClarabelSolver, RawSolution, RawStatus
 
-_STEP, _GAP = 1e-9, 1e-11  # residuals asked of proximal steps and of the least Γ
-_BACK = 6  # times that a proximal step goes back half way before it is given up
-_DOWN = 0.02  # share of λ in Γ that is given up for the lowest λ
-_LEAST = 0.1  # least share of a proximal step that is taken
-_LOST = 1e30  # size of scaled forces that no step arrives at: the solver has failed
-_LIGHT = 1e-3  # largest N, scaled, below which shares of it are rounding
-_PRESSED = 1e-6  # share of the largest N above which a face counts as pressed and may not dilate
+_STEP, _GAP = 1e-9, 1e-11
+"""Solver residuals: of proximal steps (`_STEP`) and of the minimisation of Γ (`_GAP`)."""
+
+_BACK = 6
+"""Maximum number of solves of one proximal step; after each failure its centre moves back half way."""
+
+_DOWN = 0.02
+"""Relative reduction of the weight of λ in Γ, so that the lowest λ is preferred among equal Γ."""
+
+_LEAST = 0.1
+"""Least fraction of a proximal step that is applied."""
+
+_LOST = 1e30
+"""Size of scaled forces at which the solver is considered to have failed."""
+
+_LIGHT = 1e-3
+"""Lower limit of the largest scaled N in the test for compressed faces; below it N is rounding."""
+
+_PRESSED = 1e-6
+"""N relative to the largest N above which a face counts as compressed and may not dilate."""
 
 
 @dataclass(frozen=True)
 class ProximalOptions:
-    """How the fixed point is sought, by proximal steps and minimisation of Γ in turn.
+    """Parameters of the fixed-point search: proximal steps and minimisation of Γ in turn.
 
-    alpha: share of the present N in friction at first; later steps have none. damping: weight ε of the proximal term
-    about the last forces, for scaled forces of order one. anchor: the same where Γ is minimised. block: proximal
-    steps between two minimisations of Γ. start: forces of the associative solution, the "gravity" state of
-    least forces at λ = 0, or an associative "vertex" (planar). most: programs from each start after which no
-    further attempt begins. effective_area: update effective areas in the same loop (spatial, dry rectangles).
+    Parameters
+    ----------
+    alpha : float
+        Share of the present N in friction at the first step, 0 to 1. The share falls tenfold with each step, down to
+        0, and is 0 in the last step before each minimisation of Γ.
+    damping : float
+        Weight ε of the proximal term about the previous forces, for scaled forces of order one; positive.
+    anchor : float
+        Weight of the same term where Γ is minimised; positive.
+    block : int
+        Number of proximal steps before a minimisation of Γ, apart from a last step with alpha = 0; at least 1.
+    start : {"associative", "gravity", "vertex"}
+        Start: forces of the associative solution, the state of least forces at λ = 0, or a vertex of the associative
+        problem (planar).
+    most : int
+        Number of programs from each start after which no further attempt begins; at least 1.
+    effective_area : bool
+        Update effective areas in the same iteration (spatial, dry rectangles).
 
-    Raises InputError for a value that is none of these.
+    Attributes
+    ----------
+    alpha, damping, anchor : float
+        Share of N in friction, weight of the proximal term of a step, and where Γ is minimised.
+    block, most : int
+        Number of proximal steps before a minimisation of Γ, and of programs from each start.
+    start : str
+        Forces to start from.
+    effective_area : bool
+        Whether effective areas are updated.
+
+    Raises
+    ------
+    InputError
+        If a value is outside its range.
     """
 
     alpha: float = 0.01
@@ -50,6 +90,7 @@ class ProximalOptions:
     effective_area: bool = False
 
     def __post_init__(self) -> None:
+        """Raise InputError if a value is outside its range."""
         if self.start not in (allowed := ("associative", "gravity", "vertex")):
             raise InputError("start", f"there is no {self.start!r}", " or ".join(allowed))
         if not 0.0 <= self.alpha <= 1.0:
@@ -60,13 +101,15 @@ class ProximalOptions:
 
 @dataclass(frozen=True)
 class PrimalDualPair:
-    """Forces and velocities held against one another, scaled.
+    """Forces and velocities evaluated as one candidate solution, scaled.
 
-    state: in equilibrium, and admissible under true friction as far as that could be had. motion: of the
-    problem frozen at the state's N, None where none has finite dissipation. locked: that problem has no finite
-    λ. violation, dilation: as in the result. gap: Γ. dissipation: Σ D_N(J). moved: change of the effective areas
-    that the forces ask for. floor: scaled λ below which λ counts as zero. settled: λ of the
-    last two programs agree, of the least Γ and the problem frozen at it.
+    state: in equilibrium, and inside the true friction cone as far as repairs achieved this.
+    motion: mechanism of the problem frozen at N of the state, None if none has finite dissipation.
+    locked: True if the frozen problem has no finite λ.
+    violation: excess of friction (|V| − μN)⁺ over the largest N. dilation: of pressed faces over the largest slip.
+    gap: Γ. dissipation: Σ D_N(J). moved: change of effective areas that the forces require.
+    floor: scaled λ below which λ counts as zero.
+    settled: True if λ of the last two programs agree: minimisation of Γ, and problem frozen at its N.
     """
 
     state: State
@@ -82,7 +125,10 @@ class PrimalDualPair:
 
     @property
     def relative_gap(self) -> float:
-        """Γ over the dissipation; over the work of the loads where nothing dissipates (pure rocking)."""
+        """Return Γ over the dissipation, or over the work of the loads if nothing dissipates.
+
+        Nothing dissipates in pure rocking.
+        """
         if self.motion is None:
             return math.inf
         work = max(abs(self.state.load), abs(self.motion.bound), self.floor)
@@ -90,19 +136,19 @@ class PrimalDualPair:
         return abs(self.gap) / size if size > 0.0 else math.inf
 
     def closes(self, width: float) -> bool:
-        """Do λ of the forces and bound of the velocities meet within a relative width?"""
+        """Return True if λ of the forces and the bound of the velocities agree within a width."""
         if self.motion is None:
             return False
         size = max(abs(self.state.load), abs(self.motion.bound), self.floor)
         return abs(self.motion.bound - self.state.load) <= width * size
 
     def solves(self, width: float) -> bool:
-        """Is it a solution, proven within a relative width?"""
+        """Return True if the pair is an admissible, converged solution within a relative width."""
         return not self.locked and self.state.admissible and self.converged and self.closes(width)
 
     @property
     def converged(self) -> bool:
-        """All that is asked of a solution: docs/method.md (4.3), (4.5)."""
+        """Return True if the pair meets all tolerances of a solution, docs/method.md (4.3), (4.5)."""
         if self.motion is None:
             return False
         return (
@@ -115,7 +161,7 @@ class PrimalDualPair:
 
 
 class FixedPointSearch:
-    """The search for such a pair: the programs it solves share solvers and are counted together."""
+    """Fixed-point search of one labelling; programs share solvers, `solves` counts them."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, scheme: ProximalOptions) -> None:
         self.analysis, self.labels, self.scheme = analysis, labels, scheme
@@ -124,7 +170,7 @@ class FixedPointSearch:
         self.margin = analysis.margin
         self.base = template.yield_set.associative
         residual = template.precision.residual
-        # the quadratic programs do not reach what linear ones do, and only the last of them must be exact
+        # Quadratic programs converge less tightly than linear ones; only the last of them must be exact.
         self.stepping = ClarabelSolver(max(_STEP, residual), proximal=(self.count, scheme.damping))
         self.matching = ClarabelSolver(max(_GAP, residual), proximal=(self.count, scheme.anchor))
         self.holding = ClarabelSolver(max(_GAP, residual), proximal=(self.count, HOLD))
@@ -137,33 +183,35 @@ class FixedPointSearch:
     # --- frozen problems ----------------------------------------------------------------------------------
 
     def areas(self, forces: Floats) -> EffectiveAreas | None:
-        """Effective areas under scaled forces, if they are asked for."""
+        """Return the effective areas under scaled forces, None if the options do not use them."""
         if not self.scheme.effective_area:
             return None
         return areas_under(self.analysis.assembly, self.table(forces), self.labels)
 
     def prover(self, template: Template) -> Prover:
-        """The analysis' prover for another template."""
+        """Return the prover of the analysis for another template."""
         return self.analysis.prover.under(template)
 
     def frozen(
         self, alpha: float, previous: Floats, areas: EffectiveAreas | None
     ) -> tuple[Template, PrescribedFriction]:
-        """The template with friction μ(αN + (1 − α)N_prev); previous: (m,)."""
+        """Build the template with friction μ(αN + (1 − α)N_prev); previous: (m,) N_prev."""
         sets = PrescribedFriction(self.base, alpha, previous, areas)
         self.shared = self.shared.renumbered(sets)
         return self.shared, sets
 
     def table(self, forces: Floats) -> Floats:
+        """Return scaled forces as a table (m, q), without λ."""
         return forces[: self.count].reshape(len(self.labels), -1)
 
     def normals(self, forces: Floats) -> Floats:
+        """Return the scaled normal forces (m,)."""
         return self.table(forces)[:, 0]
 
     # --- the two steps ------------------------------------------------------------------------------------
 
     def step_from(self, forces: Floats, alpha: float) -> RawSolution:
-        """A proximal step on the problem frozen at the forces' own N."""
+        """Solve one proximal step on the problem frozen at N of the given forces."""
         centre = forces[: self.count]
         for _ in range(_BACK):
             template, _ = self.frozen(alpha, self.normals(centre), self.areas(centre))
@@ -172,14 +220,15 @@ class FixedPointSearch:
             if raw.status in (RawStatus.OPTIMAL, RawStatus.ALMOST):
                 self.reached = centre
                 break
-            # less pressure where the loads need friction can leave no equilibrium at all: go back half way
+            # A frozen N that is too small can leave no equilibrium at all: move the centre back half way.
             centre = 0.5 * (centre + self.reached)
         return raw
 
     def least_gap(self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, held: float | None = None) -> State:
-        """The state of least Γ against velocities among those of true friction, near given forces.
+        """Minimise Γ for given velocities over states of true friction near given forces.
 
-        dual: multipliers whose first entries are the velocities. held: stay close to the forces, with this slack.
+        dual: multipliers whose first entries are the velocities. held: if given, hold the forces with the larger weight
+        `HOLD`, and require this slack.
         """
         template, program = self._priced(forces, dual, areas, self.margin if held is None else held)
         route = self.matching if held is None else self.holding
@@ -187,21 +236,24 @@ class FixedPointSearch:
         return self.admissible(point, template, areas)
 
     def lowest(self, forces: Floats, dual: Floats) -> State:
-        """The state of least λ among those of least Γ against velocities, wherever it is. dual: as for `least_gap`."""
+        """Find the state of least λ among those of least Γ, near `forces` or not; see `least_gap`."""
         template, program = self._priced(forces, dual, self.areas(forces), self.margin)
-        # Γ holds λ as gained; of states that are even in Γ, a little less of that prefers the lowest
+        # Γ contains −λ. A slightly smaller weight of λ prefers the lowest λ among states of equal Γ.
         program.objective[-1] *= 1.0 - _DOWN
         return self.admissible(self.route.solve(program).point, template, self.areas(forces))
 
     def _priced(
         self, forces: Floats, dual: Floats, areas: EffectiveAreas | None, margin: float
     ) -> tuple[Template, ConicProgram]:
-        """The program of true friction with Γ against velocities, less what is constant in it, as its objective."""
+        """Build the program of true friction whose objective is Γ for given velocities.
+
+        Terms that are constant for given velocities are omitted.
+        """
         template, sets = self.frozen(1.0, self.normals(forces), areas)
         velocity = dual[: template.matrix.shape[0]]
         jumps = (template.matrix.T @ velocity).reshape(len(self.labels), -1)
         work = float(template.live @ velocity)
-        # multipliers of the program have b_λ·u = 1 up to the multiplier of λ ≥ −floor
+        # Multipliers satisfy b_λ·u = 1 up to the multiplier of λ ≥ −floor.
         rate = sets.price(jumps, self.labels) / (work if work > 0.0 else 1.0)
         program = template.program(self.labels, margin)
         objective = program.objective.copy()
@@ -210,9 +262,10 @@ class FixedPointSearch:
         return template, ConicProgram(program.structure, program.data, program.rhs, objective)
 
     def mechanism(self, forces: Floats, raised: Floats | None = None) -> RawSolution:
-        """The problem frozen at the forces' own N: its multipliers are velocities without any dilation.
+        """Solve the problem frozen at N of the forces; its multipliers are velocities.
 
-        raised: (linear rows,) by how much resistances are raised: of mechanisms that are even, it decides which.
+        The velocities do not dilate. raised: (linear rows,) increase of the resistances, which selects one of several
+        optimal mechanisms.
         """
         template, _ = self.frozen(0.0, self.normals(forces), self.areas(forces))
         program = template.program(self.labels, self.margin)
@@ -223,7 +276,7 @@ class FixedPointSearch:
         return self.route.solve(ConicProgram(s, program.data, rhs, program.objective))
 
     def admissible(self, point: Floats, template: Template, areas: EffectiveAreas | None) -> State:
-        """A raw point moved into equilibrium and the true cone, as far as that can be had."""
+        """Repair a raw point: move it into equilibrium and into the true cone where possible."""
         labels, prover = self.labels, self.prover(template)
         state = prover.state(point, labels, passes=3)
         if state.admissible:
@@ -239,7 +292,7 @@ class FixedPointSearch:
         return state
 
     def judge(self, state: State, areas: EffectiveAreas | None) -> PrimalDualPair:
-        """Velocities without any dilation for the N of a state: the last of the programs, and Γ."""
+        """Compute non-dilatant velocities for N of a state, and evaluate Γ of the pair."""
         labels = self.labels
         template, sets = self.frozen(0.0, state.forces[:, 0], areas)
         prover = self.prover(template)
@@ -265,7 +318,7 @@ class FixedPointSearch:
         jumps = motion.jumps
         slip = sets.slip(jumps, labels)[sets.slides(labels)].max(initial=0.0)
         widest = slip if slip > 1e-6 * np.abs(jumps).max() else np.abs(jumps).max()
-        # where the live load takes all weight off, N is rounding everywhere; scaled forces are of order one
+        # Where the live load lifts all weight, N is rounding on every face; scaled forces are of order one.
         pressed = state.forces[:, 0] > _PRESSED * max(largest, _LIGHT)
         dilation = float(sets.dilation(jumps, labels)[pressed].max(initial=0.0)) / float(widest or 1.0)
         dissipation = float(sets.dissipation(jumps, labels).sum())
@@ -280,7 +333,7 @@ class FixedPointSearch:
     # --- the search ----------------------------------------------------------------------------------------
 
     def pair_from(self, forces: Floats) -> PrimalDualPair:
-        """The best of the attempts from scaled forces (q·m,)."""
+        """Return the best pair of all attempts from scaled forces (q·m,)."""
         best: PrimalDualPair | None = None
         for pair in self.attempts(forces):
             if best is None or pair.locked or _better(pair, best):
@@ -289,11 +342,11 @@ class FixedPointSearch:
         return best
 
     def attempts(self, forces: Floats) -> Iterator[PrimalDualPair]:
-        """Blocks of proximal steps, each closed by the least Γ for the velocities reached and a verdict.
+        """Alternate proximal steps with a minimisation of Γ, and yield a pair after each round.
 
-        The last is locked, or a solution, or as many programs were solved as the scheme has. With effective areas
-        later rounds hold the forces and take no proximal steps: the areas follow the forces, which such steps let
-        drift along the many solutions.
+        The iteration ends with a locked pair, with a solution, or after `scheme.most` programs. With effective areas,
+        later rounds hold the forces and omit proximal steps: such steps move the forces along the many solutions,
+        and the areas would follow.
         """
         scheme, held = self.scheme, None
         self.reached, self.end = forces[: self.count], self.solves + self.scheme.most
@@ -307,7 +360,7 @@ class FixedPointSearch:
                         dual = dual if dual.size else np.zeros_like(raw.dual)
                         break
                     way = raw.point[: self.count] - forces[: self.count]
-                    # a step that turns back shows that the last one went too far: less of it is taken
+                    # A reversal of direction shows that the previous step was too long: shorten this one.
                     back = float(way @ last) < 0.0
                     share = max(0.5 * share, _LEAST) if back else min(2.0 * share, 1.0)
                     forces, dual, last = forces[: self.count] + share * way, raw.dual, way
@@ -326,7 +379,7 @@ class FixedPointSearch:
                 held, dual = self.margin, pair.motion.velocity
 
     def settle_areas(self, state: State, dual: Floats, areas: EffectiveAreas) -> tuple[State, EffectiveAreas]:
-        """Match the same velocities until the state is admissible under the effective areas of its own forces."""
+        """Minimise Γ for the same velocities until the state fits its own effective areas."""
         tries = 0
         while self.solves < self.end - 2:
             checkpoint()
@@ -340,8 +393,10 @@ class FixedPointSearch:
 
 
 def _better(one: PrimalDualPair, other: PrimalDualPair) -> bool:
+    """Return True if the first pair ranks above the second."""
     return _rank(one) > _rank(other)
 
 
 def _rank(pair: PrimalDualPair) -> tuple[bool, bool, float]:
+    """Return the rank of a pair: solution first, then admissible, then small Γ."""
     return pair.solves(tolerances.GAP), pair.state.admissible, -pair.gap

@@ -1,14 +1,16 @@
-"""Non-associative friction without dilation, by frozen associative problems, docs/method.md (4.1) to (4.5).
+"""Solve non-associative friction without dilation by frozen associative problems.
 
-A solution is a pair: forces F in equilibrium with the loads at λ and inside the true cone |V| ≤ μN, and
-velocities u whose jumps do not dilate, with the complementarity gap
+A solution is a pair of forces F and velocities u. The forces are in equilibrium with the loads at λ and inside the true
+cone |V| ≤ μN. The jumps of the velocities do not dilate, and the complementarity gap
 
     Γ(F, u) = Σ_dry [N δ + M·θ + μN slip + V·s + MT ω] + Σ_inner [D + F·J] = Σ D_N(J) − b·u − λ ≥ 0
 
-at zero. D_N is the dissipation of the problem whose friction is frozen at μN: for given F the least Γ is found
-by that problem (its λ, without any dilation, less the λ of F), and for given u by an associative problem in
-which every N costs μ·slip. Γ is convex in either argument alone and never negative, so a pair that brings it to
-zero is proven, whatever led there, and [λ of F, bound of u] is a bracket of the frozen problem of width Γ.
+is zero. D_N is the dissipation of the problem whose friction is frozen at μN. For given F, the frozen problem
+yields the least Γ: its λ, without any dilation, minus the λ of F. For given u, an associative problem in which every N
+costs μ·slip yields it. Γ is convex in either argument alone and never negative. A pair with Γ = 0 is therefore proven,
+however it was found. [λ of F, bound of u] is a bracket of the frozen problem with width Γ.
+
+Source: docs/method.md (4.1) to (4.5).
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ from jld_core.models.zero_dilation.range import load_range
 from jld_core.models.zero_dilation.search import FixedPointSearch, ProximalOptions
 from jld_core.models.zero_dilation.starts import first_forces
 
-_SEVERAL: Final = 1000  # faces up to which linear programs in turn are tried where proximal steps do not arrive
+_SEVERAL: Final = 1000
+"""Largest number of faces for which linear programs in turn are tried after proximal steps did not converge."""
 
 
 def prove_zero_dilation(
@@ -43,23 +46,47 @@ def prove_zero_dilation(
     floor: float = -math.inf,
     range: float | None = None,
 ) -> Proof:
-    """Collapse without dilation of one labelling, by an analysis that exists already.
+    """Prove the load factor of one labelling under friction without dilation.
 
-    analysis: of associative friction, planar or spatial, points included. labels: (m,) True dry. associative:
-    its proof for these labels where known. stands: also decide λ = 0. floor: λ, scene units, at or below which a
-    labelling does not matter: it is left at its associative λ (`Proof.outbid`), which no λ without dilation exceeds.
-    range: seek the lowest and the highest solution from every side, and for as many seconds of processor time a bound
-    below: see `load_range`.
+    Parameters
+    ----------
+    analysis : LimitAnalysis
+        Analysis of associative friction, planar or spatial, of whole faces or of point contacts.
+    labels : (m,) bool array
+        Labels, True = dry.
+    scheme : ProximalOptions, optional
+        Parameters of the fixed-point search.
+    associative : Proof, optional
+        Associative proof for these labels; computed if not given.
+    stands : bool, optional
+        Also decide whether the structure stands at λ = 0.
+    floor : float, optional
+        λ in scene units at or below which the labelling is irrelevant. If the associative upper bound does not exceed
+        this value, the result keeps the associative λ (`Proof.outbid`), which no λ without dilation exceeds.
+    range : float, optional
+        If given, search for the lowest and the highest solution from many starts, and spend this processor time in
+        seconds on a lower bound, see `load_range`.
 
-    The proof: λ and the forces `found` are those of an exactly admissible state, the motion does not
-    dilate, and the bracket is [λ of the state, bound of the mechanism] for the problem with friction frozen at
-    μN of that state, whose width is Γ; it says nothing of other zero-dilation solutions, which exist. The one
-    upper bound on all of them is `extra["associative_load_factor"]`. `extra` also holds `friction_violation`
-    (max(|V| − μN)⁺ / max N), `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces
-    / largest slip), `bracket_of` and `zero_dilation_iterations`. A run not converged, or a bracket wider than
-    the analysis' gap, is `uncertified`. Where associative friction locks, the run starts from the state of
-    least forces.
-    Raises InputError: missing material; "vertex" on a spatial scene; effective areas on other than rectangles.
+    Returns
+    -------
+    Proof
+        λ and the forces `found` are those of an exactly admissible state, and the motion does not dilate. The bracket
+        is [λ of the state, bound of the mechanism] for the problem with friction frozen at μN of that state. Its
+        width is Γ. The bracket does not bound other zero-dilation solutions, which exist. The upper bound on all
+        solutions is `extra["associative_load_factor"]`. `extra` also holds `friction_violation`
+        (max(|V| − μN)⁺ / max N), `complementarity_gap` (Γ / dissipation), `converged`, `dilation` (of pressed faces
+        / largest slip), `bracket_of` and `zero_dilation_iterations`. The status is `uncertified` if the search did not
+        converge, or if the bracket is wider than the gap of the analysis.
+
+    Raises
+    ------
+    InputError
+        If a material is missing, for the start "vertex" on a program with cones, or for effective areas where they
+        do not apply.
+
+    Notes
+    -----
+    If the associative problem is locked, the search starts from the state of least forces.
     Source: Gilbert, Casapulla, Ahmed 2006; Iannuzzo et al. 2024, §2.4; docs/method.md (4.3).
     """
     start = time.perf_counter()
@@ -79,7 +106,7 @@ def prove_zero_dilation(
         proof = proof_of(associative, analysis, None, 0)
     else:
         if associative.status is Status.LOCKED:
-            # whatever friction follows the present N would build up self-stress without end
+            # With alpha > 0, friction grows with the present N and self-stress grows without limit.
             scheme = replace(scheme, alpha=0.0)
         search = FixedPointSearch(analysis, labels, scheme)
         pair = search.pair_from(first_forces(search, associative, scheme.start))

@@ -1,9 +1,11 @@
-"""The proof of a lower bound in space: the identity of `certificate`, with the forms that couple slip.
+"""Certificate of a lower bound in space, with the forms that couple friction and slip.
+
+The identity is that of `certificate` with additional terms:
 
     (λ − p)(b_λ·u) − σ cost = Σ M_kl ŷ_k z_l + Σ g_k ŷ_k (b_λ·u) + Σ ν_j B_j(Φ, w) + (K Φ)ᵀ Q w + Φᵀ Ψ w_still + Φᵀ R w
 
 with B_j = 0 in every solution, ν of either sign, and w_still the ties and closed modes. Rows, directions and yield
-surfaces are taken as the doubles that they are, jumps as those of A: nothing in the identity is rounded
+surfaces enter as the doubles that they are, and jumps as those of A: no number in the identity is rounded
 (docs/method.md (4.9)).
 """
 
@@ -21,14 +23,17 @@ from jld_core.models.zero_dilation.rlt_relaxation import Region, extended, produ
 from jld_core.models.zero_dilation.spatial_modes import Forms, SpaceModes
 from jld_core.models.zero_dilation.spatial_rlt_relaxation import equal_of, still
 
-_FREE: Final = 1e-7  # size from which a multiplier may change as it must; a smaller one in proportion
-_GONE: Final = 1e-14  # multipliers below this are none
+_FREE: Final = 1e-7
+"""Size above which a multiplier may change without limit in a correction; smaller ones change in proportion."""
+
+_GONE: Final = 1e-14
+"""Size below which a multiplier counts as zero."""
 
 
 class SpaceCertifier(Certifier):
-    """Makes multipliers of one spatial region exact and checks what they prove, as `Certifier`.
+    """Certifier of one spatial region: makes multipliers exact and checks what they prove.
 
-    Multipliers of the forms stand behind those of (y, λ − L, U − λ) in `live`. reach: of `space_reach`.
+    Multipliers of the coupling forms follow those of (y, λ − L, U − λ) in `live`. reach: from `space_reach`.
     """
 
     def __init__(self, modes: SpaceModes, region: Region, slack: float, size: Floats, reach: Floats) -> None:
@@ -46,6 +51,7 @@ class SpaceCertifier(Certifier):
         self._still = BinaryFractions.of(np.vstack([modes.ties, modes.rates[region.closed]])) @ self._motions
 
     def _correction(self, over: Floats, price: Floats) -> Any:
+        """Return a function from the residual R to the change of multipliers that reduces R."""
         modes, largest, bounds = self.space, self.largest, len(self.largest) - 1
         jumps = clean(modes.motions @ self.motions)
         facts, rates = clean((self.facts / largest[:, None]) @ self.states), clean(modes.rates @ jumps)
@@ -64,6 +70,7 @@ class SpaceCertifier(Certifier):
         scales = 1.0 / np.concatenate([largest[i], largest[last], np.ones(len(coupled))])
 
         def change(rest: Floats) -> tuple[BinaryFractions, BinaryFractions, BinaryFractions]:
+            """Return the changes of `over`, `live` and `bound` for a residual."""
             size = float(abs(rest).max(initial=0.0)) or 1.0
             found = solve((self.states.T @ (rest / size) @ self.motions).ravel()) * size * scales
             more, paid = np.zeros(over.shape), np.zeros((len(price), 1))
@@ -77,13 +84,14 @@ class SpaceCertifier(Certifier):
         return change
 
     def _coupled(self, form: int, jumps: Floats) -> Any:
-        """One form over products of free states and motions, (1, states · motions)."""
+        """Return one form over products of free states and motions, (1, states · motions)."""
         table = self.space.coupled.table(form, (len(self.states), len(jumps)))
         return sp.csr_array((self.states.T @ (table @ jumps)).reshape(1, -1))
 
     # --- in integers --------------------------------------------------------------------------------------
 
     def _settled(self, over: BinaryFractions, live: BinaryFractions, bound: BinaryFractions, slack: float) -> Floats:
+        """Return R: the residual of the identity after two reductions by Q and Ψ."""
         modes, bounds = self.space, len(self.largest) - 1
         facts, unit = BinaryFractions.of(self.facts), np.eye(self.facts.shape[1])
         load = BinaryFractions.of(unit[:, -2:-1]) - BinaryFractions.of(unit[:, -1:]) @ bound
@@ -100,7 +108,7 @@ class SpaceCertifier(Certifier):
 
 
 def _weighted(forms: Forms, weights: BinaryFractions, shape: tuple[int, int]) -> BinaryFractions:
-    """Σ ν_j B_j (Φ, J) of weights (forms, 1)."""
+    """Return Σ ν_j B_j(Φ, J) for weights ν (forms, 1)."""
     numbers = BinaryFractions.of(forms.number)
     out = np.zeros(shape, dtype=object)
     np.add.at(out, (forms.state, forms.motion), numbers.values * weights.values[forms.which, 0])

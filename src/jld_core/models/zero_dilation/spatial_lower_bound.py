@@ -1,11 +1,14 @@
-"""A bound below which no spatial solution without dilation exists: frozen friction, products, circles, parts.
+"""Lower bound on λ over all non-dilatant spatial solutions.
 
-As in the plane every step excludes an interval [L, p) of λ, given that [0, L) is excluded. Where a sweep wins little,
-rows y_k z_l that are violated are formed, and polygons of friction get directions where forces, as some motion weighs
-them, or slips, as some force weighs them, stand out of the circle; then the solutions are parted, for every one belongs
-to one of two parts: an edge that stays closed and one that carries its resultant, a face that may slide this way and
-one that may slide that way. The part with the lowest bound is taken next, and the lowest bound of all parts is the
-bound.
+The steps are frozen friction, relaxations, sharper friction polygons, and splitting. As in the plane, every step
+excludes an interval [L, p) of λ, given that [0, L) is excluded. Where a step gains little, violated rows y_k z_l are
+added. Friction polygons receive directions where forces or slips, multiplied by forms of the other factor, violate
+the circle.
+
+Then the solutions are split in two parts, at an edge or at a slip; every solution belongs to one part. At an edge,
+either the edge does not open (z = 0), or the resultant acts on the edge (y = 0). At a slip, a face may slide in one
+sense only, or in the opposite sense only. The part with the lowest bound is treated next. The lowest bound of all
+parts is the result.
 """
 
 from __future__ import annotations
@@ -27,29 +30,59 @@ from jld_core.models.zero_dilation.spatial_rlt_relaxation import SpaceRelaxed, r
 from jld_core.models.zero_dilation.spatial_statics import SpaceStatics, space_reach
 
 SPACE_FACES: Final = 24
-"""Faces up to which products are formed; larger scenes have the cheap bound alone, unless time is given for more."""
+"""Number of faces up to which products are formed; larger scenes have only the cheap bound, unless given more time."""
 
-_SLACKS: Final = (1e-8, 1e-6, 1e-5)  # λ that a unit of cost earns in the program, relative to λ or to 1: near, far,
-# and where nothing is proven with less
-_FAR: Final = 1e-4  # distance of a bound from the lowest solution found, relative, from which it counts as far
-_ENOUGH: Final = 2e-7  # distance from it, relative, at which a certificate is fine enough
-_AT_ONCE: Final = 18  # faces up to which all rows are formed from the first
-_LITTLE: Final = 0.01  # share of the distance that a step must win to be certified
-_MUCH: Final = 0.3  # the same to go on with the rows there are
-_SOME: Final = 0.15  # the same of steps with sharper circles, of which
-_PATIENCE: Final = 2  # in a row may miss it before solutions are parted
-_OUTSIDE: Final = 1e-6  # part of a force or slip beyond its circle that asks for a direction, and
-_SHARP: Final = 0.2  # share of the worst from which it does
-_DIRECTIONS: Final = 16  # of one face
-_VIOLATED: Final = 1e-7  # product below zero by more than this asks for its row, and what disagrees by more is parted
-_MANY: Final = 0.1  # share of the worst from which rows are formed
+_SLACKS: Final = (1e-8, 1e-6, 1e-5)
+"""Slacks σ: decrease of λ per unit of cost, relative to λ or to 1.
+
+The first is used near the solution, the second far from it, the third where nothing is proven with less.
+"""
+
+_FAR: Final = 1e-4
+"""Relative distance of a bound from the lowest solution found above which it counts as far."""
+
+_ENOUGH: Final = 2e-7
+"""Relative distance from that solution below which a certificate is not refined further."""
+
+_AT_ONCE: Final = 18
+"""Number of faces up to which all rows are formed from the start."""
+
+_LITTLE: Final = 0.01
+"""Fraction of the distance that the solver's bound must gain for its certificate to be computed."""
+
+_MUCH: Final = 0.3
+"""Fraction of the distance that a step must gain to continue with the same rows."""
+
+_SOME: Final = 0.15
+"""Fraction of the distance that a step with sharper polygons must gain."""
+
+_PATIENCE: Final = 2
+"""Number of consecutive steps below `_SOME` after which the solutions are split."""
+
+_OUTSIDE: Final = 1e-6
+"""Relative violation of a circle from which a direction is added."""
+
+_SHARP: Final = 0.2
+"""Fraction of the largest violation from which a direction is added."""
+
+_DIRECTIONS: Final = 16
+"""Maximum number of directions of one face."""
+
+_VIOLATED: Final = 1e-7
+"""Size of a negative product from which its row is added, and of a disagreement from which solutions are split."""
+
+_MANY: Final = 0.1
+"""Fraction of the largest violation from which rows are added."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Some of the solutions: with modes of bending that are still (b,), rows of bending that are zero (b,), and ways in
-    which faces slide. proven, believed: below which none of them is, with certificates and by the solver's word. done:
-    nothing more is to be had."""
+    """Part of the solutions, with its bounds.
+
+    still: (b,) bending modes that do not move. held: (b,) bending rows that are zero. ways: restrictions of slip.
+    proven, believed: lower bounds of the part, by certificates and from the solver. done: True if no further gain is
+    possible.
+    """
 
     still: Bools
     held: Bools
@@ -59,12 +92,13 @@ class _Part:
     done: bool = False
 
     def above(self, proven: float, believed: float) -> _Part:
+        """Return the part with its bounds raised to given values where these are higher."""
         low = max(self.proven, proven)
         return replace(self, proven=low, believed=max(self.believed, believed, low))
 
 
 class SpaceFloorSearch:
-    """One labelling of a spatial scene."""
+    """Lower-bound search of one spatial labelling."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: SpaceModes, ceiling: LowerBoundProblem) -> None:
         self.analysis, self.labels, self.modes, self.ceiling = analysis, labels, modes, ceiling
@@ -75,7 +109,7 @@ class SpaceFloorSearch:
         self._pairs = {(int(f), int(g)) for f, g in zip(*np.nonzero(first), strict=True)}
 
     def search(self) -> LowerBound:
-        """The bound."""
+        """Compute the lower bound."""
         modes, ceiling, none = self.modes, self.ceiling, np.zeros(self.modes.bending, dtype=bool)
         if self._reach is None:
             ceiling.note("no certificate: velocities are not bounded")
@@ -88,7 +122,10 @@ class SpaceFloorSearch:
     # --- pieces -------------------------------------------------------------------------------------------
 
     def _parted(self, whole: _Part) -> list[_Part]:
-        """Parts of all solutions, each bounded, until the lowest bound meets the lowest solution or time is out."""
+        """Split the solutions until the lowest bound meets the solution or time is up.
+
+        Return all parts, each with its bounds.
+        """
         first, relaxed = self._swept(whole, "products")
         parts: list[tuple[_Part, SpaceRelaxed | None]] = [(first, relaxed)]
         while self.ceiling.left > 0.0:
@@ -103,7 +140,7 @@ class SpaceFloorSearch:
         return [part for part, _ in parts]
 
     def _swept(self, part: _Part, name: str) -> tuple[_Part, SpaceRelaxed | None]:
-        """A part bounded step by step, until no step wins much, and what the last program made of it."""
+        """Raise the bound of a part until steps gain little; return it and the last relaxation."""
         step, finest, stalls, ceiling = 1, 0, 0, self.ceiling
         certifies = self._reach is not None
         relaxed: SpaceRelaxed | None = None
@@ -137,13 +174,14 @@ class SpaceFloorSearch:
                 break
             more = self._more_rows(modes, region, relaxed)
             stalls = 0 if ceiling.won(low, reached, _SOME) else stalls + 1
-            # what a program says that was given up is no guide
+            # A relaxation that was stopped early does not show where circles are violated.
             sharper = (wins or relaxed.sure) and self._sharpened(modes, region, relaxed)
             if not (more or sharper or ceiling.won(low, reached)) or (stalls >= _PATIENCE and not more):
                 break
         return part, relaxed
 
     def _region(self, part: _Part, low: float) -> tuple[SpaceModes, Region]:
+        """Return modes and region of a part, with the modes closed that are proven not to move."""
         modes = self._modes(part)
         held, still = np.zeros(len(modes.rows), dtype=bool), np.zeros(len(modes.rates), dtype=bool)
         held[: modes.bending], still[: modes.bending] = part.held, part.still
@@ -152,6 +190,7 @@ class SpaceFloorSearch:
         return modes, Region(low, high, closed | still, held)
 
     def _modes(self, part: _Part) -> SpaceModes:
+        """Build the relaxed problem of a part with the current directions."""
         modes = space_modes_of(
             self.analysis.template, self.labels, tuple(self._directions), part.ways, tuple(self._slides)
         )
@@ -159,26 +198,30 @@ class SpaceFloorSearch:
         return modes
 
     def _asked(self, modes: SpaceModes, region: Region) -> Bools:
-        """Rows y_k z_l of the pairs of faces that are formed."""
+        """Return a mask of the rows y_k z_l for the pairs of faces formed so far."""
         formed = np.zeros((modes.faces, modes.faces), dtype=bool)
         formed[tuple(np.array(sorted(self._pairs)).T)] = True
         formed[self._spared(modes, region)] = False
         return np.asarray(formed[np.ix_(modes.face, modes.mode_face)])
 
     def _spared(self, modes: SpaceModes, region: Region) -> Bools:
-        """(m,) inner faces that never move: what they carry is not asked, for they have strength to spare."""
+        """Return a mask (m,) of inner faces that never move, whose rows are omitted.
+
+        Their strength usually exceeds their load, so that these rows gain nothing.
+        """
         moving = np.zeros(modes.faces, dtype=bool)
         moving[modes.mode_face[~region.closed]] = True
         return (modes.tension > 0.0) & ~moving
 
     def _proven(self, modes: SpaceModes, region: Region, slack: float, relaxed: SpaceRelaxed, enough: float) -> float:
+        """Return the bound proven by the multipliers of a relaxation, −inf if none."""
         if self._reach is None:
             return -math.inf
         check = SpaceCertifier(modes, region, slack, self._size, self._reach)
         return check.bound(relaxed.multipliers, enough)
 
     def _whole(self, modes: SpaceModes, states: Floats) -> Floats:
-        """Forces of all six resultants a face, (k, 6m + 1), from those that are not zero throughout."""
+        """Return all six resultants per face, (k, 6m + 1) with λ, from those not identically zero."""
         full = np.zeros((len(states), modes.columns.size + 1))
         kept = modes.columns.ravel() >= 0
         full[:, np.flatnonzero(kept)] = states[:, modes.columns.ravel()[kept]]
@@ -186,8 +229,7 @@ class SpaceFloorSearch:
         return full
 
     def _sharpened(self, modes: SpaceModes, region: Region, relaxed: SpaceRelaxed) -> bool:
-        """More directions where forces or slips, as what is known of the other side sees them, stand out of their
-        circles."""
+        """Add directions where forces or slips violate their circles; return True if any."""
         sharper = False
         spared = self._spared(modes, region)
         for side, known in enumerate((self._directions, self._slides)):
@@ -202,7 +244,7 @@ class SpaceFloorSearch:
         return sharper
 
     def _more_rows(self, modes: SpaceModes, region: Region, relaxed: SpaceRelaxed) -> bool:
-        """Pairs of faces whose rows y_k z_l are violated most."""
+        """Add the pairs of faces whose rows y_k z_l are violated most; return True if any is new."""
         worst = np.zeros((modes.faces, modes.faces))
         np.maximum.at(worst, (modes.face[:, None], modes.mode_face[None, :]), relaxed.violation)
         worst[self._spared(modes, region)] = 0.0
@@ -214,7 +256,7 @@ class SpaceFloorSearch:
         return bool(fresh)
 
     def _halves(self, part: _Part, relaxed: SpaceRelaxed) -> tuple[_Part, _Part] | None:
-        """Both sides of what disagrees most with itself on the mean: an edge, or the way in which a face slides."""
+        """Split a part at the edge or slip that most violates its complementarity, or return None."""
         edges = np.where(part.still | part.held, 0.0, relaxed.disagreeing)
         ways = relaxed.torn.copy()
         for way in part.ways:

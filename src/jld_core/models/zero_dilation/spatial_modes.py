@@ -1,22 +1,25 @@
-"""Spatial collapse without dilation, relaxed to products of linear forms, scaled: docs/method.md (4.9).
+"""Spatial collapse without dilation, relaxed to products of linear forms, scaled.
 
-A solution is forces F and λ, velocities u, and per face weights of its bending rows and a rate of slip t, with
+A solution consists of forces F and λ, and velocities u. Each face has weights z of its bending rows and a rate of slip
+t, with
 
     A F + b + λ b_λ = 0,   b_λ·u = 1,   J = Aᵀu = (δ, s, θ, ω)
     y_e = N + σtA − c_e·m ≥ 0,   (δ, θ) = Σ_e z_e (1, −c_e),   z_e ≥ 0,   y_e z_e = 0          one e per row of bending
-    |V| ≤ R, |mT| ≤ T, R + T = C = μN (inner: τA),   t ≥ |s|, t ≥ |ω|                         each face that rubs
+    |V| ≤ R, |mT| ≤ T, R + T = C = μN (inner: τA),   t ≥ |s|, t ≥ |ω|                         each face with friction
     R t + V·s = 0,   R s + t V = 0,   V × s = 0,   (T ∓ mT)(t ∓ ω) = 0
 
-(δ, θ) opens over edges where the resultant stands, V opposes s with all friction that torsion T = |mT| leaves, ω
-opposes torsion, and sliding opens nothing. The equations that couple friction and slip are linear in products and kept
-as they are: both products of two complementary vectors (R, V) and (t, s) of one cone vanish. Only the two circles give
-way to polygons around them, with unit directions d and e:
+(δ, θ) opens over edges where the resultant acts. V opposes s with all friction that the torsion T = |mT| leaves, ω
+opposes torsion, and sliding does not open a face. The equations that couple friction and slip are linear in products
+and are kept: both products of two complementary vectors (R, V) and (t, s) of one cone vanish. Only the two circles are
+replaced by circumscribed polygons, with unit directions d and e:
 
     R − d·V ≥ 0,   T ∓ mT ≥ 0,   t − e·s ≥ 0,   t ∓ ω ≥ 0
 
-so that every solution satisfies what is asked, and a bound of all that does bounds the solutions. The price is a rate
-of dissipation R t that may fall short of R |s| where states and motions are mixed, nothing where slips are along one of
-the directions; directions may be added at will.
+Every solution satisfies these conditions, so a bound on everything that satisfies them bounds the solutions. The
+relaxation may underestimate the dissipation: R t may be less than R |s| where states and motions are combined. It is
+exact for slips along one of the directions. Directions may be added at any time.
+
+Source: docs/method.md (4.9).
 """
 
 from __future__ import annotations
@@ -33,16 +36,24 @@ from jld_core.models.zero_dilation.modes import LinearModes, near_faces
 from jld_core.program import Template
 
 AXES: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-"""Directions that every face has; |V1| and |V2| are bounded by them."""
+"""Directions that every face has; they bound |V1| and |V2|."""
 
 _Entries = list[tuple[int, int, float]]
-_DIGITS: Final = 2.0**50  # binary places
-_SAME: Final = 1e-4  # radians within which a direction is there already
+"""Entries of one bilinear form: state, motion, number."""
+
+_DIGITS: Final = 2.0**50
+"""Denominator, 2 to the number of binary places, to which directions are rounded."""
+
+_SAME: Final = 1e-4
+"""Angle in radians within which two directions count as the same."""
 
 
 @dataclass(frozen=True)
 class Forms:
-    """Bilinear forms Σ number · Φ_state · J_motion over their entries; which: the form that each entry belongs to."""
+    """Bilinear forms Σ number · Φ_state · J_motion, as sparse entries.
+
+    count: number of forms. which: the form to which each entry belongs.
+    """
 
     count: int
     which: Ints
@@ -51,16 +62,17 @@ class Forms:
     number: Floats
 
     def table(self, form: int, shape: tuple[int, int]) -> Any:
-        """One of them, sparse."""
+        """Return one form as a sparse matrix."""
         own = self.which == form
         return sp.csr_array((self.number[own], (self.state[own], self.motion[own])), shape=shape)
 
 
 @dataclass(frozen=True)
 class Way:
-    """A face that slides one way or not at all: sign · (s1, s2 or ω) ≥ 0, and what friction says against it ≤ 0.
+    """Restriction of a face to slip in one sense: sign · (s1, s2 or ω) ≥ 0.
 
-    component: 0, 1, 2 for s1, s2, ω. Every solution has one sign or the other.
+    The friction opposed to this slip then has the opposite sign or is zero. component: 0, 1, 2 for s1, s2, ω. Every
+    solution satisfies the restriction for one sign or the other.
     """
 
     face: int
@@ -70,15 +82,16 @@ class Way:
 
 @dataclass(frozen=True)
 class SpaceModes(LinearModes):
-    """In space, with polygons in the place of circles.
+    """Relaxed problem of a spatial labelling, with polygons instead of circles.
 
-    matrix: A (6n, q) of the resultants that are not zero throughout, then of every T, zero: it counts as one. rows:
-    bending of all faces first, then friction. motions: (j, w) J of w = (u, z, t): the jumps of those resultants, then
-    z, then t. rates: (l, j) of J, ≥ 0, the bending modes z first, then slides. ties: (e, j) of J, = 0. coupled: forms
-    in (F, λ, 1) and J, = 0. cost: one form. bending: how many rows bend, each with the mode of its number. opposed:
-    (p, 2) rows and rates whose product is zero. face: (k,) of rows; mode_face: (l,) of rates. columns: (m, 6) of the
-    resultants, −1 where there is none. extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,) σtA. share: (m,)
-    column of T, −1. slip: (m,) place of t in J, −1. directions: of forces of each face.
+    matrix: A (6n, q) of the resultants that are not identically zero, then zero columns of every T, which also counts
+    as a resultant. rows: bending of all faces first, then friction. motions: (j, w) J of w = (u, z, t): the jumps of
+    those resultants, then z, then t. rates: (l, j) forms of J that are ≥ 0, bending modes z first, then slides. ties:
+    (e, j) forms of J that are zero. coupled: forms in (F, λ, 1) and J that are zero. cost: one form. bending: number of
+    bending rows; each has the mode of the same number. opposed: (p, 2) rows and rates whose product is zero. face:
+    (k,) face of each row. mode_face: (l,) face of each rate. columns: (m, 6) columns of the resultants, −1 if absent.
+    extent: (m,) largest |m_i| for N + σtA = 1. tension: (m,) σtA. share: (m,) column of T, −1 if absent. slip: (m,)
+    place of t in J, −1 if absent. directions: of the friction forces of each face.
     """
 
     motions: Floats
@@ -104,10 +117,11 @@ def space_modes_of(
     ways: tuple[Way, ...] = (),
     slides: tuple[Floats, ...] | None = None,
 ) -> SpaceModes | None:
-    """The relaxed problem of a labelling; None where it is not one of linear rows: planar, crushing, frozen areas.
+    """Build the relaxed problem of a spatial labelling, or return None.
 
-    directions: of forces of each face, (k, 2), |d| ≤ 1, `AXES` among them; default those alone. slides: of slips;
-    default as of forces. ways: of solutions that slide so.
+    None for planar scenes, crushing and frozen areas, which have no linear rows. directions: of the friction forces of
+    each face, (k, 2), |d| ≤ 1, including `AXES`; default: only these. slides: of slips; default: the same. ways:
+    restrictions of slip.
     """
     sets = template.yield_set
     if not isinstance(sets, SpatialYield):
@@ -120,7 +134,7 @@ def space_modes_of(
 
 
 class _Sheet:
-    """Collects rows, rates, ties and forms face by face."""
+    """Builder of rows, rates, ties and forms, face by face."""
 
     def __init__(
         self,
@@ -151,6 +165,7 @@ class _Sheet:
         self.costs: _Entries = []
 
     def modes(self, ways: tuple[Way, ...]) -> SpaceModes:
+        """Build the problem with given restrictions of slip."""
         sets, q, template = self.sets, self.count, self.template
         corner = np.where(self.dry[self.of_face, None], sets.bending.dry, sets.bending.inner)
         tension = np.where(self.dry, 0.0, sets.tension)
@@ -214,7 +229,7 @@ class _Sheet:
         )
 
     def _bending(self, corner: Floats, tension: Floats) -> tuple[Floats, Floats, Floats]:
-        """Rows N + σtA − c·m, and what ties z to the jumps: (δ, θ) − Σ z (1, −c) = 0."""
+        """Return rows N + σtA − c·m, their constants, and ties (δ, θ) − Σ z (1, −c) = 0."""
         q = self.count
         rows, ties = np.zeros((len(corner), q)), list[Floats]()
         for face in range(len(self.labels)):
@@ -233,7 +248,7 @@ class _Sheet:
         return rows, tension[self.of_face], np.array(ties)
 
     def _friction(self, face: int, capacity: Floats) -> tuple[list[Floats], list[Floats]]:
-        """Rows C − T − d·V, T ∓ mT of (F, λ, 1), and rates t − d·s, t ∓ ω of J."""
+        """Return rows C − T − d·V, T ∓ mT of (F, λ, 1), and rates t − d·s, t ∓ ω of J."""
         one, two, twist = self.columns[face, [1, 2, 5]]
         share, rows, rates = self.share[face], [], []
         for d in self.directions[face]:
@@ -255,7 +270,7 @@ class _Sheet:
         return rows, rates
 
     def _couple(self, face: int, capacity: Floats) -> None:
-        """What couples friction and slip, and C t as a cost."""
+        """Append the forms that couple friction and slip on a face, and its cost C t."""
         one, two, twist = (int(c) for c in self.columns[face, [1, 2, 5]])
         t, share = int(self.slip[face]), int(self.share[face])
         whole = [(state, float(capacity[state])) for state in np.flatnonzero(capacity).tolist()]
@@ -268,23 +283,24 @@ class _Sheet:
 
 
 def _forms(entries: list[_Entries]) -> Forms:
+    """Collect entries of several forms as arrays."""
     flat = [(which, *entry) for which, own in enumerate(entries) for entry in own]
     which, state, motion = (np.array([e[k] for e in flat], dtype=np.int64) for k in range(3))
     return Forms(len(entries), which, state, motion, np.array([e[3] for e in flat], dtype=np.float64))
 
 
 def unit_direction(way: Floats) -> Floats:
-    """A direction (2,) with |d| ≤ 1 in its very digits, and all but one."""
+    """Return a direction (2,) with |d| ≤ 1 in its exact digits, and nearly 1."""
     return np.asarray(np.trunc(way / np.hypot(*way) * _DIGITS) / _DIGITS * (1.0 - 4.0 / _DIGITS))
 
 
 def with_direction(directions: Floats, way: Floats) -> Floats:
-    """Directions of a face with one more (2,), where it is not there already."""
+    """Return directions with one more (2,), unless it exists already."""
     d = unit_direction(way)
     return directions if float((directions @ d).max()) >= np.cos(_SAME) else np.vstack([directions, d])
 
 
 def widest(directions: Floats) -> float:
-    """The largest angle between neighbouring directions."""
+    """Return the largest angle between neighbouring directions."""
     angles = np.sort(np.arctan2(directions[:, 1], directions[:, 0]))
     return float(np.diff(np.append(angles, angles[0] + 2.0 * np.pi)).max())

@@ -1,8 +1,9 @@
-"""The linear program over products of spatial forces with velocities: `space_modes` multiplied out.
+"""Linear program over products of spatial forces with velocities (RLT relaxation).
 
-As in the plane, X = E[Φ wᵀ] of Φ = (F, λ, 1) and w = (u, z, t): equilibrium times every w_j, ties times every Φ_i,
-y_k z_l ≥ 0 of given pairs, = 0 of a bending row with its own mode, the forms that couple friction with slip,
-(λ − L) z ≥ 0, (U − λ) z ≥ 0, z ≥ 0, y b_λ·u ≥ 0, b_λ·u = 1 (docs/method.md (4.9)).
+The program multiplies the conditions of `spatial_modes`. As in the plane, X = E[Φ wᵀ] of Φ = (F, λ, 1) and
+w = (u, z, t): equilibrium times every w_j, ties times every Φ_i, y_k z_l ≥ 0 of given pairs, = 0 of a bending row with
+its own mode, the forms that couple friction with slip, (λ − L) z ≥ 0, (U − λ) z ≥ 0, z ≥ 0, y b_λ·u ≥ 0, b_λ·u = 1
+(docs/method.md (4.9)).
 """
 
 from __future__ import annotations
@@ -27,20 +28,25 @@ from jld_core.models.zero_dilation.rlt_relaxation import (
 )
 from jld_core.models.zero_dilation.spatial_modes import SpaceModes
 
-_SMALL: Final = 1e-2  # share of the largest below which forces and slips stand out of their circles less
-_SEEN: Final = 1e-6  # and powers
-_NOTHING: Final = 1e-11  # coefficients below this are rounding of an elimination
+_SMALL: Final = 1e-2
+"""Fraction of the largest length that is added to each length, so that small vectors violate their circles less."""
+
+_SEEN: Final = 1e-6
+"""Absolute length added in the same way, a power (force times velocity)."""
+
+_NOTHING: Final = 1e-11
+"""Size of coefficients that are rounding errors of an elimination."""
 
 
 @dataclass(frozen=True)
 class SpaceRelaxed:
-    """What came out, as `RltSolution`; the multipliers of the forms stand behind those of (y, λ − L, U − λ) in `live`.
+    """Solution of the spatial relaxation, as `RltSolution`.
 
-    states: (·, q + 1) forces and λ. violation: (k, l) how far products that were left out are below zero. beyond:
-    (2, m) how far V and s stand out of their circles, as a share of themselves, at the most under all that is known of
-    the other side, and there toward: (2, m, 2). disagreeing: (b,) of edges of bending,
-    that open on the mean and do not carry; torn: (m, 3) of s1, s2 and ω, which dissipate more than their mean does.
-    Both are powers.
+    multipliers: those of the coupling forms follow those of (y, λ − L, U − λ) in `live`. states: (·, q + 1) forces and
+    λ. violation: (k, l) how far omitted products are below zero. beyond: (2, m) largest relative violation of the
+    circles by V and s, over all forms of the other factor. toward: (2, m, 2) the direction of this violation.
+    disagreeing: (b,) of bending modes: min(z, 1) times y on the mean. torn: (m, 3) of s1, s2 and ω: dissipation in
+    excess of that of the means. Both are powers. sure: True if the solver reports an optimum.
     """
 
     multipliers: Multipliers
@@ -54,7 +60,10 @@ class SpaceRelaxed:
 
 
 def equal_of(modes: SpaceModes, region: Region) -> Bools:
-    """(k + 3, l) products that are zero: of opposed rows and rates, of held rows with all; none of closed."""
+    """Return a mask (k + 3, l) of products that are zero.
+
+    These are opposed rows and rates, and held rows with all rates. Closed rates are excluded.
+    """
     equal = np.zeros((len(modes.rows) + 3, len(modes.rates)), dtype=bool)
     moving = np.flatnonzero(~region.closed)
     equal[tuple(modes.opposed.T)] = True
@@ -64,16 +73,16 @@ def equal_of(modes: SpaceModes, region: Region) -> Bools:
 
 
 def still(modes: SpaceModes, region: Region) -> Floats:
-    """(e, w): forms of w that are zero, ties and closed modes."""
+    """Return the forms (e, w) of w that are zero: ties and closed modes."""
     return np.vstack([modes.ties, modes.rates[region.closed]]) @ modes.motions
 
 
 def relax_space(
     modes: SpaceModes, region: Region, size: Floats, pairs: Bools, slack: float, seconds: float = np.inf
 ) -> SpaceRelaxed | None:
-    """Solve the program of a region with the rows y_k z_l of given pairs (k, l); None where the solver fails.
+    """Solve the spatial relaxation with given rows y_k z_l; None if the solver fails.
 
-    size, slack, seconds and how all is scaled: as for `relax`.
+    pairs: (k, l) mask of rows. size, slack, seconds and the scaling: as for `relax`.
     """
     count, columns = len(modes.rows), modes.matrix.shape[1] + 2
     basis = without(still(modes, region))
@@ -109,7 +118,7 @@ def relax_space(
     above[-2:] = 1.0, -region.low
     cost = modes.cost.table(0, (columns, len(motions))) @ motions
     objective = unit.T @ (np.outer(above, live) - slack * cost) / wide
-    # forms and products say some things twice
+    # Presolve is off because forms and products repeat some rows.
     answer = solve_products(objective, sp.vstack(blocks, format="csr"), high, seconds, presolve=False)
     if answer is None:
         return None
@@ -129,7 +138,7 @@ def relax_space(
 
 
 def _coupled(modes: SpaceModes, unit: Floats, motions: Floats) -> tuple[Any, Floats]:
-    """Rows of the forms over X, each of order one, and what each was divided by."""
+    """Return the coupling forms as rows over X, each of order one, and their divisors."""
     shape = (len(unit), len(motions))
     rows, sizes = [], []
     for form in range(modes.coupled.count):
@@ -151,6 +160,7 @@ def _read(
     multipliers: Multipliers,
     sure: bool,
 ) -> SpaceRelaxed:
+    """Compute states, violations and measures for splitting from X."""
     rates = modes.rates @ motions
     mean, seen, z = x @ live, x @ rates.T, x[-1] @ rates.T
     left_out = ~asked & ~region.closed[None, :] & ~region.held[:, None]
@@ -173,7 +183,10 @@ def _read(
 
 
 def _circles(modes: SpaceModes, region: Region, x: Floats, motions: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """How far out of their circles forces stand, weighed by what is not negative of motions, and slips by facts."""
+    """Measure how far forces and slips violate their friction circles.
+
+    Forces are multiplied by non-negative forms of motions, slips by non-negative forms of forces.
+    """
     beyond, toward = np.zeros((2, modes.faces)), np.zeros((2, modes.faces, 2))
     forces, slips = x @ weights, extended(modes, region) @ x @ motions.T
     for face in np.flatnonzero(modes.slip >= 0).tolist():

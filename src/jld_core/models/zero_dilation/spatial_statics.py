@@ -1,4 +1,7 @@
-"""What equilibrium and yield say of spatial forces with λ in an interval, and how far velocities reach per cost."""
+"""Bounds on spatial forces with λ in an interval, and on velocities per unit of cost.
+
+The bounds follow from equilibrium and yield conditions.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,21 @@ from jld_core.arrays import Bools, Floats, Ints
 from jld_core.models.zero_dilation.spatial_modes import SpaceModes, widest
 from jld_core.models.zero_dilation.statics import Statics
 
-_LEAST: Final = 1e-6  # friction, scaled, that is surely mobilised
-_SAME: Final = 1e-9  # part of a motion that counts as none
-_DRIFT: Final = 1e-3  # what may be lost to such parts
+_LEAST: Final = 1e-6
+"""Least scaled friction that proves that friction is mobilised."""
+
+_SAME: Final = 1e-9
+"""Relative part of a motion that counts as zero."""
+
+_DRIFT: Final = 1e-3
+"""Limit of the bound that may be lost to such parts."""
 
 
 class SpaceStatics(Statics):
-    """`Statics` of spatial resultants under polygons of friction: what holds of them holds of true forces."""
+    """`Statics` of spatial resultants under polygons of friction.
+
+    The polygons contain the true friction circles, so the bounds hold for the true forces.
+    """
 
     def __init__(self, modes: SpaceModes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
         super().__init__(modes, low, high, held, size)
@@ -25,9 +36,9 @@ class SpaceStatics(Statics):
 
     @cached_property
     def size(self) -> Floats:
-        """(q + 2,) the largest |F|, |λ| and 1 there can be; inf where self-stress is unbounded.
+        """Return (q + 2,) upper bounds on |F|, |λ| and 1; inf where self-stress is unbounded.
 
-        The sum S of all slacks bounds N + σtA, |m| / extent, |V1|, |V2| and |mT| of every face, and so itself.
+        The sum S of all slacks bounds N + σtA, |m| / extent, |V1|, |V2| and |mT| of every face, and therefore itself.
         """
         if self._size is not None:
             return self._size
@@ -67,7 +78,10 @@ class SpaceStatics(Statics):
         return size
 
     def closed(self) -> Bools:
-        """(l,) modes that cannot move: y > 0 in every state; slides where no state reaches the circle of friction."""
+        """Return a mask (l,) of modes that cannot move.
+
+        A bending mode cannot move if y > 0 in every state, and a slide if no state reaches the friction circle.
+        """
         modes = self.space
         rubs = np.flatnonzero(modes.slip >= 0)
         inside = [self._inside(face) for face in rubs.tolist()]
@@ -82,7 +96,10 @@ class SpaceStatics(Statics):
         return found
 
     def _inside(self, face: int) -> Floats:
-        """Forms of (F, λ, 1) that are positive only where |V| + |mT| < C: |V| ≤ max d·V / cos of half the widest."""
+        """Return forms of (F, λ, 1) that are all positive only if |V| + |mT| < C.
+
+        They use |V| ≤ max d·V / cos(half the widest angle between directions).
+        """
         modes = self.space
         one, two, twist = modes.columns[face, [1, 2, 5]]
         narrow = np.cos(0.5 * widest(modes.directions[face]))
@@ -98,11 +115,12 @@ class SpaceStatics(Statics):
 
 
 def space_reach(statics: SpaceStatics) -> Floats | None:
-    """(w,) how large |u|, z and t can be for each unit of the cost of a mechanism; None where that is not proven.
+    """Return bounds (w,) on |u|, z and t per unit of the cost of a mechanism, or None.
 
-    The cost is Σ z + Σ_f C |slip|. It bounds all z, those bound openings and turns, and what slides without opening
-    anything is bounded way by way: where faces slide or twist together, and friction between them cannot vanish, the
-    way costs at least that much, less what ways that are bounded already may take off it.
+    The cost is Σ z + Σ_f C |slip|. It bounds all z, and these bound openings and rotations. Motions that slide without
+    opening are bounded one after another: where faces slide or twist together, and the friction between them cannot
+    vanish, the motion costs at least that friction, minus what motions bounded already may contribute. Return None if
+    the bounds are not proven.
     """
     modes = statics.space
     width = len(modes.dead)
@@ -120,7 +138,7 @@ def space_reach(statics: SpaceStatics) -> Floats | None:
     capacity = abs(modes.capacities) @ statics.size
     rubs = np.flatnonzero(modes.slip >= 0)
     drift = 0.0
-    # twists first: where they are bounded, faces of one plane slide alike
+    # Twists come first: once they are bounded, faces in one plane slide alike.
     for resultant in (5, 1, 2):
         for first in rubs.tolist():
             if modes.columns[first, resultant] < 0:
@@ -150,7 +168,7 @@ def space_reach(statics: SpaceStatics) -> Floats | None:
     back = np.linalg.pinv(known, rcond=1e-12)
     if abs(back @ known - np.eye(width)).sum(axis=1).max() > _SAME:
         return None
-    # twice covers what rounding adds, held small here
+    # The factor 2 covers rounding, which the test below keeps small.
     velocity = 2.0 * abs(back) @ limits
     if drift * float(velocity.max(initial=0.0)) > _DRIFT:
         return None
@@ -164,13 +182,16 @@ def space_reach(statics: SpaceStatics) -> Floats | None:
 
 
 def _tie_of(modes: SpaceModes, column: int) -> int:
-    """The tie of one opening or turn."""
+    """Return the tie of an opening or a rotation."""
     return int(np.flatnonzero(modes.ties[:, column])[0])
 
 
 def _most_like(jumps: Floats, columns: Ints, unit: Floats, back: Floats, known: Floats) -> tuple[float, Floats] | None:
-    """Of slips of a face, along any direction, or its twist: the one that has most of a unit way, and else only what
-    is known. Columns: of V1, V2 and mT, −1 where there is none."""
+    """Return the slip or twist of a face most similar to a unit motion, up to known motions.
+
+    columns: of V1, V2 and mT, −1 if absent. The result is the share of the unit motion and the slip or twist, None if
+    the face has no such component.
+    """
     best: tuple[float, Floats] | None = None
     for part in (columns[:2], columns[2:]):
         own = part[part >= 0]

@@ -1,4 +1,7 @@
-"""Where the search for low and high collapse loads without dilation begins, and how one found is certified."""
+"""Starting states for the search for low and high collapse loads without dilation.
+
+The module also certifies the solutions that are found.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +16,33 @@ from jld_core.models.zero_dilation.search import FixedPointSearch, PrimalDualPai
 from jld_core.program import ConicProgram
 from jld_core.solvers import ClarabelSolver, HighsSolver, RawSolution, RawStatus
 
-_STEPS: Final = 20  # of the load path, halved four times where one finds no state
-_SLOPE: Final = -0.01  # share of the present N in friction, negative: friction falls as N grows
-_RELAXED: Final = 0.6  # share of the new N in the N that friction goes by
-_FALLS: Final = 15  # programs with that slope
-_TURNS: Final = (2, 4)  # from states of little pressure, of mechanism and forces, at least and most
-_MATCHES: Final = 3  # of forces with the last mechanism and of a mechanism with those, until they agree
-_DRAWN: Final = 1e-3  # mean of what draws a mechanism, in scaled forces of order one
+_STEPS: Final = 20
+"""Number of steps of the load path. A step without a state is halved, at most four times in all."""
+
+_SLOPE: Final = -0.01
+"""Share of the present N in friction; negative: friction decreases as N grows."""
+
+_RELAXED: Final = 0.6
+"""Weight of the new N in the updated N that determines friction."""
+
+_FALLS: Final = 15
+"""Maximum number of programs with friction that decreases with N."""
+
+_TURNS: Final = (2, 4)
+"""Least and largest number of alternations between mechanism and forces from a state of low compression."""
+
+_MATCHES: Final = 3
+"""Maximum number of rounds that match forces with the last mechanism and a mechanism with these forces."""
+
+_DRAWN: Final = 1e-3
+"""Mean of the random increase of resistances that selects a mechanism, for scaled forces of order one."""
 
 
 def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) -> Iterator[Floats]:
-    """Scaled forces (q·m,) to search from, most telling first; thorough: also those that cost more programs."""
+    """Yield scaled forces (q·m,) to start from, in order of expected benefit.
+
+    thorough: also yield starts that need more programs.
+    """
     first = first_forces(search, associative, "associative")
     yield first
     gravity = first_forces(search, associative, "gravity")
@@ -34,14 +53,14 @@ def starts(search: FixedPointSearch, associative: Proof, thorough: bool = True) 
 
 
 def first_forces(search: FixedPointSearch, associative: Proof, start: str) -> Floats:
-    """Forces to start from, scaled (q·m,): those of "associative" friction, of one "vertex" of it, or of "gravity"."""
+    """Return scaled forces (q·m,) to start from: "associative", "vertex" or "gravity"."""
     labels, template = search.labels, search.analysis.template
     if start == "vertex":
         search.solves += 1
         raw = HighsSolver().solve(template.program(labels))
         if raw.status is RawStatus.OPTIMAL:
             return raw.point[: search.count]
-    # associative forces of a locked assembly may be anything
+    # The associative forces of a locked assembly are arbitrary.
     if start == "gravity" or associative.status is Status.LOCKED:
         raw = _nearest(search, np.zeros(search.count), 0.0)
         if raw.status is RawStatus.OPTIMAL:
@@ -50,10 +69,10 @@ def first_forces(search: FixedPointSearch, associative: Proof, start: str) -> Fl
 
 
 def along_the_load(search: FixedPointSearch, gravity: Floats, most: float) -> Floats:
-    """Forces at the end of a path from those of gravity: λ grows by steps, each state the nearest to the last.
+    """Return the forces at the end of a load path from gravity, in steps of λ.
 
-    most: λ beyond which there are no states, scaled; NaN where that is not known. Distinct elements go such a path:
-    the state that a structure reaches depends on the way there.
+    Each state is the nearest to the previous one, as in distinct element analysis, where the final state depends on
+    the load path. most: scaled λ above which no state exists, NaN if unknown.
     """
     forces, load = gravity, 0.0
     step = (most if most > 0.0 else 1.0) / _STEPS
@@ -70,13 +89,16 @@ def along_the_load(search: FixedPointSearch, gravity: Floats, most: float) -> Fl
 
 
 def _nearest(search: FixedPointSearch, forces: Floats, load: float) -> RawSolution:
-    """The state at a given λ nearest to given forces: λ leaves equilibrium for the right-hand side."""
+    """Find the state at a given λ nearest to given forces."""
     near = ClarabelSolver(search.analysis.template.precision.residual, proximal=(search.count, 1.0))
     return near.solve(_at_load(search, load), forces)
 
 
 def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
-    """The program of states at a given λ, without an objective in forces."""
+    """Build the program of states at a given λ, without an objective in forces.
+
+    λ moves from the unknowns of equilibrium to its right-hand side.
+    """
     template = search.analysis.template
     program = template.program(search.labels, search.margin)
     s = program.structure
@@ -90,7 +112,10 @@ def _at_load(search: FixedPointSearch, load: float) -> ConicProgram:
 
 
 def falling_friction(search: FixedPointSearch, forces: Floats) -> Floats:
-    """Forces to which friction that falls with N leads: thrust that a mechanism does not need is given up."""
+    """Iterate with friction that decreases as N grows, and return the final forces.
+
+    This removes thrust that the mechanism does not need.
+    """
     previous = search.normals(forces)
     for _ in range(_FALLS):
         template, _ = search.frozen(_SLOPE, previous, search.areas(forces))
@@ -104,10 +129,11 @@ def falling_friction(search: FixedPointSearch, forces: Floats) -> Floats:
 
 
 def low_compression_states(search: FixedPointSearch, load: float, rng: np.random.Generator) -> PrimalDualPair | None:
-    """A pair from the state at a given λ that presses least on faces drawn at random; None where there is none.
+    """Find a pair from a state at a given λ with low compression on random faces.
 
-    Every solution has the λ of its own frozen friction, which rises with N: where faces carry nothing, they resist
-    nothing. From there mechanisms of the frozen friction and the lowest forces of each follow one another.
+    Every solution has the λ of its own frozen friction, which grows with N: faces without compression do not resist.
+    From that state, a mechanism of the frozen friction and the lowest forces for it are computed in turn. Return
+    None where a program fails.
     """
     program = _at_load(search, load)
     freedoms = search.analysis.template.assembly.freedoms
@@ -133,7 +159,7 @@ def low_compression_states(search: FixedPointSearch, load: float, rng: np.random
 
 
 def certified(search: FixedPointSearch, point: Floats) -> PrimalDualPair:
-    """A pair for forces and λ (q·m + 1,): moved inside the true cone where they stand on its edge, then judged."""
+    """Move a point (q·m + 1,) into the true cone and evaluate it as a primal-dual pair."""
     areas = search.areas(point)
     state: State = search.admissible(point, search.analysis.template, areas)
     return search.judge(state, areas)

@@ -1,7 +1,7 @@
-"""What equilibrium and yield alone say of forces with λ in an interval, each bound checked apart from the solver.
+"""Bounds on forces from equilibrium and yield conditions, with λ in an interval.
 
-A linear program gives multipliers; the bound is computed from those, with what they leave of stationarity charged to
-the largest forces there can be, and those are bounded in the same way first.
+Each bound is checked independently of the solver. A linear program yields multipliers, and the bound is computed from
+them. The residual of stationarity is charged to the largest forces possible, which are bounded first in the same way.
 """
 
 from __future__ import annotations
@@ -15,13 +15,21 @@ from jld_core.arrays import Bools, Floats
 from jld_core.models.zero_dilation.modes import LinearModes
 from jld_core.solvers import LinearRows
 
-_SUMS: Final = 1e-13  # rounding of a sum of a few hundred products, relative to the sum of their sizes
-_MOVES_NOT: Final = 1e-6  # least slack, scaled, that proves that a mode does not move
-_SEEN: Final = 1e-8  # slack of some state below which it need not be asked
+_SUMS: Final = 1e-13
+"""Rounding error of a sum of a few hundred products, relative to the sum of their absolute values."""
+
+_MOVES_NOT: Final = 1e-6
+"""Least scaled slack that proves that a mode cannot move."""
+
+_SEEN: Final = 1e-8
+"""Slack of a known state below which a form is not tested, as its minimum cannot be positive enough."""
 
 
 class Statics:
-    """A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high; held: (4m,) rows that are equations."""
+    """Linear conditions on forces: A F + b + λ b_λ = 0, C F + d ≥ 0, low ≤ λ ≤ high.
+
+    held: (4m,) rows that are equations. size: as the property, if already known.
+    """
 
     def __init__(self, modes: LinearModes, low: float, high: float, held: Bools, size: Floats | None = None) -> None:
         self.modes, self.low, self.high, self.held = modes, low, high, held
@@ -36,7 +44,7 @@ class Statics:
         self._equations = len(modes.dead)
 
     def least(self, objective: Floats) -> float:
-        """A proven lower bound on an objective (3m + 2,) of (F, λ, 1); −inf where there is none."""
+        """Return a proven lower bound on an objective (3m + 2,) of (F, λ, 1), else −inf."""
         if not np.isfinite(self.size).all():
             return -np.inf
         value, left = self._bound(objective)
@@ -44,7 +52,7 @@ class Statics:
 
     @cached_property
     def size(self) -> Floats:
-        """(3m + 2,) the largest |F|, |λ| and 1 there can be; inf where self-stress is unbounded."""
+        """Return (3m + 2,) upper bounds on |F|, |λ| and 1; inf where self-stress is unbounded."""
         if self._size is not None:
             return self._size
         modes = self.modes
@@ -56,7 +64,7 @@ class Statics:
         size[-2:] = max(abs(self.low), abs(self.high)), 1.0
         if not np.isfinite(value) or missed > 0.5:
             return size
-        # every |F| is at most the sum of all slacks and one strength, so that the sum bounds itself
+        # Every |F| is at most the sum of all slacks plus one strength, so this sum bounds itself.
         size[:-2] = (strong - value + missed * strong) / (1.0 - missed) + strong
         coarse = size.copy()
         for face in range(modes.faces):
@@ -69,11 +77,14 @@ class Statics:
         return size
 
     def closed(self) -> Bools:
-        """(4m,) modes that cannot move, since y > 0 in every state."""
+        """Return a mask (4m,) of modes that cannot move, since y > 0 in every state."""
         return self.positive(self.modes.slacks, ~self.held)
 
     def positive(self, forms: Floats, asked: Bools) -> Bools:
-        """(k,) which of the asked forms (k, 3m + 2) of (F, λ, 1) are surely above zero in every state."""
+        """Return a mask (k,) of forms proven positive in every state.
+
+        forms: (k, 3m + 2) of (F, λ, 1). asked: (k,) forms to test; the others are False.
+        """
         found, seen = np.zeros(len(forms), dtype=bool), np.where(asked, np.inf, 0.0)
         for row in range(len(forms)):
             if seen[row] > _SEEN:
@@ -83,7 +94,7 @@ class Statics:
         return found
 
     def _bound(self, objective: Floats) -> tuple[float, Floats]:
-        """A value and |what is left of stationarity| (3m,): objective ≥ value − left·|F|."""
+        """Return a value and residuals (3m,) with objective ≥ value − residuals·|F|."""
         modes = self.modes
         answer = self._rows.minimise(objective[:-1])
         if not answer.found:
@@ -101,11 +112,11 @@ class Statics:
 
 
 def reach(statics: Statics) -> Floats | None:
-    """(3n + m,) how large |u| and t can be for each unit of the cost of a mechanism; None where that is not proven.
+    """Return bounds (3n + m,) on |u| and t per unit of the cost of a mechanism, or None.
 
-    The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and turns, those
-    bound velocities but for a few ways to slide without opening anything, and those are bounded where the faces that
-    all slide together carry, in every state, some friction between them.
+    The cost is Σ_hinges z + Σ_faces capacity · |s|, docs/method.md (4.8). Hinges bound openings and rotations, and
+    these bound velocities except for a few ways to slide without opening. Such a way is bounded if the faces that slide
+    together carry some friction in every state. Return None if the bounds are not proven.
     """
     modes, m = statics.modes, statics.modes.faces
     width = len(modes.dead)
@@ -146,7 +157,8 @@ def reach(statics: Statics) -> Floats | None:
     back = np.linalg.pinv(stacked, rcond=1e-12)
     if abs(back @ stacked - np.eye(width)).sum(axis=1).max() > 1e-6:
         return None
-    # openings and turns of all faces together cost no more than one; twice covers what rounding adds, held small here
+    # The openings and rotations of all faces together cost at most one. The factor 2 covers rounding, which the test
+    # below keeps small.
     velocity = 2.0 * (abs(back[:, : 2 * m]).max(axis=1) + abs(back[:, 2 * m :]) @ per_cost[2 * m :])
     if drift * float(velocity.max(initial=0.0)) > 1e-3:
         return None
@@ -155,5 +167,5 @@ def reach(statics: Statics) -> Floats | None:
 
 
 def _by_weight(ways: Floats) -> list[int]:
-    """Faces in the order of how much they slide with the loose motions, largest first."""
+    """Return the faces in decreasing order of their slip in motions without opening."""
     return [int(face) for face in np.argsort(-np.linalg.norm(ways, axis=1), kind="stable")]

@@ -1,6 +1,6 @@
-"""An interior point on the Schur complement, for large assemblies.
+"""Schur-complement interior-point method for large assemblies.
 
-- `SchurSolver`: our interior point for large assemblies
+- `SchurSolver`: the project's Schur-complement interior-point method for large assemblies
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The block structure of a conic program: which columns, rows and equations belong to one face.
+"""Matrix-block structure of a conic program: which columns, rows and equations belong to one face.
 
-Columns that share yield rows make a block; a block touches the equations of two elements. A few columns stand
-apart (λ, a common slack): they border the system. Faces of equal sizes form a family, and a family is worked
-on as arrays with one row per face.
+Columns that share yield rows form a matrix block, which touches the equations of two elements. A few columns stand
+apart (λ, a common slack) and border the system. Faces of equal sizes form a family, computed as arrays with one row per
+face.
 """
 
 from __future__ import annotations
@@ -17,17 +17,27 @@ from jld_core.linalg import components
 from jld_core.program import Structure
 from jld_core.solvers.schur.nesterov_todd import Cones
 
-_WIDE = 100  # entries from which a column borders the system instead of belonging to a face
-_MOST = 60  # columns of a block, beyond which blocks are no faces
+_WIDE = 100  # a column with more entries borders the system and belongs to no face
+_MOST = 60  # largest number of columns of a matrix block; larger ones mean that the program has no faces
 
 
 @dataclass(frozen=True)
 class Family:
     """m faces with k columns, `linear` half-lines, `cones` cones and r equations each.
 
-    columns: (m, k). rows: (m, rows) yield rows, numbered after the equations, half-lines first. equations:
-    (m, r). g, a, edge: which entries of the program's data fill, flat, the arrays (m, rows, k) of yield rows,
-    (m, r, k) of equations, (m, rows, border) of yield rows in border columns.
+    Attributes
+    ----------
+    columns : (m, k) int array
+        Columns.
+    rows : (m, rows) int array
+        Yield rows, numbered after the equations, half-lines first.
+    equations : (m, r) int array
+        Equations.
+    linear, cones : int
+        Number of half-lines and of cones per face.
+    g, a, edge : (int array, int array)
+        Entries of the program's data, and their positions in a flat array. The arrays are: `g` (m, rows, k) of yield
+        rows, `a` (m, r, k) of equations, `edge` (m, rows, border) of yield rows in border columns.
     """
 
     columns: Ints
@@ -42,11 +52,22 @@ class Family:
 
 @dataclass(frozen=True)
 class FaceBlocks:
-    """A program's structure seen face by face.
+    """Structure of a program grouped by face.
 
-    cones: the product of cones. families; border: columns that stand apart; idle: columns without yield rows,
-    which no force may use. loose: which entries of the data, their yield row and border column, are in rows of
-    border columns alone. edge: the same for the equations in border columns.
+    Attributes
+    ----------
+    cones : Cones
+        Product of cones.
+    families : tuple of Family
+        Faces, grouped by size.
+    border : int array
+        Columns that belong to no face.
+    idle : int array
+        Columns without yield rows; no program may have entries in them.
+    loose : three int arrays
+        Data entries in yield rows of border columns alone, with their yield row and border column.
+    edge : three int arrays
+        Data entries in equations of border columns, with their equation and border column.
     """
 
     cones: Cones
@@ -58,9 +79,9 @@ class FaceBlocks:
 
 
 def face_blocks(structure: Structure) -> FaceBlocks:
-    """A structure seen face by face.
+    """Group a structure by face.
 
-    Raises SolverError where it has cones of several sizes, or columns do not fall apart into small blocks.
+    Raises SolverError if cones have several sizes, or if columns do not separate into small matrix blocks.
     """
     sizes = set(structure.cones)
     if len(sizes) > 1:
@@ -71,7 +92,7 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     column = np.repeat(np.arange(columns), np.diff(structure.indptr))
     row, data = structure.indices, np.arange(len(structure.indices))
     yields = row >= equalities
-    # all rows of a cone count as its first one
+    # The first row of a cone stands for all of its rows.
     head = np.arange(rows)
     first = equalities + structure.linear
     head[first:] = first + (np.arange(rows - first) // size) * size
@@ -80,7 +101,7 @@ def face_blocks(structure: Structure) -> FaceBlocks:
     apart[-1] = True
     chosen = yields & ~apart[column]
     part = components(columns + rows, column[chosen], columns + head[row[chosen]])
-    # a column alone in its rows is a load factor, not a face
+    # A column that shares its rows with no other column is a load factor and belongs to no face.
     own = np.bincount(part[:columns][~apart], minlength=part.max() + 1)
     touched = np.zeros(columns, dtype=bool)
     touched[column[yields]] = True
@@ -130,6 +151,7 @@ class _Layout:
     def families(
         self, row: Ints, column: Ints, data: Ints, yields: Bools, apart: Bools, border_index: Ints, size: int
     ) -> tuple[Family, ...]:
+        """Group the faces by their sizes and locate the data of each family."""
         in_a = ~yields & (self.face_of_column[column] >= 0)
         in_g = yields & (self.face_of_column[column] >= 0)
         in_edge = yields & apart[column] & (self.face_of_row[row] >= 0)
@@ -167,7 +189,10 @@ class _Layout:
 
 
 def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
-    """Members grouped by owner, ascending (members, start), and the number of each member in its group."""
+    """Group members by owner and number them within their group.
+
+    Returns (members, start), with members in ascending order, and the number (n,) of each member in its group.
+    """
     members = np.argsort(owner, kind="stable")
     members = members[np.searchsorted(owner[members], 0) :]
     start = np.searchsorted(owner[members], np.arange(count + 1))
@@ -177,7 +202,7 @@ def _numbered(owner: Ints, count: int) -> tuple[tuple[Ints, Ints], Ints]:
 
 
 def filled(shape: tuple[int, ...], entries: tuple[Ints, Ints], data: Floats) -> Floats:
-    """An array of this shape with these entries of the data at these flat places, zero elsewhere."""
+    """Return an array of this shape with data entries at flat positions, and zeros elsewhere."""
     array = np.zeros(shape)
     array.ravel()[entries[1]] = data[entries[0]]
     return array

@@ -1,10 +1,10 @@
-"""An interior-point method of our own for large assemblies: Schur complement, sparse Cholesky, numpy alone.
+"""Schur-complement interior-point method for large assemblies, with sparse Cholesky in numpy.
 
-Nesterov–Todd predictor–corrector on the homogeneous self-dual embedding, so that infeasible and unbounded
-programs end in a ray; once τ stays and κ vanishes the plain method goes on from there. That meets equations and
-stationarity to rounding, and so ends in a point and multipliers that prove themselves.
-Source: Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010), section 7; Domahidi, Chu &
-Boyd, ECOS: an SOCP solver for embedded systems, ECC 2013; docs/method.md (8.4).
+The method is the Nesterov–Todd predictor–corrector on the homogeneous self-dual embedding, so that infeasible and
+unbounded programs end in a ray. Once τ is stable and κ vanishes, the iterations continue without the embedding. They
+then meet equations and stationarity to rounding, so that point and multipliers can be proven directly.
+Source: Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010), section 7; Domahidi, Chu & Boyd,
+ECOS: an SOCP solver for embedded systems, ECC 2013; docs/method.md (8.4).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from jld_core.solvers.base import RawSolution, RawStatus, Solver
 from jld_core.solvers.schur.nesterov_todd import Cones, NesterovTodd
 from jld_core.solvers.schur.system import SchurSystem
 
-_SETTLED = 1e-3  # κ/τ below which a program is taken to have a solution, and the embedding is left
+_SETTLED = 1e-3  # κ/τ below which the program counts as solvable and iterations leave the embedding
 
 
 @dataclass
 class _Iterate:
-    """x, u, s, v of the embedding with its scalars τ and κ."""
+    """Iterate x, u, s, v of the embedding with its scalars τ and κ."""
 
     x: Floats
     u: Floats
@@ -37,11 +37,19 @@ class _Iterate:
 
 
 class SchurSolver(Solver):
-    """Schur-complement interior point; the analysis of a structure is kept for the programs that follow.
+    """Schur-complement interior-point solver for large assemblies.
 
-    tolerance: relative residuals; None leaves it to the kind of program. gap: relative duality gap. most:
-    iterations. Takes programs whose columns fall apart into faces, all cones of one size (every template's), and
-    raises SolverError for others.
+    The analysis of a structure is kept for later programs. Columns of a program must separate into faces, and its cones
+    must have one size, as in every template. `solve` raises SolverError for other programs.
+
+    Parameters
+    ----------
+    tolerance : float, optional
+        Relative residuals to reach; None: the precision of the kind of program.
+    gap : float
+        Relative duality gap to reach.
+    most : int
+        Largest number of iterations.
     """
 
     name = "schur"
@@ -52,6 +60,7 @@ class SchurSolver(Solver):
         self._system: SchurSystem | None = None
 
     def solve(self, program: ConicProgram) -> RawSolution:
+        """Solve a program; analyse its structure if it differs from that of the previous one."""
         start = time.perf_counter()
         if self._system is None or self._structure is not program.structure:
             self._system = SchurSystem(program.structure)
@@ -59,7 +68,7 @@ class SchurSolver(Solver):
         self._system.load(program)
         usual = tolerances.FRICTION_CONES if program.structure.cones else tolerances.LINEAR
         run = _Iteration(program, self._system, self._tolerance or usual.residual, self._gap)
-        # a run that breaks down says so by numbers that are not finite
+        # Breakdown shows as values that are not finite, so floating-point warnings add nothing.
         with np.errstate(all="ignore"):
             status, iterate, iterations = run.to_the_end(self._most)
             point, dual = run.answer(status, iterate)
@@ -67,7 +76,7 @@ class SchurSolver(Solver):
 
 
 class _Iteration:
-    """One solution process."""
+    """State of one solve."""
 
     def __init__(self, program: ConicProgram, system: SchurSystem, tolerance: float, gap: float) -> None:
         edge = program.structure.equalities
@@ -78,7 +87,10 @@ class _Iteration:
         self.note = ""
 
     def to_the_end(self, most: int) -> tuple[RawStatus, _Iterate, int]:
-        """Iterate to the tolerance, to a ray, or for as long as it helps; the best iterate."""
+        """Iterate to the tolerance, a ray, or stagnation; return status, iterate and count.
+
+        Without convergence the best iterate is returned.
+        """
         try:
             now = self._start()
         except np.linalg.LinAlgError:
@@ -107,7 +119,7 @@ class _Iteration:
         return RawStatus.LIMIT, best, most
 
     def answer(self, status: RawStatus, it: _Iterate) -> tuple[Floats, Floats]:
-        """Point and multipliers, or the ray that a status names."""
+        """Return point and multipliers, or the ray that belongs to the status."""
         dual = np.concatenate([it.u, it.v])
         if status is RawStatus.INFEASIBLE:
             return it.x, dual / -(self.r @ it.u + self.h @ it.v)
@@ -116,7 +128,7 @@ class _Iteration:
         return it.x / it.tau, dual / it.tau
 
     def _start(self) -> _Iterate:
-        """Least-squares points, shifted into the cones."""
+        """Compute least-squares points, shifted into the cones."""
         system, nothing = self.system, np.zeros(len(self.q))
         system.factor(NesterovTodd(self.cones, self.unit, self.unit))
         x, _, minus_s = system.solve(nothing, self.r, self.h)
@@ -129,7 +141,7 @@ class _Iteration:
         return _Iterate(x, u, s, v)
 
     def _judge(self, it: _Iterate) -> tuple[RawStatus | None, float]:
-        """Is this the end, and how far is it?"""
+        """Return the final status, or None to continue, and the error relative to the tolerances."""
         system, q, r, h = self.system, self.q, self.r, self.h
         gradient = system.transposed(it.u, it.v)
         left_u, left_v = system.equations(it.x), system.yields(it.x) + it.s
@@ -149,7 +161,7 @@ class _Iteration:
         return None, merit
 
     def _advance(self, it: _Iterate) -> _Iterate | None:
-        """One predictor–corrector step; None where none can be made."""
+        """Return the iterate after one predictor–corrector step, or None if no step is possible."""
         system, cones = self.system, self.cones
         scaling = NesterovTodd(cones, it.s, it.v)
         system.factor(scaling)
@@ -169,6 +181,7 @@ class _Iteration:
             slope = float(self.q @ x1 + self.r @ u1 + self.h @ v1) - it.kappa / it.tau
 
         def direction(eta: float, ds: Floats, dk: float) -> tuple[Floats, Floats, Floats, Floats, float, float]:
+            """Return dx, du, W⁻¹ds, W dv, dτ and dκ; `eta` is the share of the residuals to remove."""
             comp = cones.quotient(lam, ds)
             x2, u2, wv2 = system.solve(-eta * res_x, -eta * res_u, -eta * res_v - scaling.times(comp))
             if not embedded:
@@ -176,10 +189,11 @@ class _Iteration:
             v2 = scaling.divide(wv2)
             dt = (-eta * res_t - dk / it.tau - float(self.q @ x2 + self.r @ u2 + self.h @ v2)) / slope
             wv = wv2 + dt * wv1
-            # scaled slack and multiplier: W⁻¹ds + W dv = λ \ ds
+            # Scaled slack and multiplier satisfy W⁻¹ds + W dv = λ \ ds.
             return x2 + dt * x1, u2 + dt * u1, comp - wv, wv, dt, (dk - it.kappa * dt) / it.tau
 
         def longest(ws: Floats, wv: Floats, dt: float, dk: float) -> float:
+            """Return the largest step that keeps slacks, multipliers, τ and κ in their cones."""
             alpha = min(cones.step(lam, ws), cones.step(lam, wv))
             for value, change in ((it.tau, dt), (it.kappa, dk)):
                 if change < 0.0:
@@ -200,7 +214,7 @@ class _Iteration:
         s, v = it.s + alpha * scaling.times(ws), it.v + alpha * scaling.divide(wv)
         if cones.slack(s) <= 0.0 or cones.slack(v) <= 0.0:
             return None
-        # a run that breaks down may leave nothing of τ, and a division by it must say so as numpy's do
+        # τ may become zero at breakdown; numpy's float then gives inf or nan where Python's float would raise.
         tau = np.float64(it.tau + alpha * dt)
         made = _Iterate(it.x + alpha * dx, it.u + alpha * du, s, v, tau, np.float64(it.kappa + alpha * dk))
         size = 1.0 / max(made.tau, made.kappa)
@@ -208,4 +222,5 @@ class _Iteration:
 
 
 def _largest(vector: Floats) -> float:
+    """Return the largest absolute value of a vector, 0 if it is empty."""
     return float(abs(vector).max(initial=0.0))

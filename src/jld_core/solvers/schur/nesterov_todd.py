@@ -1,8 +1,8 @@
-"""Nesterov–Todd scaling of products of half-lines and second-order cones of one size, over whole arrays.
+"""Nesterov–Todd scaling of products of half-lines and second-order cones of one size.
 
-A vector of the product is (linear,) numbers, then (cones, size) rows one after another, as in `ConicProgram`.
-Source: Nesterov & Todd, Math. Oper. Res. 22 (1997) 1–42; Vandenberghe, The CVXOPT linear and quadratic cone
-program solvers (2010), section 4.
+A vector of the product holds (linear,) numbers, then (cones, size) rows one after another, as in `ConicProgram`.
+Source: Nesterov & Todd, Math. Oper. Res. 22 (1997) 1–42; Vandenberghe, The CVXOPT linear and quadratic cone program
+solvers (2010), section 4.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from jld_core.arrays import Floats
 
 @dataclass(frozen=True)
 class Cones:
-    """The product R₊^linear × Q^count, Q the second-order cone of `size` dimensions."""
+    """Product R₊^linear × Q^count, where Q is the second-order cone of `size` dimensions."""
 
     linear: int
     count: int
@@ -24,32 +24,32 @@ class Cones:
 
     @property
     def degree(self) -> int:
-        """Barrier parameter: one per half-line and per cone."""
+        """Barrier parameter, one per half-line and per cone."""
         return self.linear + self.count
 
     def parts(self, vector: Floats) -> tuple[Floats, Floats]:
-        """Views (linear,) and (count, size) of a vector."""
+        """Return views (linear,) and (count, size) of a vector."""
         return vector[: self.linear], vector[self.linear :].reshape(self.count, self.size)
 
     def join(self, linear: Floats, cones: Floats) -> Floats:
-        """The vector of these parts."""
+        """Return the vector of these parts."""
         return np.concatenate([linear, cones.ravel()])
 
     def unit(self) -> Floats:
-        """The identity of the Jordan product: 1 on half-lines, (1, 0, …) in cones."""
+        """Return the identity of the Jordan product: 1 on half-lines, (1, 0, …) in cones."""
         cones = np.zeros((self.count, self.size))
         cones[:, :1] = 1.0
         return self.join(np.ones(self.linear), cones)
 
     def product(self, u: Floats, v: Floats) -> Floats:
-        """Jordan product u ∘ v."""
+        """Return the Jordan product u ∘ v."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         out = uc[:, :1] * vc + vc[:, :1] * uc
         out[:, :1] = np.einsum("ij,ij->i", uc, vc)[:, None]
         return self.join(ul * vl, out)
 
     def quotient(self, u: Floats, v: Floats) -> Floats:
-        """w with u ∘ w = v, for u inside the cones."""
+        """Return w with u ∘ w = v, for u inside the cones."""
         (ul, uc), (vl, vc) = self.parts(u), self.parts(v)
         u0, u1, v0, v1 = uc[:, 0], uc[:, 1:], vc[:, 0], vc[:, 1:]
         cross = np.einsum("ij,ij->i", u1, v1)
@@ -58,19 +58,19 @@ class Cones:
         return self.join(vl / ul, np.column_stack([first, rest]))
 
     def slack(self, vector: Floats) -> float:
-        """Least eigenvalue: positive inside, negative outside."""
+        """Return the least eigenvalue of a vector: positive inside the cones, negative outside."""
         linear, cones = self.parts(vector)
         inside = cones[:, 0] - np.sqrt(np.einsum("ij,ij->i", cones[:, 1:], cones[:, 1:]))
         return float(min(linear.min(initial=np.inf), inside.min(initial=np.inf)))
 
     def step(self, vector: Floats, direction: Floats) -> float:
-        """Longest α ≤ 1e10 such that vector + α·direction stays in the cones; vector inside."""
+        """Return the largest α ≤ 1e10 with vector + α·direction in the cones, for a vector inside."""
         (vl, vc), (dl, dc) = self.parts(vector), self.parts(direction)
         most = 1e-10
         if self.linear:
             most = max(most, float((-dl / vl).max()))
         if self.count:
-            # in the frame of the vector the least eigenvalue of the direction decides
+            # In the frame of the vector the least eigenvalue of the direction limits the step.
             root = np.sqrt(_determinant(vc))
             v0, v1 = vc[:, 0] / root, vc[:, 1:] / root[:, None]
             first = (v0 * dc[:, 0] - np.einsum("ij,ij->i", v1, dc[:, 1:])) / root
@@ -80,16 +80,22 @@ class Cones:
 
 
 def _determinant(cones: Floats) -> Floats:
-    """v₀² − ‖v₁‖² of each row, as a product, which keeps digits near the boundary."""
+    """Return v₀² − ‖v₁‖² of each row, computed as a product to keep digits near the boundary."""
     norm = np.sqrt(np.einsum("ij,ij->i", cones[:, 1:], cones[:, 1:]))
     return np.asarray(np.maximum((cones[:, 0] - norm) * (cones[:, 0] + norm), 1e-300))
 
 
 class NesterovTodd:
-    """The scaling W with W z = W⁻¹ s, at s and z inside the cones.
+    """Nesterov–Todd scaling W with W z = W⁻¹ s, for s and z inside the cones.
 
-    linear: (linear,) its diagonal. blocks, inverse: (count, size, size) its symmetric blocks and theirs.
-    point: W z = W⁻¹ s.
+    Attributes
+    ----------
+    linear : (linear,) array
+        Diagonal of W on half-lines.
+    blocks, inverse : (count, size, size) arrays
+        Symmetric matrix blocks of W and of W⁻¹ on cones.
+    point : array
+        Scaled point W z = W⁻¹ s.
     """
 
     def __init__(self, cones: Cones, s: Floats, z: Floats) -> None:
@@ -109,18 +115,18 @@ class NesterovTodd:
         self.point = self.times(z)
 
     def times(self, vector: Floats) -> Floats:
-        """W v."""
+        """Return W v."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(self.linear * linear, np.einsum("nij,nj->ni", self.blocks, cones))
 
     def divide(self, vector: Floats) -> Floats:
-        """W⁻¹ v."""
+        """Return W⁻¹ v."""
         linear, cones = self.cones.parts(vector)
         return self.cones.join(linear / self.linear, np.einsum("nij,nj->ni", self.inverse, cones))
 
 
 def _blocks(w: Floats) -> Floats:
-    """(n, d, d) blocks [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)] of hyperbolic unit vectors w."""
+    """Return matrices [w₀, w₁ᵀ; w₁, I + w₁ w₁ᵀ / (1 + w₀)] of hyperbolic unit vectors w."""
     count, size = w.shape
     blocks = np.zeros((count, size, size))
     if size:

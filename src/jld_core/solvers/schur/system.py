@@ -1,4 +1,4 @@
-"""The linear systems of an interior-point method on a conic program, by a Schur complement on the equations.
+"""Linear systems of the interior-point method, solved by a Schur complement on the equations.
 
 With W the scaling of the cones, E the equations and G the yield rows of a program, each step solves
 
@@ -6,9 +6,9 @@ With W the scaling of the cones, E the equations and G the yield rows of a progr
     [ E  0   0  ] [u] = [q]
     [ G  0  −W² ] [v]   [r]
 
-H = GᵀW⁻²G has one small block per face, so that A H⁻¹ Aᵀ couples elements that touch: it is factored by sparse
-Cholesky, its pattern analysed once. Columns that border the blocks are eliminated last. Source: docs/method.md (8.5);
-Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
+H = GᵀW⁻²G has one small matrix block per face, so that A H⁻¹ Aᵀ couples only elements that touch. Its pattern is
+analysed once and it is factored by sparse Cholesky. Columns that border the matrix blocks are eliminated last. Source:
+docs/method.md (8.5); Wright, Primal-Dual Interior-Point Methods (SIAM 1997), ch. 11.
 """
 
 from __future__ import annotations
@@ -23,13 +23,16 @@ from jld_core.program import ConicProgram, Structure
 from jld_core.solvers.schur.face_blocks import FaceBlocks, Family, face_blocks, filled
 from jld_core.solvers.schur.nesterov_todd import NesterovTodd
 
-_SHIFT = 1e-14  # added to the diagonal of the Schur complement scaled to ones
-_RETRIES = 5
-_PASSES = 3  # of iterative refinement, at most
+_SHIFT = 1e-14  # added to the diagonal of the Schur complement, which is scaled to ones
+_RETRIES = 5  # attempts to factor; each failure multiplies the shift by 100
+_PASSES = 3  # largest number of iterative refinements
 
 
 class SchurSystem:
-    """Systems of all programs of one structure. Raises SolverError where it does not fall apart into faces."""
+    """Linear systems of all programs of one structure.
+
+    The constructor raises SolverError if the structure does not separate into faces.
+    """
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
@@ -40,7 +43,7 @@ class SchurSystem:
         self._side: list[Floats] = []
 
     def _lay_out(self, size: int, places: Floats | None) -> None:
-        """Pattern of the Schur complement, its order of elimination, and which block entries add up to which."""
+        """Analyse the pattern of the Schur complement and where the entries of each family add up."""
         keys, cover = [np.arange(size) * (size + 1)], np.zeros(size)
         rng = np.random.default_rng(0)
         for family in self.blocks.families:
@@ -55,12 +58,15 @@ class SchurSystem:
         )
         self._rows, self._columns = unique // size, unique % size
         self._diagonal = np.flatnonzero(self._rows == self._columns)
-        # equations of one element meet the same faces, which a sum of random numbers tells
+        # Equations of one element meet the same faces; equal sums of random numbers per face identify them.
         _, first, node = np.unique(np.round(cover, 9), return_index=True, return_inverse=True)
         self._fronts = Fronts(self._rows, self._columns, node, None if places is None else places[first])
 
     def load(self, program: ConicProgram) -> None:
-        """Take the numbers of a program."""
+        """Store the numbers of a program.
+
+        Raises SolverError if a column without yield rows has entries.
+        """
         data, blocks = program.data, self.blocks
         matrix = program.matrix
         edge = self.structure.equalities
@@ -85,19 +91,22 @@ class SchurSystem:
             self._edge.append(filled((m, high, count), family.edge, data))
 
     def equations(self, x: Floats) -> Floats:
-        """E x."""
+        """Return E x."""
         return np.asarray(self._equations @ x)
 
     def yields(self, x: Floats) -> Floats:
-        """G x."""
+        """Return G x."""
         return np.asarray(self._yields @ x)
 
     def transposed(self, u: Floats, v: Floats) -> Floats:
-        """Eᵀu + Gᵀv."""
+        """Return Eᵀu + Gᵀv."""
         return np.asarray(self._equations_t @ u + self._yields_t @ v)
 
     def factor(self, scaling: NesterovTodd) -> None:
-        """Factor the system at a scaling. Raises np.linalg.LinAlgError where shifts do not help."""
+        """Factor the system at a scaling.
+
+        Raises np.linalg.LinAlgError if the Schur complement stays indefinite under the largest shift.
+        """
         self._scaling = scaling
         count = len(self.blocks.border)
         self._inverse, self._half, self._side = [], [], []
@@ -133,6 +142,7 @@ class SchurSystem:
             self._corner = corner + edges.T @ self._reach
 
     def _shifted(self, data: Floats) -> Factor:
+        """Factor the scaled Schur complement with the smallest diagonal shift that succeeds."""
         shift = _SHIFT
         for _ in range(_RETRIES):
             data[self._diagonal] = 1.0 + shift
@@ -143,14 +153,16 @@ class SchurSystem:
         raise np.linalg.LinAlgError("the Schur complement is not positive definite")
 
     def _scaled_loose(self, scaling: NesterovTodd) -> Floats:
+        """Return the rows of border columns alone, divided by the scaling."""
         return self._loose[self._loose_rows] / scaling.linear[self._loose_rows, None]
 
     def _solve(self, rhs: Floats) -> Floats:
+        """Solve with the factored Schur complement."""
         size = self._size if rhs.ndim == 1 else self._size[:, None]
         return size * self._factor.solve(size * rhs)
 
     def solve(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """x, u and W v of the system, refined for as long as that helps.
+        """Solve the system and return x, u and W v, refined while refinement reduces the residual.
 
         p: (columns,), q: (equations,), r: (yield rows,).
         """
@@ -175,6 +187,7 @@ class SchurSystem:
         return best
 
     def _once(self, p: Floats, q: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
+        """Solve the system once, without refinement."""
         blocks, scaling = self.blocks, self._scaling
         rho = scaling.divide(r)
         c = p + np.asarray(self._yields_t @ scaling.divide(rho))
@@ -202,12 +215,12 @@ class SchurSystem:
 
 
 def _apply(matrices: Floats, vectors: Floats) -> Floats:
-    """(n, i) products of matrices (n, i, j) and vectors (n, j)."""
+    """Return the products (n, i) of matrices (n, i, j) and vectors (n, j)."""
     return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
 
 
 def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
-    """W⁻¹ applied to the yield rows (m, rows, ·) of a family."""
+    """Apply W⁻¹ to the yield rows (m, rows, ·) of a family."""
     half, cones = family.linear, scaling.cones
     out = np.empty_like(rows)
     out[:, :half] = rows[:, :half] / scaling.linear[family.rows[:, :half], None]
@@ -220,10 +233,11 @@ def _divided(scaling: NesterovTodd, family: Family, rows: Floats) -> Floats:
 
 
 def _right_inverse_of_r(stack: Floats) -> Floats:
-    """R⁻¹ (m, k, k) of the QR factorisation of matrices (m, rows, k) of full column rank.
+    """Return R⁻¹ (m, k, k) of QR factorisations of matrices (m, rows, k).
 
-    Householder's reflections run over all faces at once, faces last; a QR keeps the digits that the product
-    WᵀW would lose where weights range over more than half of them.
+    The matrices have full column rank. Householder reflections treat all faces at once, with faces as the last axis.
+    The product WᵀW would lose digits where the weights differ by more than half of the digits of a float; QR keeps
+    them.
     """
     table = np.array(stack.transpose(1, 2, 0), order="C")
     wide, count = table.shape[1:]

@@ -1,14 +1,14 @@
-"""Exact search: a formula of the labellings that may still be better, and conflicts that rule out the others.
+"""Exact search: refute labellings by conflicts until none can exceed the best one known.
 
-- `Conflict`: labels that no labelling worth finding has together
-- `Exact`: proof by conflicts
-- `Formula`: labellings that nothing rules out yet
-- `MinimumCount`: the best count among labellings that carry enough, proven
-- `PossibleBlocks`: all blocks there can be
-- `certify`: write the proof of a bound as a file that others can check
-- `check_certifiable`: refuse a proof that has no certificate
-- `conflict_of`: a labelling that is too weak → all that are for the same reason
-- `possible_blocks`: the possible blocks of a space
+- `Conflict`: labels on some faces that no labelling above a load factor has together
+- `Exact`: driver that proves the largest load factor, or the front of a count, by conflicts
+- `Formula`: Boolean formula whose models are the labellings that no clause rules out yet
+- `MinimumCount`: driver that proves the best count among labellings of a required load factor
+- `PossibleBlocks`: list of all blocks that a segmentation of a space may contain
+- `certify`: write the proof of a bound as a certificate file that `jld verify` checks
+- `check_certifiable`: raise InputError if the proof of a driver cannot have a certificate
+- `conflict_of`: minimise one labelling that is too weak to a conflict
+- `possible_blocks`: list the possible blocks of a space
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a formula holds only where it aims high enough: clauses behind guards, one for each λ that was aimed at."""
+"""Clauses that hold above a λ threshold only, guarded by one assumption literal each."""
 
 from __future__ import annotations
 
@@ -7,15 +7,30 @@ from bisect import bisect_left
 from collections.abc import Callable
 
 Pairs = tuple[tuple[int, bool], ...]
-"""Faces and the labels that no labelling above some λ has on them together."""
+"""Faces and labels (True = dry) that no labelling above some scaled λ has together."""
 
 
 class AssumptionLiterals:
-    """Guards in the order of their levels, each true where all that is looked for exceeds its level.
+    """Assumption literals, one per threshold level, in ascending order of the levels.
 
-    new: makes a variable. rule_out: adds the clause of some labels, unless one of some literals is true; of a guard
-    alone as well. What holds above a bound stands behind the lowest level that is not below it, and waits while there
-    is none. A level that comes between takes in what holds there already.
+    A literal is true where every labelling sought exceeds its level. A clause that holds above a bound is guarded by
+    the literal of the lowest level not below that bound. While no such level exists the clause waits. A new level
+    takes over the clauses that already hold at it.
+
+    Parameters
+    ----------
+    new : callable
+        Creates a variable of the solver and returns its number.
+    rule_out : callable
+        Adds the clause that forbids some labels unless one of the given literals is true. With no labels the clause
+        consists of the literals alone.
+
+    Attributes
+    ----------
+    threshold : float
+        Scaled λ that labellings must exceed at present.
+    assumed : list of int
+        Literals to assume in every call of the solver.
     """
 
     def __init__(self, new: Callable[[], int], rule_out: Callable[[Pairs, tuple[int, ...]], None]) -> None:
@@ -28,7 +43,10 @@ class AssumptionLiterals:
         self.assumed: list[int] = []
 
     def hold(self, pairs: Pairs, bound: float) -> None:
-        """Rule out labels wherever the level is not below a bound: everywhere if that is −inf."""
+        """Forbid labels at every level not below a bound (scaled λ); −inf forbids them always.
+
+        A call has no effect where the same labels are forbidden under the same or a lower bound already.
+        """
         if self._known.get(pairs, math.inf) <= bound:
             return
         self._known[pairs] = bound
@@ -41,7 +59,7 @@ class AssumptionLiterals:
             self._rule_out(pairs, (-self._assumption_literals[place],))
 
     def aim(self, threshold: float) -> None:
-        """Look for what exceeds a threshold."""
+        """Set the scaled λ that labellings must exceed, and update the literals to assume."""
         self.threshold = threshold
         place = bisect_left(self._levels, threshold)
         if place == len(self._levels) or self._levels[place] != threshold:
@@ -50,6 +68,7 @@ class AssumptionLiterals:
         self.assumed = [self._assumption_literals[place], *above]
 
     def _insert(self, place: int, level: float) -> None:
+        """Insert a level, order its literal between its neighbours and add its clauses."""
         guard = self._new()
         if place > 0:
             self._rule_out((), (-guard, self._assumption_literals[place - 1]))

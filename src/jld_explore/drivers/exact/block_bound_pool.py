@@ -1,9 +1,10 @@
-"""Relaxations by blocks several at a time: in the batch solver, by two threads, or else one in another process.
+"""Solve several block relaxations at a time: in the batch solver or a worker process.
 
-Children of nodes of the tree are asked for together. Who answers changes nothing: a program is solved from scratch, so
-that under one load the tree is that of one job. Without the batch solver an interior point holds the interpreter, so
-that a
-thread would be of no use. A process that dies costs the program it was at, which is then solved here.
+The branch and bound (`block_tree`) requests the bounds of several children together. The batch solver computes them
+in two threads. Without the batch solver one program of each request goes to a worker process. A thread would not help
+there, because the interior-point solver holds the interpreter lock. Each program is solved from scratch, so the tree
+under one load case does not depend on the number of workers. If the worker process dies, its program is solved in
+this process.
 """
 
 from __future__ import annotations
@@ -25,24 +26,33 @@ from jld_explore.evaluation import PoolWorker, WorkerPool, client_of_cluster
 from jld_explore.space import SearchSpace
 
 ALONE: Final = 40
-"""Programs solved before another process is begun: it takes two seconds until it is of use."""
+"""Programs solved in this process before the worker process starts.
+
+The worker process needs two seconds before it can solve programs.
+"""
 
 BlockAnswer = tuple[Choice, int]
-"""And the programs solved for it."""
+"""Result of one block relaxation, and the number of programs solved for that result."""
 
 _kept: dict[str, AnyBlockRelaxation] = {}
 
 
 @dataclass(frozen=True)
 class Space:
-    """What a process needs to begin."""
+    """Search space and possible blocks, as sent to a worker process."""
 
     space: SearchSpace
     blocks: PossibleBlocks
 
     def relaxation(self, analyses: Sequence[LimitAnalysis] = (), seconds: float = math.inf) -> AnyBlockRelaxation:
-        """The relaxation by blocks. analyses: of the load cases, where they are at hand; seconds: that a program may
-        take.
+        """Return the block relaxation of the space.
+
+        Parameters
+        ----------
+        analyses : sequence of LimitAnalysis, optional
+            Analyses of the load cases, in their order, where they exist already.
+        seconds : float, default inf
+            Time limit of one program, s.
         """
         members, inside = self.blocks.members, self.blocks.inside
         return block_relaxation_of(self.space.assembly, members, inside, analyses, seconds)
@@ -50,7 +60,22 @@ class Space:
 
 @one_thread()
 def bound_blocks(name: str, recipe: bytes | None, asked: Asked | None) -> BlockAnswer | None:
-    """Answer in this process; None where there is nothing to answer, or nothing is known of a seat of that name."""
+    """Solve a block relaxation in this worker process.
+
+    Parameters
+    ----------
+    name : str
+        Name of the worker, under which the relaxation is stored between calls.
+    recipe : bytes or None
+        Pickled `Space` that replaces every stored relaxation; None keeps them.
+    asked : Asked or None
+        Arguments of `BlockRelaxation.choose`; None only sets up the relaxation.
+
+    Returns
+    -------
+    tuple of Choice and int, or None
+        Result and number of programs solved. None if `asked` is None or no relaxation is stored under the name.
+    """
     if recipe is not None:
         _kept.clear()
         made: Space = pickle.loads(recipe)
@@ -64,7 +89,22 @@ def bound_blocks(name: str, recipe: bytes | None, asked: Asked | None) -> BlockA
 
 
 class BlockBoundPool:
-    """The relaxation by blocks of a space, in this process and another. analyses: of its load cases."""
+    """Block relaxation of a space, solved in this process and in a worker process.
+
+    Parameters
+    ----------
+    analyses : sequence of LimitAnalysis
+        Analyses of the load cases of the space, in their order.
+    space : SearchSpace
+        Space of planar segmentations.
+    blocks : PossibleBlocks
+        Possible blocks of the space.
+
+    Attributes
+    ----------
+    elsewhere : int
+        Programs solved by the worker process.
+    """
 
     def __init__(self, analyses: Sequence[LimitAnalysis], space: SearchSpace, blocks: PossibleBlocks) -> None:
         self._recipe = Space(space, blocks)
@@ -78,15 +118,15 @@ class BlockBoundPool:
 
     @property
     def solves(self) -> int:
-        """Programs solved."""
+        """Number of programs solved, here and in the worker process."""
         return self._here.solves + self.elsewhere
 
     def set_workers(self, jobs: int) -> None:
-        """Whether there may be another process: with more than one job, or on a cluster."""
+        """Allow a second thread or process if `jobs` exceeds 1 or a cluster is connected."""
         self._helped = jobs > 1 or client_of_cluster() is not None
 
     def close(self) -> None:
-        """Let the other process go."""
+        """Stop the worker process and the thread pool."""
         self._helped = False
         if self._seats is not None:
             self._seats.close()
@@ -96,17 +136,20 @@ class BlockBoundPool:
             self._pool = None
 
     def choose(self, allowed: Bools, threshold: float, most: float) -> Choice:
-        """See `BlockRelaxation.choose`."""
+        """Solve one block relaxation in this process; see `BlockRelaxation.choose`."""
         return self._here.bound_all([(allowed, threshold, most)])[0]
 
     @property
     def many(self) -> bool:
-        """Whether the batch solver solves many programs at a time."""
+        """Whether the batch solver solves many programs in one call."""
         return self._here.many
 
     def bound_all(self, asked: Sequence[Asked]) -> list[Choice]:
-        """The same of several: in the batch solver, by two threads where there may be another; else the last one
-        elsewhere."""
+        """Solve several block relaxations and return their results in the same order.
+
+        The batch solver uses a second thread where `set_workers` allows it. Without the batch solver the last program
+        goes to the worker process if that process is ready.
+        """
         if self._here.many:
             if self._helped and self._pool is None:
                 self._pool = ThreadPoolExecutor(1)
@@ -123,7 +166,7 @@ class BlockBoundPool:
         return found
 
     def _send(self, asked: Asked) -> Future[BlockAnswer | None] | None:
-        """Ask the other process, where it is there."""
+        """Submit a program to the worker process; return None while that process is unavailable."""
         if not self._helped or self._here.solves < ALONE:
             return None
         if self._seats is None:
@@ -141,20 +184,25 @@ class BlockBoundPool:
         return self._submit(self._seat, None, asked)
 
     def _submit(self, seat: PoolWorker, recipe: bytes | None, asked: Asked | None) -> Future[BlockAnswer | None] | None:
+        """Submit a set-up or a program; return None if the process has died."""
         try:
             return seat.submit(bound_blocks, seat.name, recipe, asked)
-        except Exception:  # whatever a pool says whose process has died
+        except Exception:  # the exception of a pool whose process died depends on the kind of pool
             self._lose()
             return None
 
     def _answer(self, future: Future[BlockAnswer | None]) -> BlockAnswer | None:
+        """Return the result of the worker process, or None if it failed."""
         try:
             return future.result()
-        except Exception:  # a process that was killed, a worker that left; an error of the task comes again here
+        # The process was killed or left the cluster. An error of the task itself is raised when the program is solved
+        # here.
+        except Exception:
             self._lose()
             return None
 
     def _lose(self) -> None:
+        """Drop the worker process after a failure."""
         if self._seats is not None and self._seat is not None and self._seat in self._seats:
             self._seats.lose(self._seat)
         self._seat = self._ready = None

@@ -1,11 +1,13 @@
-"""A bound on all labellings from the relaxation by blocks, and the blocks that no labelling worth finding holds.
+"""Tighten the bound on all labellings by one block relaxation, and refute single blocks.
 
-One program over all possible blocks bounds λ far closer than face by face where blocks are of several cells and the gap
-is wide (docs/method.md (6.5)), but takes as long as thousands of relaxations in the batch solver. So a proof by
-conflicts of
-faces turns to it once it has taken about as long itself. What the mechanism of the program says of single blocks is a
-conflict of each block that is ruled out: all inside it inner, all around it dry. Without those blocks the next program
-is smaller, and bounds closer. A long one is solved by a process of its own, which can be stopped while it is at it.
+One program over all possible blocks bounds λ much closer than the relaxation face by face (docs/method.md (6.5)).
+This holds where blocks have several cells and the gap is wide. The program takes as long as thousands of relaxations
+in the batch solver. A proof by conflicts of faces therefore solves the program only after spending about the same
+time itself.
+
+The mechanism of the program may refute single blocks. Each refuted block becomes a conflict: all faces inside it
+inner, all faces around it dry. The next program leaves those blocks out, so it is smaller and its bound tighter. A
+large program is solved in a separate process, which can be stopped before it ends.
 """
 
 from __future__ import annotations
@@ -29,39 +31,69 @@ from jld_explore.evaluation import WorkerPool
 from jld_explore.space import SearchSpace
 
 _RELAXATIONS: Final = (5.0, 0.25)
-"""Relaxations, with the batch solver and without, that take as long as the program does for each side of a block: 1
-ms."""
+"""Relaxations face by face that take as long as the program takes per side of a block.
+
+The first value applies with the batch solver, the second without it. The program takes 1 ms per side.
+"""
 
 _MOST: Final = 60_000
-"""Sides of blocks above which it is not tried: of 40 000 the program takes 41 s."""
+"""Largest number of sides of blocks; the program of 40 000 sides takes 41 s."""
 
 _HERE: Final = 2000
-"""Sides up to which it is solved in this process: within two seconds, which another takes to begin."""
+"""Largest number of sides for which this process solves the program.
+
+Such a program takes at most two seconds, which is the time that another process needs to start.
+"""
 
 _LOOK: Final = 0.2
-"""Seconds after which it is asked whether time is up."""
+"""Interval, s, at which the deadline is checked while another process solves the program."""
 
 _AGAIN: Final = 0.9
-"""Part of the blocks, of those before, with which another program is worth its while."""
+"""Largest share of the blocks that may remain for another program to be solved."""
 
 _BETTER: Final = 1e-3
-"""How much stronger, relative, a labelling must have been found for all this to be done again."""
+"""Relative increase of the best known λ after which the programs are solved again."""
 
 _SHARE: Final = 0.5
-"""Part of the time left that the programs may take."""
+"""Share of the remaining time that the programs may take."""
 
 
 @dataclass(frozen=True)
 class TightenedBound:
-    """bound: scaled λ that no labelling exceeds. conflicts: one for each block that was ruled out."""
+    """Result of `BlockBoundTightening.tighten`.
+
+    Attributes
+    ----------
+    bound : float
+        Scaled λ that no labelling exceeds.
+    conflicts : tuple of Conflict
+        One conflict for each refuted block.
+    """
 
     bound: float
     conflicts: tuple[Conflict, ...]
 
 
 class BlockBoundTightening:
-    """Of one space. analyses: of its load cases. blocks: its possible blocks, None where they are not listed. many:
-    whether the batch solver solves relaxations. wanted: whether it is to be tried at all.
+    """Repeated block relaxation of one space without the blocks that are refuted.
+
+    Parameters
+    ----------
+    analyses : sequence of LimitAnalysis
+        Analyses of the load cases of the space, in their order.
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks of the space; None where they are not listed.
+    many : bool
+        Whether the batch solver solves the relaxations face by face.
+    wanted : bool
+        Whether the block relaxation may be used at all.
+
+    Attributes
+    ----------
+    solves : int
+        Number of programs solved.
     """
 
     def __init__(
@@ -82,17 +114,38 @@ class BlockBoundTightening:
         self.solves = 0
 
     def leave(self) -> None:
-        """Do without it from now on."""
+        """Disable the tightening from now on."""
         self._next = math.inf
 
     def due(self, relaxations: int, least: float) -> bool:
-        """Whether its time has come. relaxations: solved so far; least: scaled λ that a labelling must exceed."""
+        """Return True if the programs should be solved now.
+
+        Parameters
+        ----------
+        relaxations : int
+            Number of relaxations solved so far.
+        least : float
+            Scaled λ that a labelling must exceed.
+        """
         before = self._least
         return relaxations >= self._next and (before is None or least > before + _BETTER * abs(before))
 
     def tighten(self, least: float, most: float, left: float, late: Callable[[], bool]) -> TightenedBound:
-        """What the programs say. least, most: scaled λ to reach, and bound. left: seconds until time is up, inf for
-        none. late: asked between programs.
+        """Solve block relaxations until no further block is refuted or time runs out.
+
+        Parameters
+        ----------
+        least, most : float
+            Scaled λ to reach, and scaled λ that no labelling exceeds.
+        left : float
+            Time until the deadline, s; inf for no deadline.
+        late : callable
+            Returns True once the deadline has passed; called between programs.
+
+        Returns
+        -------
+        TightenedBound
+            Bound not above `most`, and the conflicts of the refuted blocks.
         """
         assert self._blocks is not None
         self._next *= 4.0
@@ -117,7 +170,7 @@ class BlockBoundTightening:
     def _choose(
         self, chosen: Ints, range_: tuple[float, float], seconds: float, late: Callable[[], bool]
     ) -> Choice | None:
-        """What the relaxation of some of the blocks (k,) says, None where it was given up. seconds: it may take."""
+        """Solve the relaxation of some blocks (k,); return None if time runs out first."""
         assert self._blocks is not None
         members = tuple(self._blocks.members[p] for p in chosen.tolist())
         part = Space(self._space, PossibleBlocks(members, tuple(self._blocks.inside[p] for p in chosen.tolist())))
@@ -139,7 +192,7 @@ class BlockBoundTightening:
                 if late() or time.perf_counter() > end:
                     return None
             answer: tuple[Choice, int] = future.result()
-        except BrokenExecutor:  # a process that was killed costs this bound, and no more
+        except BrokenExecutor:  # if the process is killed only this bound is lost
             return None
         finally:
             seats.close()
@@ -147,7 +200,7 @@ class BlockBoundTightening:
         return answer[0]
 
     def _without(self, p: int, least: float) -> Conflict:
-        """No labelling that has block p exceeds a scaled λ."""
+        """Return the conflict that no labelling with block p exceeds the scaled λ `least`."""
         assert self._blocks is not None
         faces, members = self._space.assembly.interfaces, self._blocks.members[p]
         touched = (np.isin(faces.a, members) | np.isin(faces.b, members)) & self._space.candidates
@@ -158,7 +211,7 @@ class BlockBoundTightening:
 
 
 def _sides_of(space: SearchSpace, blocks: PossibleBlocks) -> int:
-    """Faces around all blocks."""
+    """Return the number of faces around all blocks, counted once per block."""
     faces = space.assembly.interfaces
     around = np.bincount(np.concatenate([faces.a, faces.b]), minlength=len(space.assembly.elements))
     pairs = zip(blocks.members, blocks.inside, strict=True)

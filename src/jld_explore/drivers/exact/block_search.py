@@ -1,7 +1,8 @@
-"""When conflicts come from a tree of block choices, and what such a tree suggests on its way.
+"""Decide whether conflicts come from a branch and bound over blocks, and run that search.
 
-A tree is begun where the relaxation by blocks closes a good part of the gap that relaxing face by face leaves at the
-root, which it does for blocks of a few cells, and given up where strengths are too large for its bounds to be accurate.
+The tree search starts where the block relaxation closes a good part of the gap that the relaxation face by face
+leaves at the root. It does so for blocks of a few cells. The search is abandoned where strengths are too large for
+accurate bounds of the block relaxation.
 """
 
 from __future__ import annotations
@@ -23,38 +24,55 @@ from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
 
 ByBlocks = Literal["auto", "on", "off"]
-"""Whether a tree of block choices is searched."""
+"""Whether to search the tree: "on", "off", or "auto" where it promises to be faster."""
 
 _CLOSER: Final = 0.25
-"""Part of the gap at the root that the relaxation by blocks must close for its tree to be searched."""
+"""Share of the gap at the root that the block relaxation must close to start the tree."""
 
 _NEAR: Final = (0.28, 0.2)
-"""Gap at the root, beside the bound there, up to which conflicts of faces are sooner done than a tree, where the batch
-solver
-shrinks them; the second where it solves programs of the tree too. Then walls in blocks of two take by conflicts and by
-a tree 0.9 and 1.8 s (6 × 8 cells, 19 %), 10 and 5 s (8 × 10, 26 %); that of 10 × 12, with 31 %, 19 s by a tree and
-far more by conflicts."""
+"""Largest relative gap at the root for which conflicts of faces are faster than a tree.
+
+The first value applies if the batch solver minimises conflicts, the second if it also solves the programs of the
+tree. Measured for walls in blocks of two, by conflicts and by a tree: 0.9 and 1.8 s (6 × 8 cells, gap 19 %), 10 and 5
+s (8 × 10, 26 %). The wall of 10 × 12 (31 %) takes 19 s by a tree and far longer by conflicts.
+"""
 
 _LISTED: Final = 4
-"""Possible blocks for each element above which it is not tried: blocks of one and two cells come to three. With those
-of two to six on the beam on bearings a tree takes 20 s, where conflicts of faces take one."""
+"""Possible blocks per element above which the tree is not searched.
+
+Blocks of one and two cells come to three per element. For blocks of two to six cells on the beam on bearings a tree
+takes 20 s, conflicts of faces 1 s.
+"""
 
 _BLUNT: Final = 20
-"""Whole labellings left over by a tree and refuted by their own mechanism after which it is given up: its bounds are
-then less accurate than strengths a million times the forces ask for."""
+"""Labellings left by the tree, but refuted by their own mechanism, that end the tree.
+
+The bounds of the tree are then too inaccurate, as happens where strengths are a million times the forces.
+"""
 
 
 _OFTEN: Final = 16
+"""Programs of the tree before annealing runs for the first time; later intervals double."""
 _SELDOM: Final = 256
-"""Programs of the tree after which annealing is given another chance, at first, and at the most."""
+"""Largest number of programs of the tree between two runs of annealing."""
 
 _ANNEALED: Final = 30
-"""Labellings annealed then for each program, which takes about as long."""
+"""Labellings annealed per program of the tree, which takes about as long as the program."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a step found: conflicts; a labelling (m,) with nothing undecided; one that may be better than known."""
+    """Result of one step of `BlockSearch`.
+
+    Attributes
+    ----------
+    conflicts : tuple of Conflict
+        Conflicts found in the step.
+    whole : (m,) bool array or None
+        Labelling of a node without undecided faces, True = dry.
+    promising : (m,) bool array or None
+        Labelling that may exceed the best one known, True = dry.
+    """
 
     conflicts: tuple[Conflict, ...]
     whole: Bits | None = None
@@ -62,8 +80,20 @@ class Found:
 
 
 class BlockSearch:
-    """The tree of one space, if it has one. analyses: of its load cases. relaxation: face by face, to look at single
-    labellings. wanted: whether there is to be one; "auto": where it promises more than conflicts of faces.
+    """Branch and bound over the blocks of one space, if that search is wanted and promising.
+
+    Parameters
+    ----------
+    analyses : sequence of LimitAnalysis
+        Analyses of the load cases of the space, in their order.
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks of the space; None where they are not listed.
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation face by face, which checks single labellings.
+    wanted : {"auto", "on", "off"}
+        Whether to search the tree; "auto": where it promises more than conflicts of faces.
     """
 
     def __init__(
@@ -85,9 +115,17 @@ class BlockSearch:
         self._last, self._again = 0, _OFTEN
 
     def start(self, least: float, root: float) -> float:
-        """Begin a tree where there is to be one, and bound all labellings by what stands at its root.
+        """Start the tree where it is wanted, and bound all labellings by the root relaxation.
 
-        least, root: scaled λ to reach, and bound. Returns a bound, not above that one.
+        Parameters
+        ----------
+        least, root : float
+            Scaled λ to reach, and bound on the scaled λ of all labellings.
+
+        Returns
+        -------
+        float
+            Bound on the scaled λ of all labellings, at most `root`.
         """
         blocks = self._blocks
         if self._wanted == "off" or blocks is None or not math.isfinite(root):
@@ -107,37 +145,39 @@ class BlockSearch:
         return min(root, tree.root.bound)
 
     def set_workers(self, jobs: int) -> None:
-        """How many processes there may be."""
+        """Set the number of processes that may be used."""
         self._jobs = jobs
 
     def abandon(self) -> None:
-        """Give the tree up."""
+        """Drop the tree and stop its workers."""
         self._tree = None
         self.close()
 
     def close(self) -> None:
-        """Let others go that solved programs."""
+        """Stop the workers that solve programs of the tree."""
         if self._choices is not None:
             self._choices.close()
 
     @property
     def active(self) -> bool:
-        """There is a tree, and some of it is open."""
+        """Whether there is a tree with open nodes."""
         return self._tree is not None and not self._tree.finished
 
     @property
     def bound(self) -> float:
-        """Scaled λ that no labelling exceeds that is still open in the tree."""
+        """Scaled λ that no labelling still open in the tree exceeds; −inf without a tree."""
         return -math.inf if self._tree is None else self._tree.bound
 
     @property
     def open_conflicts(self) -> list[Conflict]:
-        """What is known of the labellings that are still open in the tree, one conflict for each open node."""
+        """One conflict for each open node of the tree, with the bound of the node."""
         return [] if self._tree is None else self._tree.open_conflicts
 
     def annealed(self) -> int:
-        """Labellings to be annealed before the next step: while something better is known to nobody a tree goes down
-        between choices that are as good as each other."""
+        """Return how many labellings to anneal before the next step, 0 while annealing is not due.
+
+        Without a better labelling the tree descends between choices of equal bounds, so annealing saves nodes.
+        """
         since = self.solves - self._last
         if since < self._again:
             return 0
@@ -146,11 +186,21 @@ class BlockSearch:
 
     @property
     def solves(self) -> int:
-        """Programs solved."""
+        """Number of block relaxations solved."""
         return 0 if self._choices is None else self._choices.solves
 
     def step(self, formula: Formula, threshold: float, late: Callable[[], bool]) -> Found:
-        """Decide one more face. threshold: scaled λ to be reached. late: asked between programs."""
+        """Decide one more face of the tree.
+
+        Parameters
+        ----------
+        formula : Formula
+            Formula of the labellings that are left.
+        threshold : float
+            Scaled λ to reach.
+        late : callable
+            Returns True once the deadline has passed; called between programs.
+        """
         assert self._tree is not None
         step = self._tree.step(threshold, formula.possible, late)
         if step.labelling is not None:
@@ -159,13 +209,16 @@ class BlockSearch:
         return Found(step.conflicts, promising=promising)
 
     def note_blunt(self) -> None:
-        """Note that a labelling in which nothing was undecided fell by its own mechanism, not by the tree's."""
+        """Count a complete labelling of the tree that only its own mechanism refuted.
+
+        After `_BLUNT` such labellings the tree is abandoned.
+        """
         self._blunt += 1
         if self._blunt >= _BLUNT:
             self.abandon()
 
     def _rounded(self, tree: BlockTree, node: Node, formula: Formula, threshold: float) -> Bits | None:
-        """A labelling that the shares of a node's blocks suggest, if no mechanism of its own rules it out."""
+        """Round the block shares of a node to a labelling; return None if it is known or refuted."""
         labels = formula.next(*tree.rounded(node))
         if labels is None or labels.tobytes() in self._seen:
             return None
@@ -175,5 +228,8 @@ class BlockSearch:
 
 
 def _has_wedges(analysis: LimitAnalysis) -> bool:
-    """Whether the relaxation by blocks is a linear program: one with cones is too slow for a tree."""
+    """Return True if the block relaxation is a linear program.
+
+    A relaxation with cones is too slow for a tree.
+    """
     return analysis.template.yield_set.wedge(dry=True) is not None

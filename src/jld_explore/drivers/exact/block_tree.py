@@ -1,14 +1,15 @@
-"""Branch and bound over the choice of blocks, for spaces whose blocks are small (docs/method.md (6.5)).
+"""Branch and bound over the choice of blocks, for spaces of small blocks.
 
-A node decides the labels of some faces, which leaves some of the possible blocks. The relaxation by blocks bounds λ
-over all segmentations made of those, shares them out, and gives a mechanism. That one has to tear apart the blocks that
-hold the faces it opens: what it dissipates there, times the share of those blocks, is what the bound is expected to
-lose when the face is dry. The few faces of most are tried, both labels of each, and the one is decided that lowers both
-bounds most; labels under which nothing is left are ruled out all together. From a node the search goes on to the better
-child while there is one; then to the node of highest bound.
+Each node solves the block relaxation of docs/method.md (6.5). A node decides the labels of some faces, which leaves
+some of the possible blocks. The relaxation bounds λ over all segmentations made of those blocks. It also gives the
+share of each block and a mechanism. Deciding a face dry excludes the blocks that contain it. The expected decrease of
+the bound is the dissipation inside those blocks times their shares. The faces with the largest expected decrease are
+tried with both labels. The search branches on the face that lowers both bounds most. Labels under which nothing is
+left are ruled out all together. The search continues with the better child, otherwise with the open node of the
+highest bound.
 
-The tree proves nothing by itself being searched to its end: every node that falls is a conflict, and it is the formula
-of all conflicts that says whether a labelling is left.
+An exhausted tree is no proof by itself. Every refuted node is a conflict, and the formula of all conflicts decides
+whether a labelling is left.
 """
 
 from __future__ import annotations
@@ -29,20 +30,35 @@ from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import SearchSpace
 
 _TRIED: Final = (2, 4)
-"""Faces tried at a node, one program after another, and where the batch solver solves as many as a register has lanes.
-With
-1, 2, 4 and 8 the wall of 10 × 12 cells in blocks of two takes 50, 16, 13 and 10 nodes, 100, 69, 110, 163 programs."""
+"""Number of faces tried at a node, without and with the batch solver.
+
+The second number fills a SIMD register. The wall of 10 × 12 cells in blocks of two, with 1, 2, 4 and 8 faces tried,
+takes 50, 16, 13 and 10 nodes. The programs number 100, 69, 110 and 163.
+"""
 
 _SMALL: Final = 1e-5
-"""Least effect taken into account, scaled λ, so that a label without any does not hide the effect of the other."""
+"""Least decrease of a bound that counts, scaled λ.
+
+With this minimum a label without effect does not hide the effect of the other label.
+"""
 
 Possible = Callable[[Ints, Bits], bool]
-"""Whether any labelling is left with labels (k,) on faces (k,)."""
+"""Function that returns True if any labelling with labels (k,) on faces (k,) is left."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """faces, labels: (k,) decided, True dry. allowed: (p,) blocks left. choice: what the relaxation says of them."""
+    """Node of the tree: a partial labelling and its block relaxation.
+
+    Attributes
+    ----------
+    faces, labels : (k,) int array and (k,) bool array
+        Decided faces and their labels, True = dry.
+    allowed : (p,) bool array
+        Blocks that are left.
+    choice : Choice
+        Result of the block relaxation over those blocks.
+    """
 
     faces: Ints
     labels: Bits
@@ -52,29 +68,39 @@ class Node:
 
 @dataclass(frozen=True)
 class Tried:
-    """What becomes of a node when one more face is decided, inner and dry: None where no labelling is left worth
-    finding."""
+    """Children of a node for both labels of one face; None for a child that is refuted."""
 
     inner: Node | None
     dry: Node | None
 
     @property
     def left(self) -> list[Node]:
-        """Children there are."""
+        """The children that are not refuted."""
         return [one for one in (self.inner, self.dry) if one is not None]
 
 
 Looked = tuple[list[Tried], list[Conflict]]
-"""What becomes of a node with either label of several faces, and conflicts that say why."""
+"""Children of a node for several faces, and the conflicts of the refuted children."""
 
 Waiting = tuple[tuple[int, bool], Node]
-"""A child by the face, among the candidates, and the label that it decides."""
+"""Face (index among the candidates) and label of a child, and the unsolved child."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of a node: allowed: (p,) blocks left there; threshold: scaled λ that they are to reach; possible,
-    late: as of `BlockTree.step`."""
+    """Arguments of branching at one node.
+
+    Attributes
+    ----------
+    node : Node
+        The node.
+    allowed : (p,) bool array
+        Blocks left at the node.
+    threshold : float
+        Scaled λ to reach.
+    possible, late : callable
+        As in `BlockTree.step`.
+    """
 
     node: Node
     allowed: Bools
@@ -85,7 +111,17 @@ class Question:
 
 @dataclass(frozen=True)
 class Step:
-    """The node that was taken; conflicts found; a labelling (m,) with nothing undecided, to be looked at."""
+    """Result of `BlockTree.step`.
+
+    Attributes
+    ----------
+    node : Node
+        The node that was processed.
+    conflicts : tuple of Conflict
+        Conflicts found.
+    labelling : (m,) bool array or None
+        Labelling of a node without undecided faces, which the caller must check; True = dry.
+    """
 
     node: Node
     conflicts: tuple[Conflict, ...] = ()
@@ -93,10 +129,25 @@ class Step:
 
 
 class BlockTree:
-    """Partial choices of blocks, the one of highest bound first.
+    """Branch-and-bound tree over the choice of blocks, best bound first.
 
-    space: of planar segmentations. blocks: its possible ones. threshold: scaled λ to be reached. most: scaled λ that
-    no labelling exceeds.
+    Parameters
+    ----------
+    relaxation : BlockBoundPool
+        Solves the block relaxations.
+    space : SearchSpace
+        Space of planar segmentations.
+    blocks : PossibleBlocks
+        Possible blocks of the space.
+    threshold : float
+        Scaled λ to reach.
+    most : float
+        Scaled λ that no labelling exceeds.
+
+    Attributes
+    ----------
+    root : Choice
+        Result of the relaxation over all possible blocks.
     """
 
     def __init__(
@@ -118,7 +169,11 @@ class BlockTree:
         self._next: Node | None = Node(nothing, nothing.astype(bool), every, self.root)
 
     def _lay_out(self, space: SearchSpace, blocks: PossibleBlocks) -> None:
-        """Which blocks cover an element (n, p), hold a face (c, p), touch an end of it without holding it (c, p)."""
+        """Tabulate which blocks cover an element, contain a face or only touch one.
+
+        The tables are (n, p) for the free elements and (c, p) for the c candidate faces that some block contains.
+        Another table (p, p) holds which blocks overlap.
+        """
         free, a, b = space.assembly.elements.free, space.assembly.interfaces.a, space.assembly.interfaces.b
         covers = np.zeros((len(space.assembly.elements), len(blocks)), dtype=bool)
         held = np.zeros((len(a), len(blocks)), dtype=bool)
@@ -136,25 +191,32 @@ class BlockTree:
 
     @property
     def bound(self) -> float:
-        """Scaled λ that no labelling exceeds that is still open; −inf where none is."""
+        """Scaled λ that no open labelling exceeds; −inf if no node is open."""
         known = -self._open[0][0] if self._open else -np.inf
         return known if self._next is None else max(known, self._next.choice.bound)
 
     @property
     def open_conflicts(self) -> list[Conflict]:
-        """A conflict for each open node: its labels, and the bound of its relaxation."""
+        """One conflict for each open node: its labels, and the bound of its relaxation."""
         nodes = [node for _, _, node in self._open] + ([] if self._next is None else [self._next])
         return [Conflict(node.faces, node.labels, node.choice.bound, Evidence.BLOCKS) for node in nodes]
 
     @property
     def finished(self) -> bool:
-        """No node is open."""
+        """Whether no node is open."""
         return self._next is None and not self._open
 
     def step(self, threshold: float, possible: Possible, late: Callable[[], bool]) -> Step:
         """Take an open node and decide one more face.
 
-        threshold: scaled, not lower than before. late: asked between programs; True leaves the node open.
+        Parameters
+        ----------
+        threshold : float
+            Scaled λ to reach, at least that of the call before.
+        possible : callable
+            Returns True if any labelling with labels (k,) on faces (k,) is left.
+        late : callable
+            Returns True once the deadline has passed, which leaves the node open; called between programs.
         """
         node = self._next or heapq.heappop(self._open)[2]
         self._next = None
@@ -174,9 +236,10 @@ class BlockTree:
             return Step(node)
         tried, conflicts = looked
         if all(len(one.left) == 2 for one in tried):
-            # the first one of several
+            # among faces of equal gain max() keeps the first one
             best = max(tried, key=lambda one: self._gain(node, one))
-            # the better child may be as good as it looks, and then the other is seen with a higher threshold
+            # The better child is solved first. If it raises the threshold, the other child is processed with that
+            # higher threshold.
             self._next, other = sorted(best.left, key=lambda child: -child.choice.bound)
             self._push(other)
         else:
@@ -184,7 +247,10 @@ class BlockTree:
         return Step(node, tuple(conflicts))
 
     def rounded(self, node: Node) -> tuple[Ints, Bits]:
-        """Labels (k,) of faces (k,) that the larger shares of a node's blocks suggest, with those it decides."""
+        """Round the block shares of a node to labels (k,) of faces (k,).
+
+        Blocks with a share above 0.5 give the labels; labels that the node decides are kept.
+        """
         chosen = np.flatnonzero(node.allowed & (node.choice.share > 0.5))
         held = self._held[:, chosen].any(axis=1)
         split_cube = self._parted[:, chosen].any(axis=1) & ~held
@@ -196,11 +262,15 @@ class BlockTree:
     # --- deciding ---------------------------------------------------------------------------------------
 
     def _push(self, node: Node) -> None:
+        """Add a node to the heap of open nodes."""
         self._count += 1
         heapq.heappush(self._open, (-node.choice.bound, -self._count, node))
 
     def _settled(self, allowed: Bools) -> Bools | None:
-        """The blocks left once every element with a single one has it; None where an element has none."""
+        """Return the blocks left by propagation; None if an element has none.
+
+        An element with a single block left takes that block, which excludes the blocks that overlap it.
+        """
         while True:
             left = self._covers & allowed
             number = left.sum(axis=1)
@@ -213,13 +283,13 @@ class BlockTree:
             allowed = kept
 
     def _undecided(self, allowed: Bools) -> Ints:
-        """Faces, by place among the candidates, that some blocks left hold and some part."""
+        """Return the candidate indices of faces inside some blocks left and on the edge of others."""
         around = (self._at & allowed).sum(axis=1)
         holding = (self._held & allowed).sum(axis=1)
         return np.flatnonzero((holding > 0) & (holding < around))
 
     def _telling(self, node: Node, undecided: Ints) -> list[int]:
-        """The faces, by place among the candidates, that are worth trying, most telling first."""
+        """Return the candidate indices of the faces to try, largest expected decrease first."""
         share = node.choice.share
         torn = self._held[undecided] @ (share * node.choice.inside)
         inner = np.clip(self._held[undecided] @ share, 0.0, 1.0)
@@ -228,7 +298,7 @@ class BlockTree:
         return [int(face) for face in undecided[np.argsort(-score, kind="stable")[:most]]]
 
     def _look(self, asked: Question) -> Looked | None:
-        """What becomes of a node with either label of the faces that are worth trying; None where time ran out."""
+        """Solve the children of a node for the faces to try; return None if time ran out."""
         known = self._looked.pop(id(asked.node), None)
         if known is not None:
             return known
@@ -240,7 +310,8 @@ class BlockTree:
             self._looked.update(others)
             return first[1]
         found, conflicts = list[Tried](), list[Conflict]()
-        # one program after another there is no use in asking for more once something is ruled out
+        # Without the batch solver programs are solved one by one, so further faces are skipped once a label is
+        # refuted.
         for face in faces:
             if asked.late():
                 return None
@@ -252,8 +323,11 @@ class BlockTree:
         return found, conflicts
 
     def _looks(self, asked: Question, faces: list[int]) -> list[tuple[int, Looked]]:
-        """The same of a node and of the best open one that was not looked at yet, which is kept for its turn: so there
-        is work for two threads. By what `id` says of the nodes."""
+        """Solve the children of a node together with those of the best open node not solved yet.
+
+        Two nodes give work for two threads. The children of the second node are stored until the tree takes it. Each
+        result is paired with the `id` of its node.
+        """
         parts = []
         for one, own in [(asked, faces), *self._ahead(asked)]:
             conflicts: list[Conflict] = []
@@ -267,6 +341,7 @@ class BlockTree:
         return found
 
     def _ahead(self, asked: Question) -> list[tuple[Question, list[int]]]:
+        """Return the best open node without solved children and its faces to try, or no node."""
         for bound, _, node in sorted(self._open, key=lambda one: one[:2]):
             if id(node) in self._looked or -bound <= asked.threshold:
                 continue
@@ -277,11 +352,14 @@ class BlockTree:
 
     @staticmethod
     def _program(asked: Question, child: Node) -> Asked:
+        """Return the arguments of the block relaxation of a child."""
         return child.allowed, asked.threshold, asked.node.choice.bound
 
     def _children(self, asked: Question, faces: list[int], conflicts: list[Conflict]) -> list[Waiting]:
-        """Children of a node by face and label, those that have labellings, with its own choice until theirs is known.
-        conflicts: to be added to."""
+        """Return the children of a node that may have labellings, with the choice of the parent.
+
+        Append to `conflicts` the children that no choice of blocks satisfies.
+        """
         node, waiting = asked.node, []
         for face in faces:
             for label, others in ((False, self._parted), (True, self._held)):
@@ -301,7 +379,7 @@ class BlockTree:
         choices: Sequence[Choice],
         conflicts: list[Conflict],
     ) -> list[Tried]:
-        """What is left of children (k,) whose choices (k,) are known. conflicts: to be added to."""
+        """Pair children by face, given their relaxations (k,); add refuted ones to `conflicts`."""
         children: dict[tuple[int, bool], Node] = {}
         for (place, child), choice in zip(waiting, choices, strict=True):
             if choice.refuted:
@@ -311,11 +389,14 @@ class BlockTree:
         return [Tried(children.get((face, False)), children.get((face, True))) for face in faces]
 
     def _gain(self, node: Node, tried: Tried) -> float:
-        """How much two children lower the bound together."""
+        """Return the product of the decreases of the bound in the children."""
         return float(np.prod([max(node.choice.bound - one.choice.bound, _SMALL) for one in tried.left]))
 
     def _narrowed(self, asked: Question, forced: list[list[Node]], conflicts: list[Conflict]) -> Node | None:
-        """A node with all the faces decided of which a label was ruled out. forced: what was left, at most one each."""
+        """Return the node with every face decided of which one label was refuted.
+
+        `forced` holds the remaining child of each such face, at most one each. Return None if no labelling is left.
+        """
         if not all(forced):
             return None
         left = [one for (one,) in forced]

@@ -1,9 +1,9 @@
-"""The proof of a bound as a file that others can check: `jld_explore.verification` reads it and believes none of this.
+"""Write the proof of a bound as a certificate file that `jld_explore.verification` checks.
 
-The search keeps conflicts and no mechanisms, so each mechanism is found again, rounded to whole numbers, and weighed
-as the check will weigh it. The conflicts of a search are hints here: the formula is stated anew from rules that the
-check knows, and what the hints leave open is refuted as in the search. Only what a refutation of the formula needs is
-written.
+The checker trusts nothing of the search. The search keeps conflicts but not all mechanisms, so each mechanism is
+computed again and rounded to whole numbers. Its work balance is evaluated as the checker will do. Conflicts of the
+search are hints here. The formula is stated anew from rules that the checker knows. Labellings that the hints leave
+open are refuted as in the search. Only clauses that the refutation of the formula needs are written.
 """
 
 from __future__ import annotations
@@ -31,21 +31,44 @@ from jld_explore.space import SearchSpace, blocks_of, to_string
 from jld_explore.verification import Balances, Checker, Claim, Labellings, Lemma, Mechanism, Reason, Rule, write
 
 _SLACK: Final = 2e-7
-"""How far above the bound of a search, relative, a certificate claims its own: a fifth of what counts as proven, for
-mechanisms that are found again to the accuracy of a solver, and rounded."""
+"""Relative amount by which the certified bound exceeds the bound of the search.
+
+It is a fifth of `tolerances.PROVEN`. It covers the accuracy of the solver that computes mechanisms again, and their
+rounding.
+"""
 
 _DIGITS: Final = 44
-"""Binary digits of the velocities of a certificate, below the largest one."""
+"""Binary digits of the velocities of a certificate, below the largest velocity."""
 
 _OPENED: Final = (0.0, *(10.0**-k for k in range(13, 2, -1)))
-"""How much of a motion that opens all faces is added to a mechanism, relative: as little as makes whole numbers stand,
-and much where a solver gave up far from the bound."""
+"""Shares of a motion that opens all faces, relative, added to a mechanism in turn.
+
+Small shares suffice to keep a mechanism admissible after rounding. Large ones are for solvers that stopped far from
+the bound.
+"""
 
 _OPEN: Final = "a search whose proof has a certificate"
 
 
 def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None:
-    """Raise InputError, one line, where the proof of a driver, for the space of a scene, has no certificate."""
+    """Raise InputError if the proof of a driver cannot have a certificate.
+
+    Parameters
+    ----------
+    driver : Driver
+        The driver, with its search space.
+    model : SolveOptions
+        Options of the limit analyses.
+    scene : Scene
+        Scene of the space.
+
+    Raises
+    ------
+    InputError
+        If the driver is not `Exact`, enumerates its space or aims at a front. If the search limits assembly
+        sequences, block shapes or counts other than sums over faces, requires a load factor or uses robust values. If
+        friction is not associative, or a face has no work balance. The message has one line.
+    """
     search = driver.space.search
     for key, given in (("assemble", search.assemble), ("require", search.require)):
         if given is not None:
@@ -57,7 +80,7 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     assembly, limits = driver.space.assembly, driver.space.limits
     if limits.on_shapes:
         raise InputError("--certificate", "limits on the shape of blocks are no rules of it", "a search without them")
-    Labellings(scene, assembly)  # says what it does not know
+    Labellings(scene, assembly)  # raises InputError for a rule that the checker lacks
     for count, _ in limits.on_counts:
         terms = count.terms(assembly) if count.terms else None
         if terms is None or terms.blocks:
@@ -67,16 +90,33 @@ def check_certifiable(driver: Driver, model: SolveOptions, scene: Scene) -> None
     if not model.modular or model.friction != "associative":
         raise InputError("--certificate", "it speaks of associative friction alone", "--objective associative")
     for case in assembly.by_case:
-        Balances(case)  # says what has no balance
+        Balances(case)  # raises InputError for a face without a work balance
     if driver.exhaustive:
         raise InputError("--certificate", "of this space there is no proof but enumeration", _OPEN)
 
 
 def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] | None) -> None:
-    """Write the certificate of what an exact driver has proven.
+    """Write the certificate of the bound that an exact driver has proven.
 
-    found: the best labelling (m,) and its λ. Raises InputError where there is no bound, or none that stands in whole
-    numbers; OSError where it cannot be written.
+    Parameters
+    ----------
+    driver : Exact
+        Driver whose search has ended with a bound.
+    scene : Scene
+        Scene of the search space.
+    path : Path
+        File to write.
+    found : tuple of (m,) bool array and float, or None
+        Best labelling (True = dry) and its λ, scene units; None where no labelling was found.
+
+    Raises
+    ------
+    InputError
+        If there is no bound, or if some labelling has no mechanism in whole numbers that proves the bound.
+    ArithmeticError
+        If two satisfiability solvers disagree, or the checker rejects a rule.
+    OSError
+        If the file cannot be written.
     """
     if driver.bound is None:
         raise InputError("--certificate", "the search ended without any bound", _OPEN)
@@ -84,7 +124,22 @@ def certify(driver: Exact, scene: Scene, path: Path, found: tuple[Bits, float] |
 
 
 class Certifier:
-    """Finds reasons for a bound on λ over a space (with load cases: on the governing factor), scene units."""
+    """Search for the mechanisms and rules that certify a bound on λ over a space.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the space.
+    space : SearchSpace
+        The search space.
+    bound : float
+        Upper bound on λ in scene units; with load cases on the governing factor.
+
+    Attributes
+    ----------
+    bound : float
+        Bound that the certificate claims: the given one plus `_SLACK`, scene units.
+    """
 
     def __init__(self, scene: Scene, space: SearchSpace, bound: float) -> None:
         self._scene, self._space = scene, space
@@ -95,7 +150,7 @@ class Certifier:
         )
         self._analyses = [LimitAnalysis(case) for case in assembly.by_case]
         relaxation = relaxation_of(assembly, self._analyses)
-        assert relaxation is not None  # or the search would have proven nothing
+        assert relaxation is not None  # the search has proven a bound, so a relaxation exists
         self._relaxation, self._scale = relaxation, relaxation.unit
         self._checker = Checker(scene, assembly, self._claim)
         self._paths = InnerPaths(space)
@@ -107,17 +162,30 @@ class Certifier:
         candidates = np.flatnonzero(space.candidates).tolist()
         split_cube = [face for face in candidates if rules.too_large([face]) is not None]
         self._free = space.candidates.copy()
-        self._free[split_cube] = False  # a formula knows that these are dry
+        self._free[split_cube] = False  # the formula has unit clauses that make these faces dry
         self._units = [_Units(analysis) for analysis in self._analyses]
 
     def write(self, path: Path, hints: Iterable[Conflict], found: tuple[Bits, float] | None) -> None:
         """Write the certificate of the bound.
 
-        hints: conflicts that a search found, no proof needed. found: the best labelling (m,) and its λ. Raises
-        InputError where a labelling stands above the bound, or for one of which no mechanism in whole numbers is found.
+        Parameters
+        ----------
+        path : Path
+            File to write.
+        hints : iterable of Conflict
+            Conflicts that a search found; their proof is not needed.
+        found : tuple of (m,) bool array and float, or None
+            Best labelling (True = dry) and its λ, scene units.
+
+        Raises
+        ------
+        InputError
+            If a labelling exceeds the bound, or no mechanism in whole numbers is found for a labelling.
+        ArithmeticError
+            If two satisfiability solvers disagree, or the checker rejects a rule.
         """
         root = self._mechanism(*self._parted())
-        if root is not None:  # one mechanism bounds all labellings
+        if root is not None:  # one mechanism may bound all labellings
             faces = [*(face + 1 for face in root.dry), *(-(face + 1) for face in root.inner)]
             self._add(faces, root)
         self._take_hints(hints if root is None else ())
@@ -146,11 +214,13 @@ class Certifier:
     # --- what is ruled out ------------------------------------------------------------------------------
 
     def _add(self, clause: Sequence[int], reason: Reason | None) -> int:
+        """Append a clause with its reason, and return its position."""
         self._clauses.append(list(clause))
         self._reasons.append(reason)
         return len(self._clauses) - 1
 
     def _take_hints(self, hints: Iterable[Conflict]) -> None:
+        """Add the clauses of conflicts and their images under symmetry, without reasons yet."""
         group = np.unique(np.argsort(self._space.group, axis=1), axis=0)
         for hint in hints:
             if hint.closed or not len(hint.faces) or hint.bound * self._scale > self.bound:
@@ -162,21 +232,21 @@ class Certifier:
                 self._hints[place] = decided, labels
 
     def _parted(self) -> tuple[Bits, Bits]:
-        """Faces decided, and their labels, where only those are that every labelling has dry."""
+        """Return the faces (m,) that every labelling has dry, as decided faces and as labels."""
         decided = self._space.candidates & ~self._free
         return decided, decided.copy()
 
     def _certify_hint(self, place: int) -> bool:
-        """Give a hint its mechanism; one that has none, or rests on others, is dropped."""
+        """Compute the mechanism of a hint; return False and drop the hint if it has none."""
         decided, labels = self._hints.pop(place)
         reason = self._mechanism(decided, labels)
         if reason is None:
-            self._clauses[place] = [1, -1]  # says nothing
+            self._clauses[place] = [1, -1]  # a tautology replaces the dropped clause
         self._reasons[place] = reason
         return reason is not None
 
     def _exhaust(self) -> None:
-        """Rule out labellings until none is left."""
+        """Add clauses that rule out labellings until the formula has no model left."""
         with Solver("cadical195", bootstrap_with=self._clauses) as solver:
             faces = len(self._space.fixed)
             while solver.solve():
@@ -197,7 +267,7 @@ class Certifier:
                 solver.add_clause(clause)
 
     def _refuted(self, labels: Bits) -> Mechanism:
-        """Why a labelling of the space, and others with it, carries no more than the bound."""
+        """Return a mechanism that keeps a labelling, and others with it, at the bound."""
         conflict = conflict_of(self._relaxation, labels, self._free, self.bound / self._scale)
         if conflict is not None:
             decided, _ = self._parted()
@@ -214,7 +284,11 @@ class Certifier:
     # --- mechanisms -------------------------------------------------------------------------------------
 
     def _mechanism(self, decided: Bits, labels: Bits) -> Mechanism | None:
-        """A mechanism, in whole numbers, that proves the bound for all labellings that agree where decided."""
+        """Return a mechanism in whole numbers that proves the bound for given labels, or None.
+
+        `decided` (m,) selects the faces whose labels (m,) hold. The result is None if no load case has such a
+        mechanism.
+        """
         labels = np.where(self._space.candidates, labels, self._space.fixed)
         undecided = self._space.candidates & ~decided
         for case, relaxation in enumerate(self._relaxation.each):
@@ -226,7 +300,7 @@ class Certifier:
         return None
 
     def _own_mechanism(self, labels: Bits) -> Mechanism | None:
-        """The same of one labelling, by its own limit analysis."""
+        """Return a mechanism in whole numbers from the limit analysis of one labelling, or None."""
         for case, analysis in enumerate(self._analyses):
             mechanism = analysis.solve(labels).mechanism
             if mechanism is not None:
@@ -237,6 +311,7 @@ class Certifier:
         return None
 
     def _rounded(self, case: int, velocity: Floats, decided: Bits, labels: Bits) -> Mechanism | None:
+        """Round a mechanism to whole numbers that the checker accepts; return None if none does."""
         size = float(abs(velocity).max(initial=0.0))
         if not 0.0 < size < 1e30:
             return None
@@ -256,7 +331,7 @@ class Certifier:
     # --- rules of a segmentation ------------------------------------------------------------------------
 
     def _broken(self, labels: Bits) -> Iterable[Rule]:
-        """Rules that a labelling (m,) breaks."""
+        """Yield the rules of a segmentation that a labelling (m,) breaks."""
         space, graph = self._space, self._space.graph
         blocks, limits = blocks_of(graph, labels), space.limits
         if space.search.segmentation:
@@ -276,7 +351,7 @@ class Certifier:
 
 
 class _Units:
-    """Scaled velocities of one load case, as whole numbers of scene units."""
+    """Conversion of scaled velocities of one load case to whole numbers of scene units."""
 
     def __init__(self, analysis: LimitAnalysis) -> None:
         template = analysis.template
@@ -287,15 +362,15 @@ class _Units:
         self._opening = None if opening is None else opening.velocity / float(abs(opening.velocity).max())
 
     def opened(self, velocity: Floats, share: float) -> Floats | None:
-        """Velocities with a share of a motion that opens all faces; None where there is no such motion."""
+        """Add a share of a motion that opens all faces; return None where there is no such motion."""
         if share == 0.0:
             return velocity
         return None if self._opening is None else velocity + share * self._opening
 
     def whole(self, velocity: Floats) -> tuple[int, dict[int, tuple[int, ...]]]:
-        """Digits, and velocities in scene units over 2**digits of the elements that move."""
+        """Return the binary digits, and by element the velocities in scene units times 2**digits."""
         table = velocity.reshape(self.row.shape) / self.row
-        # a turn moves what is far away, in whatever units that is
+        # A rotation moves distant points most, so the size of the structure lowers the exponent.
         exponent = np.floor(np.log2(float(abs(table).max()))) - np.ceil(max(0.0, np.log2(self._size)))
         digits = max(_DIGITS - int(exponent), 0)
         moves = {}
@@ -307,5 +382,5 @@ class _Units:
 
 
 def _clause(decided: Bits, labels: Bits) -> list[int]:
-    """Not all of these labels together."""
+    """Return the clause that forbids these labels on the decided faces."""
     return [face + 1 if labels[face] else -(face + 1) for face in np.flatnonzero(decided).tolist()]

@@ -1,4 +1,4 @@
-"""What the exact drivers prove with: relaxations, possible blocks, a formula of what is left, conflicts, hunters."""
+"""Common base of the exact drivers: relaxations, possible blocks, formula and conflicts."""
 
 from __future__ import annotations
 
@@ -29,16 +29,34 @@ if TYPE_CHECKING:
 
 
 class ExactOptions(DriverOptions):
-    """Options of the exact driver."""
+    """Options of the exact driver.
+
+    Attributes
+    ----------
+    aim : {"best", "front"}
+        Prove the largest load factor, or the largest for every value of the count.
+    """
 
     aim: Aim = Field("best", description="best, or front (the best for every count)")
 
 
 class ConflictDriver(Driver):
-    """A driver that proves; or enumerates, which proves the same, where its space has no formula or no relaxation.
+    """Driver that proves its result by conflicts, or by enumeration where those do not apply.
 
-    counted: a count the formula must hold, besides those that are limited. list_blocks: list the blocks there can be,
-    where they are few enough. alone: see `ConflictSources`.
+    Enumeration proves the same. It is used where the space has no formula or no relaxation.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    counted : Count or None
+        Count that the formula must express besides the limited counts.
+    list_blocks : bool
+        Whether to list the possible blocks where they are few enough.
+    alone : int or None
+        See `ConflictSources`.
     """
 
     name = "exact"
@@ -83,10 +101,11 @@ class ConflictDriver(Driver):
 
     @property
     def exhaustive(self) -> bool:
-        """See `Driver.exhaustive`."""
+        """Whether the driver enumerates its space; see `Driver.exhaustive`."""
         return self._everything is not None
 
     def _make_hunters(self) -> ConflictSources | None:
+        """Return new conflict sources, or None where the space has no relaxation."""
         if self._relaxation is None:
             return None
         return ConflictSources(
@@ -95,42 +114,46 @@ class ConflictDriver(Driver):
 
     @property
     def state(self) -> ProofState:
-        """The state of the proof: conflicts, and layouts that no conflict refutes."""
+        """State of the proof: conflicts, and labellings that no conflict refutes."""
         return self._state
 
     @property
     def conflicts(self) -> int:
-        """Number of conflicts found so far."""
+        """Number of conflicts found."""
         return len(self._state.conflicts)
 
     @property
     def proof_check(self) -> ProofCheck | None:
-        """Result of checking the finished proof, None while it is not finished."""
+        """Result of checking the finished proof; None before the check."""
         return self._proof_check
 
     @property
     def relaxations(self) -> int:
-        """Programs solved for them, by whomever."""
+        """Number of relaxations solved in all threads and processes."""
         return sum(part.solves for part in (self._relaxation, self._sources) if part is not None)
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """See `Driver.facts`: what the proof took, and whether it passed its check."""
+        """Return the cost of the proof and the result of its check; see `Driver.facts`."""
         found: dict[str, Any] = {"conflicts": self.conflicts, "relaxations": self.relaxations}
         if self._proof_check is not None:
             found["proof_check"] = self._proof_check.to_dict()
         elif self._everything is not None and complete:
-            # every class has an evaluation: nothing was concluded about any other
+            # Every symmetry class has an evaluation, so nothing was inferred about labellings that were not
+            # evaluated.
             found["proof_check"] = ProofCheck("", 0.0).to_dict()
         return found
 
     @property
     def complaints(self) -> list[str]:
-        """See `Driver.complaints`: contradictions met, and a failed check of the proof."""
+        """Contradictions found, and a failed check of the proof; see `Driver.complaints`."""
         failed = self._proof_check is not None and not self._proof_check.passed
         return [*self._contradictions, *([f"not proven: {self._proof_check.problem}"] if failed else [])]  # type: ignore[union-attr]
 
     def withdraw(self, reason: str) -> None:
-        """See `Driver.withdraw`: forget all conflicts, and begin the proof again; a second time, give it up."""
+        """Forget all conflicts and start the proof again; see `Driver.withdraw`.
+
+        After a second contradiction the proof is given up.
+        """
         self._contradictions.append(reason)
         if self._sources is not None:
             self._sources.close()
@@ -143,24 +166,24 @@ class ConflictDriver(Driver):
 
     @property
     def _given_up(self) -> bool:
-        """Whether the proof contradicted itself again after it was begun anew."""
+        """Whether the proof was contradicted again after its restart."""
         return len(self._contradictions) > 1
 
     def set_workers(self, jobs: int) -> None:
-        """See `Driver.set_workers`: they refute parts of the space."""
+        """Set the number of workers that refute parts of the space; see `Driver.set_workers`."""
         self._jobs = jobs
         if self._sources is not None:
             self._sources.set_workers(jobs)
 
     def close(self) -> None:
-        """See `Driver.close`."""
+        """Stop all workers and save the conflicts; see `Driver.close`."""
         if self._sources is not None:
             self._sources.close()
             self._state.conflicts.save()
 
     def start(self, deadline: Deadline | None, heartbeat: Callable[[], None], records: Records | None = None) -> None:
-        """See `Driver.start`."""
-        # what was found last must still be evaluated
+        """Set deadline, heartbeat and records of the search; see `Driver.start`."""
+        # The search stops early enough to evaluate the labellings found last.
         self._deadline = Deadline() if deadline is None else deadline.earlier(0.3)
         self._heartbeat = heartbeat
         self._began_at = time.perf_counter()
@@ -169,7 +192,7 @@ class ConflictDriver(Driver):
             self._state.conflicts.keep(records, key_of(templates, self.space, self._blocks))
 
     def restore(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in what a study that is gone on with knows: labellings (k, m)."""
+        """Take over the evaluations of labellings (k, m) from a resumed study."""
         self._learn(labellings, evaluations)
         self._state.note_evaluated(labellings)
 
@@ -178,22 +201,24 @@ class ConflictDriver(Driver):
 
     @property
     def _none(self) -> Bits:
+        """Empty array of labellings (0, m)."""
         return np.empty((0, len(self.space.fixed)), dtype=bool)
 
     @property
     def _late(self) -> bool:
+        """Whether the deadline has passed."""
         return self._deadline.passed()
 
     def _given(self, limit: int | None) -> Bits:
-        """The next of the labellings that wait to be evaluated."""
+        """Remove and return at most `limit` of the labellings that wait for evaluation."""
         given = self._waiting[:limit]
         self._waiting = self._waiting[len(given) :]
         return given
 
     def _generate(self, hunters: ConflictSources, threshold: float) -> bool:
-        """Find conflicts for a moment and put them on record; return whether no labelling is left.
+        """Find and save conflicts for a short time; return whether no labelling is left.
 
-        threshold: λ, scene units.
+        `threshold` is a λ in scene units.
         """
         exhausted = hunters.step(threshold / self._scale)
         self._state.conflicts.save()
@@ -201,22 +226,23 @@ class ConflictDriver(Driver):
         return exhausted
 
     def _to_evaluate(self) -> Bits:
-        """Layouts (k, m) that were handed over and wait for their evaluation."""
+        """Return the labellings (k, m) that were handed over and wait for their evaluation."""
         self._learn_handed_over()
         return self._state.take_waiting()
 
     def _offer(self, labels: Bits) -> None:
-        """Hand over a layout (m,) that no mechanism ruled out."""
+        """Hand over a labelling (m,) that no mechanism refuted."""
         self._state.hand_over([labels])
 
     def _learn_handed_over(self) -> None:
+        """Exclude from the formula the labellings handed over since the last call."""
         if self._formula is not None:
             passed = self._state.handed_over_since(self._said[1])
             self._formula.learn((), passed)
             self._said = self._said[0], self._said[1] + len(passed)
 
     def _told(self) -> Formula:
-        """The formula, which knows all conflicts there are, and what was handed over."""
+        """Return the formula with all conflicts and handed-over labellings added."""
         if self._formula is None:
             self._formula = Formula(self.space, self._blocks)
         new = self._state.conflicts[self._said[0] :]
@@ -226,10 +252,16 @@ class ConflictDriver(Driver):
         return self._formula
 
     def _check(self, claims: Sequence[Claim], problem: str, evaluated: tuple[Bits, Floats]) -> ProofCheck:
-        """Check a finished proof: see `check_proof`.
+        """Check a finished proof; see `check_proof`.
 
-        evaluated: the strongest layouts, and λ that each is proven to carry, scene units. problem: what the driver
-        itself found wrong, "" for nothing.
+        Parameters
+        ----------
+        claims : sequence of Claim
+            What the proof claims.
+        problem : str
+            Problem that the driver itself found; "" for none.
+        evaluated : tuple of (k, m) bool array and (k,) float array
+            The strongest labellings, and the λ that each is proven to carry, scene units.
         """
         if self._relaxation is None:
             raise ValueError("a space without a relaxation has no proof to check")

@@ -1,8 +1,9 @@
-"""Labellings drawn from a formula many at a time, and ruled out with all that fall for the same reason.
+"""Draw labellings from a formula in batches, refute them and minimise the conflicts.
 
-Labellings drawn together would fall for one reason were they alike, so each is drawn with random preferences. Once
-one has given a conflict its **neighbours**, the same labelling with one face of the conflict undecided, nearly always
-fall as well, for another reason, and cost no drawing. Before all of a labelling is shrunk, parts of it are (`windows`).
+Labellings of one batch would be refuted for one reason if they were alike, so each is drawn with random preferred
+labels. A labelling that has given a conflict also gives **neighbours**: the same labelling with one face of the
+conflict undecided. Neighbours are nearly always refuted as well, for another reason, and need no call of the solver.
+Windows of a labelling (`windows`) are minimised before the whole labelling.
 """
 
 from __future__ import annotations
@@ -23,30 +24,49 @@ from jld_explore.drivers.exact.formula import Formula
 from jld_explore.drivers.exact.windows import WindowStatistics, windows_of
 
 _DRAWN: Final = 8
-"""Labellings drawn together at the most."""
+"""Largest number of labellings drawn per batch."""
 
 _NEIGHBOURS: Final = 3
-"""Neighbours of each labelling that are shrunk too."""
+"""Number of neighbours of each labelling that are minimised too.
+
+Neighbours are used once `_DRAWN` conflicts of the formula are known.
+"""
 
 _INSIDE: Final = 1
-"""The same of labellings that are refuted in a window, where all that refute them are taken."""
+"""Largest number of neighbours minimised per labelling in a window.
+
+Every window that refutes a labelling counts separately.
+"""
 
 _TRIES: Final = 4
-"""Single faces tried in vain before a conflict is taken as it is."""
+"""Single faces tried without success before a conflict is accepted as minimal."""
 
 _INNER: Final = True
-"""Whether inner faces are tried before dry ones: a quarter fewer conflicts of weak walls."""
+"""Try inner faces first when minimising a conflict (25 % fewer conflicts on weak walls)."""
 
 _DRY: Final = 0.3
-"""Share of faces that a labelling had better have dry, at random: long blocks are what is hard to refute."""
+"""Probability that a drawn labelling prefers a face dry; long blocks are hard to refute."""
 
 _OTHER_ROUTE: Final = Lock()
-"""The batch solver may be called by several threads, the conic solver by one at a time."""
+"""Lock of the conic solver, which only one thread at a time may call.
+
+Several threads may call the batch solver without a lock.
+"""
 
 
 @dataclass
 class ConflictBatch:
-    """What was found: conflicts; labellings (m,) that nothing refutes; exhausted: no labelling is left (in a cube)."""
+    """Result of one step of `ConflictGenerator`.
+
+    Attributes
+    ----------
+    conflicts : list of Conflict
+        Conflicts found.
+    unrefuted : list of (m,) bool array
+        Labellings that no mechanism refutes, True = dry.
+    exhausted : bool
+        Whether no labelling is left, in the cube if one was given.
+    """
 
     conflicts: list[Conflict] = field(default_factory=list)
     unrefuted: list[Bits] = field(default_factory=list)
@@ -54,7 +74,17 @@ class ConflictBatch:
 
 
 class ConflictGenerator:
-    """Conflicts of one formula after the other. free: (m,) faces that may take either label. seed: of preferences."""
+    """Generator of conflicts for one formula after another.
+
+    Parameters
+    ----------
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation that refutes labellings.
+    free : (m,) bool array
+        Faces that may take either label.
+    seed : int
+        Seed of the preferred labels.
+    """
 
     def __init__(self, relaxation: AnyRelaxation, free: Bools, seed: int) -> None:
         self._relaxation, self._free = relaxation, free
@@ -67,16 +97,32 @@ class ConflictGenerator:
         self._statistics = WindowStatistics(0)
 
     def begin(self, formula: Formula, hear: Callable[[], None] | None = None) -> None:
-        """Go on with another formula. hear: called before each draw, to take in what others have found."""
+        """Continue with another formula.
+
+        Parameters
+        ----------
+        formula : Formula
+            Formula of the labellings that are left.
+        hear : callable, optional
+            Adds the conflicts of other threads to the formula; called before each draw.
+        """
         self._formula, self._hear = formula, hear or _nothing
         self._known = set()
-        # small blocks fall for cracks through the whole, which windows only delay: walls take half as long again
+        # Small blocks are refuted by cracks through the whole structure, so windows delay the proof: walls take 50 %
+        # longer.
         self._windows = windows_of(formula.space.assembly) if self._many and formula.blocks is None else ()
         self._statistics = WindowStatistics(len(self._windows))
 
     def step(self, threshold: float, cube: Cube = EVERYTHING) -> ConflictBatch:
-        """Conflicts of some labellings. threshold: scaled λ, not lower than before in this formula. cube: labels that
-        those drawn have."""
+        """Draw labellings and return their conflicts.
+
+        Parameters
+        ----------
+        threshold : float
+            Scaled λ to refute, at least that of the call before with the same formula.
+        cube : Cube
+            Labels that every drawn labelling has.
+        """
         caught = ConflictBatch()
         assert self._formula is not None
         self._formula.rise(threshold)
@@ -89,10 +135,10 @@ class ConflictGenerator:
         return caught
 
     def _draw(self, cube: Cube) -> Bits:
-        """Labellings (k, m) of the formula, none where none is left."""
+        """Draw labellings (k, m) from the formula; return (0, m) where none is left."""
         formula = self._formula
         assert formula is not None
-        # few at first: where one conflict rules out nearly all, the others were drawn in vain
+        # The first batches are small: where one conflict rules out nearly all labellings, more draws are wasted.
         room = min(_DRAWN, 1 + len(self._known)) if self._many else 1
         drawn: list[Bits] = []
         while len(drawn) < room:
@@ -100,20 +146,20 @@ class ConflictGenerator:
             labels = formula.next(cube.faces, cube.labels, preferred=self._preferred())
             if labels is None:
                 break
-            # not drawn again while it is at hand; the conflict that it gives says all that this does, and more
+            # The labelling is set aside while it is processed. Its conflict will rule out the labelling and more.
             formula.set_aside(np.arange(len(labels)), labels)
             drawn.append(labels)
         return np.array(drawn, dtype=bool).reshape(len(drawn), len(self._free))
 
     def _how(self) -> tuple[MinimizationOptions, int]:
-        """How labellings are shrunk, and the seed of their neighbours."""
+        """Return the options of minimisation, and a seed for the neighbours."""
         how = MinimizationOptions(
             neighbours=_NEIGHBOURS if len(self._known) >= _DRAWN else 0, tries=_TRIES, inner=_INNER
         )
         return how, int(self._rng.integers(2**32))
 
     def _minimize(self, drawn: Bits, threshold: float) -> list[MinimizedConflict]:
-        """What becomes of labellings (k, m): in the smallest windows that refute them, else as a whole."""
+        """Minimise labellings (k, m) in the narrowest windows that refute them, else as a whole."""
         how, seed = self._how()
         left, found = np.arange(len(drawn)), list[MinimizedConflict]()
         inside = replace(how, neighbours=min(how.neighbours, _INSIDE))
@@ -137,7 +183,7 @@ class ConflictGenerator:
         return found
 
     def _sort(self, drawn: Bits, threshold: float, fallen: list[MinimizedConflict], caught: ConflictBatch) -> None:
-        """Conflicts, and labellings that nothing refutes, among what became of labellings (k, m)."""
+        """Add the results for labellings (k, m) to the batch: conflicts or unrefuted labellings."""
         left = set(range(len(drawn)))
         for one in fallen:
             labels = drawn[one.labelling]
@@ -148,11 +194,13 @@ class ConflictGenerator:
             elif one.drawn and one.carries:
                 caught.unrefuted.append(labels)
                 left.discard(one.labelling)
-        # what the batch solver leaves open is worth another route, since else it has to be evaluated
+        # Labellings that the batch solver leaves open go to the conic solver, because otherwise each needs an
+        # evaluation.
         for number in sorted(left):
             self._minimize_one(drawn[number], threshold, caught)
 
     def _minimize_one(self, labels: Bits, threshold: float, caught: ConflictBatch) -> None:
+        """Minimise one labelling (m,) without the batch solver, and add the result to the batch."""
         with _OTHER_ROUTE:
             found = conflict_of(self._relaxation, labels, self._free, threshold)
         if found is None:
@@ -161,7 +209,7 @@ class ConflictGenerator:
             self._take(found, caught)
 
     def _take(self, conflict: Conflict, caught: ConflictBatch) -> None:
-        """Rule out what a conflict does, unless that was done before."""
+        """Add a conflict to the batch and to the formula unless it is known."""
         assert self._formula is not None
         name = conflict.name
         if name not in self._known:
@@ -170,7 +218,7 @@ class ConflictGenerator:
             self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _preferred(self) -> Bits | None:
-        """Labels (m,) that a drawn labelling had better have."""
+        """Return random preferred labels (m,), True = dry; None without the batch solver."""
         if not self._many:
             return None
         assert self._formula is not None
@@ -178,4 +226,4 @@ class ConflictGenerator:
 
 
 def _nothing() -> None:
-    """Nobody else has found anything."""
+    """Do nothing; used where no other thread adds conflicts."""

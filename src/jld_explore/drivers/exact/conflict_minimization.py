@@ -1,11 +1,10 @@
-"""From one labelling that is too weak to all labellings that are too weak for the same reason.
+"""Conflict minimization: reduce one weak labelling to the few labels that make it weak.
 
-A mechanism bounds λ of every labelling by a sum over faces (docs/method.md (6.2)), so faces whose label changes
-that sum by less than what is to spare are free. Solving again with those undecided moves
-the mechanism to the faces that are left; what cannot be freed any more is the **conflict**: labels that no labelling
-worth finding has together. Here one labelling is shrunk by one relaxation after the other; the batch solver shrinks
-many in
-one call, by the same rules (`Relaxation.minimize_conflicts`).
+A mechanism bounds λ of every labelling by a sum over faces (docs/method.md (6.2)). Faces whose label changes that sum
+by less than the excess can become undecided. Solving again with those faces undecided gives a mechanism that depends
+on the remaining faces. The faces that cannot be freed form the **conflict**: labels that no labelling above the
+threshold has together. This module minimises one labelling by one relaxation after the other. The batch solver
+minimises many in one call by the same rules (`Relaxation.minimize_conflicts`).
 """
 
 from __future__ import annotations
@@ -20,25 +19,36 @@ from jld_core.arrays import Bits, Bools, Floats, Ints
 from jld_core.limit import AnyRelaxation, DualBound
 
 _TRIES: Final = 2
-"""Single faces tried in vain, the most promising first, before a conflict is taken as it is."""
+"""Single faces tried without success before a conflict is accepted.
+
+Faces are tried in the order of their cost to the excess, least first.
+"""
 
 
 class Evidence(IntEnum):
-    """What proves a conflict; the numbers stand in records."""
+    """Kind of proof of a conflict; the numbers are stored in records."""
 
     MECHANISM = 0
-    """One mechanism over faces, weighed for all labellings that agree on the faces of the conflict."""
+    """One mechanism over faces, evaluated for all labellings with the labels of the conflict."""
 
     CUBE = 1
-    """A satisfiability solver, from other conflicts that are on record."""
+    """Answer of a satisfiability solver, derived from other conflicts on record."""
 
     BLOCKS = 2
-    """A mechanism of possible blocks (`jld_core.limit.BlockRelaxation`)."""
+    """Mechanism of possible blocks (`jld_core.limit.BlockRelaxation`)."""
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Velocities (q·free,), scaled, and the index of the load case under which they prove a conflict."""
+    """Mechanism that proves a conflict.
+
+    Attributes
+    ----------
+    case : int
+        Index of the load case.
+    velocity : (q · free,) float array
+        Scaled velocities of the free elements.
+    """
 
     case: int
     velocity: Floats
@@ -46,9 +56,25 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class Conflict:
-    """No labelling with `labels` (k,) on `faces` (k,) has a scaled λ above `bound`.
+    """Labels on some faces that no labelling above a scaled λ has together.
 
-    evidence: what proves it. mechanism: the proof, where the evidence is a mechanism that is still in memory.
+    Parameters
+    ----------
+    faces : (k,) int array
+        Faces of the conflict.
+    labels : (k,) bool array
+        Labels of those faces, True = dry.
+    bound : float
+        Scaled λ that no labelling with these labels exceeds.
+    evidence : Evidence
+        Kind of proof.
+    mechanism : Mechanism or None
+        The proof, where it is a mechanism that is still in memory.
+
+    Attributes
+    ----------
+    faces, labels, bound, evidence, mechanism
+        As the parameters.
     """
 
     faces: Ints
@@ -59,24 +85,39 @@ class Conflict:
 
     @property
     def closed(self) -> bool:
-        """Whether it follows from other conflicts alone."""
+        """Whether the conflict follows from other conflicts alone."""
         return self.evidence is Evidence.CUBE
 
     @property
     def name(self) -> tuple[bytes, bytes]:
-        """What tells it from others, whatever its bound."""
+        """Key of the conflict: its faces and labels as bytes, without its bound."""
         return self.faces.tobytes(), self.labels.tobytes()
 
 
 def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, threshold: float) -> Conflict | None:
-    """A conflict that the labelling is one example of; None where it may reach the threshold.
+    """Minimise one labelling to a conflict that refutes it.
 
-    labels: (m,) True dry. candidates: (m,) faces that may take either label. threshold: scaled λ.
+    Parameters
+    ----------
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation of the structure.
+    labels : (m,) bool array
+        Labels, True = dry.
+    candidates : (m,) bool array
+        Faces that may take either label.
+    threshold : float
+        Scaled λ that the labelling must not reach.
+
+    Returns
+    -------
+    Conflict or None
+        Conflict whose labels the labelling has; None where the labelling may reach the threshold.
     """
     decided = candidates.copy()
 
     def refuted(whole: bool = False) -> DualBound | None:
-        # a whole labelling that nothing refutes has to be evaluated; elsewhere a face less is freed, no more
+        # A complete labelling that is not refuted needs an evaluation, so only then is the relaxation solved
+        # thoroughly.
         undecided, thorough = candidates & ~decided, np.array([whole])
         return relaxation.refute_all(labels[None], undecided[None], np.array([threshold]), thorough)[0]
 
@@ -87,13 +128,13 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
     vain = 0
     while True:
         order = _order(found, decided)
-        # what the mechanism at hand can do without, all together
+        # free all faces whose total cost is below the excess of the current mechanism
         freed = order[np.cumsum(found.cost[order]) < found.excess]
         if freed.size:
             decided[freed] = False
             sent = refuted()
             if sent is None:
-                # the mechanism at hand proves this much whatever comes of the next solve
+                # the previous mechanism proves this conflict whatever the next solve gives
                 return _conflict(labels, decided, threshold, found)
             found = sent
             continue
@@ -112,11 +153,12 @@ def conflict_of(relaxation: AnyRelaxation, labels: Bits, candidates: Bools, thre
 
 
 def _conflict(labels: Bits, decided: Bools, bound: float, found: DualBound) -> Conflict:
+    """Return the conflict of the decided faces (m,) with the mechanism of a dual bound."""
     faces = np.flatnonzero(decided)
     return Conflict(faces, labels[faces], bound, mechanism=Mechanism(found.case, found.velocity))
 
 
 def _order(found: DualBound, decided: Bools) -> Ints:
-    """Decided faces in the order of what the mechanism would lose by them."""
+    """Return the decided faces, least cost to the excess of the mechanism first."""
     faces = np.flatnonzero(decided)
     return np.asarray(faces[np.argsort(found.cost[faces], kind="stable")])

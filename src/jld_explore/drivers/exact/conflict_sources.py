@@ -1,6 +1,7 @@
-"""Who hunts: this process, in two threads where there may be two and the batch solver solves; then a crew of other
-processes
-in its place, where there may be more, or where there is no batch solver.
+"""Choose where conflicts are generated: in this process, in its threads, or in workers.
+
+With the batch solver this process uses two threads where two are allowed. Worker processes replace the threads where
+more are allowed, or where there is no batch solver.
 """
 
 from __future__ import annotations
@@ -19,21 +20,48 @@ from jld_explore.evaluation import client_of_cluster
 from jld_explore.space import Range, SearchSpace
 
 SOLO_RELAXATIONS: Final = (8000, 1000)
-"""Relaxations after which others help, with the batch solver and without: about as long as it takes to start them."""
+"""Relaxations before worker processes start, with and without the batch solver.
+
+They take about as long as starting the processes.
+"""
 
 _THREADS: Final = 2
-"""Threads of this process that hunt: what a third draws at the same time falls for much the same reasons."""
+"""Largest number of threads that generate conflicts in this process.
+
+A third thread draws labellings that are mostly refuted for the same reasons at the same time.
+"""
 
 _LAST: Final = 0.5
-"""Seconds in which what others are at is still taken in at the end."""
+"""Time, s, for which results of the workers are still accepted at the end."""
 
 
 class ConflictSources:
-    """Conflicts of one formula after the other, by one process or several.
+    """Source of conflicts for one formula after another, in one process or several.
 
-    relaxation: of the space. blocks: listed. free: (m,) faces that may take either label. seed: of preferences. state:
-    of the proof, to which all that is found is added. alone: relaxations after which other processes help, 0: it is
-    left to them from the first; None: where they are of use. `solves`: relaxations that others solved.
+    Parameters
+    ----------
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation of the space.
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+    free : (m,) bool array
+        Faces that may take either label.
+    seed : int
+        Seed of the preferred labels.
+    state : ProofState
+        State of the proof, to which all results are added.
+    alone : int or None
+        Relaxations before worker processes start. 0: the workers solve from the first relaxation. None: start them
+        where they are useful.
+
+    Attributes
+    ----------
+    solves : int
+        Number of relaxations solved by the workers.
+    cube_workers : CubeWorkers or None
+        The worker processes, None until they start.
     """
 
     def __init__(
@@ -58,7 +86,7 @@ class ConflictSources:
         self.cube_workers: CubeWorkers | None = None
 
     def set_workers(self, jobs: int) -> None:
-        """How many processes may help; on a cluster its workers do, however many."""
+        """Set the number of worker processes; a connected cluster contributes all its workers."""
         self._jobs, self._away = jobs, client_of_cluster() is not None
         self._helped = jobs > 1 or self._away
         if jobs > 1 and self._threads is None and self._relaxation.many:
@@ -66,7 +94,17 @@ class ConflictSources:
             self._threads = ThreadedGenerator(*recipe, min(jobs, _THREADS), self._state)
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Go on with another formula. count: as `Formula` takes it; threshold: scaled λ."""
+        """Continue with another formula.
+
+        Parameters
+        ----------
+        formula : Formula
+            Formula of the labellings that are left.
+        count : int, Range or None
+            Count as in `Formula.aim`.
+        threshold : float
+            Scaled λ to refute.
+        """
         self._formula, self._count = formula, count
         self._generator.begin(formula)
         if self._threads is not None:
@@ -75,7 +113,7 @@ class ConflictSources:
             self.cube_workers.begin(formula, count, threshold)
 
     def end(self) -> None:
-        """Let go of the formula."""
+        """Drop the formula and stop generating conflicts for it."""
         self._formula = None
         if self._threads is not None:
             self._threads.end()
@@ -83,25 +121,25 @@ class ConflictSources:
             self.cube_workers.end()
 
     def pump(self) -> None:
-        """Keep the others at work while this process does something else."""
+        """Exchange results and tasks with the workers while this process does something else."""
         if self.cube_workers is not None:
             self.cube_workers.pump()
 
     def step(self, threshold: float) -> bool:
-        """Add a moment's findings to the state of the proof; return whether no labelling is left.
+        """Add the conflicts of a short time to the proof; return whether no labelling is left.
 
-        threshold: scaled λ, not lower than before in this formula.
+        `threshold` is a scaled λ, at least that of the call before with the same formula.
         """
         assert self._formula is not None
         if self.cube_workers is None and self._helped and self._is_time():
-            self._formula.learn(self._state.conflicts)  # threads have told formulas of their own
+            self._formula.learn(self._state.conflicts)  # threads add conflicts to formulas of their own only
             self.cube_workers = CubeWorkers(self._space, self._blocks, self._free, self._seed, self._jobs, self._state)
             self.cube_workers.begin(self._formula, self._count, threshold)
         if self.cube_workers is None:
             return self._near(threshold)
         self._formula.rise(threshold)
         self.cube_workers.pump()
-        # alone as long as none of the others is there
+        # this process also generates conflicts until a worker has started
         if not self.cube_workers.at_work and (self._alone != 0 or not self.cube_workers.expected):
             before = len(self._state.conflicts)
             exhausted = self._near(threshold)
@@ -119,12 +157,12 @@ class ConflictSources:
             self._formula.learn((), self._state.handed_over)
             if self._formula.next() is None:
                 return True
-            # what is left of a cube although it was closed is hunted again
+            # labellings left although their cube was closed are assigned again
             self.cube_workers.begin(self._formula, self._count, threshold)
         return exhausted
 
     def _near(self, threshold: float) -> bool:
-        """Let this process find conflicts; return whether no labelling is left."""
+        """Generate conflicts in this process; return whether no labelling is left."""
         if self._threads is not None:
             return self._threads.step(threshold)
         caught = self._generator.step(threshold)
@@ -133,14 +171,14 @@ class ConflictSources:
         return caught.exhausted
 
     def _is_time(self) -> bool:
-        """Whether other processes are of use by now."""
+        """Return True if worker processes should start now."""
         if self._alone is not None:
             return self._relaxation.solves >= self._alone
         others = self._away or self._jobs > _THREADS or not self._relaxation.many
         return others and self._relaxation.solves >= SOLO_RELAXATIONS[not self._relaxation.many]
 
     def close(self) -> None:
-        """Send the others home; what they had found is kept."""
+        """Stop threads and workers, and keep the results that arrive within `_LAST` seconds."""
         cube_workers, self.cube_workers = self.cube_workers, None
         self._helped = False
         if self._threads is not None:

@@ -1,4 +1,4 @@
-"""All conflicts of a proof, in memory and on record, and what they depend on."""
+"""Store the conflicts of a proof in memory and on record."""
 
 from __future__ import annotations
 
@@ -18,11 +18,17 @@ from jld_explore.evaluation import Records
 from jld_explore.space import SearchSpace
 
 _MOST_BYTES: Final = 500_000_000
-"""Memory for mechanisms, bytes; later conflicts go without, and are proven anew when the proof is checked."""
+"""Largest memory for mechanisms, bytes.
+
+Later conflicts are stored without their mechanism, and are proven again when the proof is checked.
+"""
 
 
 def key_of(templates: Sequence[Template], space: SearchSpace, blocks: PossibleBlocks | None) -> str:
-    """What conflicts depend on: the numbers of the programs, which faces are free, which blocks there can be."""
+    """Return a hash of all data that conflicts depend on.
+
+    The hash covers the numbers of the programs, the free faces, the symmetry group and the possible blocks.
+    """
     parts = [
         space.candidates.tobytes(),
         space.fixed.tobytes(),
@@ -38,13 +44,24 @@ def key_of(templates: Sequence[Template], space: SearchSpace, blocks: PossibleBl
 
 
 class LeastBounds:
-    """The least bound known of each conflict: one that comes again is of use where it comes with a smaller one."""
+    """Least known bound of each conflict.
+
+    A conflict that is found again is useful only with a smaller bound.
+    """
 
     def __init__(self) -> None:
         self._known: dict[tuple[bytes, bytes], float] = {}
 
     def lowered(self, conflict: Conflict, threshold: float = -math.inf) -> bool:
-        """Whether a conflict rules out what is not known to be ruled out above a threshold; it is from now on."""
+        """Record a conflict; return True if it refutes more than is known above a threshold.
+
+        Parameters
+        ----------
+        conflict : Conflict
+            The conflict.
+        threshold : float
+            Scaled λ below which a smaller bound does not matter.
+        """
         if self._known.get(conflict.name, math.inf) <= max(conflict.bound, threshold):
             return False
         self._known[conflict.name] = conflict.bound
@@ -52,10 +69,15 @@ class LeastBounds:
 
 
 class Conflicts:
-    """All conflicts of a proof, on the record of a study where there is one, so that it goes on where it was.
+    """All conflicts of a proof, saved in the records of a study so that the proof can resume.
 
-    Threads may add and read; `save` and `keep` belong to the thread that opened the record. A conflict is never taken
-    out again, except all together by `clear`.
+    Threads may add and read conflicts. Only the thread that opened the records may call `save` and `keep`. A single
+    conflict is never removed; `clear` removes all of them.
+
+    Parameters
+    ----------
+    faces : int
+        Number m of faces of a labelling.
     """
 
     def __init__(self, faces: int) -> None:
@@ -77,7 +99,7 @@ class Conflicts:
         return self._known[part]
 
     def keep(self, records: Records, key: str) -> None:
-        """Take in what is on record under a key, and put there what is added from now on."""
+        """Load the conflicts stored under a key, and save later conflicts to the same records."""
         rows = zip(*records.conflicts(key), strict=True)
         self._known = [
             Conflict(np.flatnonzero(on), labels[on], float(bound), Evidence(evidence))
@@ -89,7 +111,15 @@ class Conflicts:
         self._records = records
 
     def add(self, conflicts: Iterable[Conflict], threshold: float = -math.inf) -> int:
-        """Add conflicts, unless one is known that rules out the same above a scaled λ; return how many were added."""
+        """Add conflicts that refute more than is known; return how many were added.
+
+        Parameters
+        ----------
+        conflicts : iterable of Conflict
+            The conflicts.
+        threshold : float
+            Scaled λ below which a smaller bound does not matter.
+        """
         with self._lock:
             new = [one for one in conflicts if self._bounds.lowered(one, threshold)]
             for place, one in enumerate(new):
@@ -102,7 +132,7 @@ class Conflicts:
         return len(new)
 
     def save(self) -> None:
-        """Put on record what was added since the last time."""
+        """Write the conflicts added since the last call to the records."""
         new = self._known[self._saved :]
         self._saved += len(new)
         if self._records is not None and new:
@@ -113,7 +143,7 @@ class Conflicts:
             self._records.add_conflicts(decided, labels, bounds, [int(conflict.evidence) for conflict in new])
 
     def clear(self) -> None:
-        """Forget all conflicts, those on record too."""
+        """Forget all conflicts, in memory and on record."""
         with self._lock:
             self._known, self._bounds = [], LeastBounds()
             self._saved = self._mechanisms = 0

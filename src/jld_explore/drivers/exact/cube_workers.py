@@ -1,13 +1,13 @@
-"""A proof in several processes: the space is parted into cubes, and whoever is free hunts in the next.
+"""Cube-and-conquer proof: split the search space into cubes and refute them in workers.
 
-This process keeps the formula, the bound and the record. The others are lent a cube for a moment at a time
-(`exact.at_seat`), and bring back conflicts, which hold for the whole space and are told to all others, and labellings
-that nothing refutes. A cube without any labelling left is **closed**; one that lasts is parted in two, by the face
-that looks best (`exact.cubes`), as soon as there are too few for all. A process that dies takes nothing along but
-what it did in that moment: its cube is lent to another.
+This process keeps the formula, the bound and the records. Each worker receives a cube for a short time
+(`exact.worker_tasks`) and returns conflicts and labellings that no mechanism refutes. Conflicts hold for the whole
+space and are sent to all other workers. A cube without any labelling left is **closed**. A cube that lasts is split
+in two by the most promising face (`exact.cubes`) as soon as there are too few cubes for all workers. A worker that
+dies loses only its current task; another worker receives the cube.
 
-What is proven rests on what it rests on alone: conflicts are proven where they were found by the same code, and a
-closed cube is what a satisfiability solver says of a formula of such conflicts.
+The proof does not depend on the workers. Every conflict is proven by the same code wherever it is found. A closed
+cube is the answer of a satisfiability solver to a formula of such conflicts.
 """
 
 from __future__ import annotations
@@ -30,31 +30,37 @@ from jld_explore.evaluation import PoolWorker, WorkerPool
 from jld_explore.space import Range, SearchSpace
 
 MOMENT: Final = 0.3
-"""Seconds for which a cube is lent: sending takes a hundredth of that, and news are no older."""
+"""Time, s, that a worker spends on a cube per task.
+
+Sending a task takes 1 % of this time. The conflicts that a worker knows are at most this old.
+"""
 
 _AHEAD: Final = 2
-"""Cubes that a process has at a time: one where it hunts, and one to go on with at once."""
+"""Tasks that a worker holds at a time: one in progress and one to continue with at once."""
 
 _WAITING: Final = 2
-"""Cubes for each process there are to be at the least, while any lasts."""
+"""Least number of cubes per worker, counting assigned ones, while any cube can be split."""
 
 _LONG: Final = 20
-"""Moments after which a cube is parted in any case, so that a part of it may be closed, and on record."""
+"""Tasks on one cube after which the cube is split in any case.
+
+Parts of the cube may then be closed and saved.
+"""
 
 _FADING: Final = 0.999
-"""What a face's weight in conflicts is multiplied by at each conflict after."""
+"""Decay of the face scores per conflict, so that recent conflicts count most."""
 
 _PATIENCE: Final = 0.1
-"""Seconds this process waits at the most before it looks at the clock again."""
+"""Longest time, s, that this process waits for workers before the next deadline check."""
 
 
 _DEATHS: Final = (BrokenExecutor, CancelledError, OSError)
-"""What is raised where a process died; a cluster has its own."""
+"""Exceptions that a dead worker process raises; a cluster has its own ones."""
 
 
 @dataclass
 class _WorkerState:
-    """What a seat was told so far: orders, conflicts, labellings that are dealt with."""
+    """Numbers of tasks, conflicts and handed-over labellings that a worker has received."""
 
     orders: int = 0
     conflicts: int = 0
@@ -63,7 +69,10 @@ class _WorkerState:
 
 @dataclass(frozen=True)
 class _AssignedCube:
-    """A cube that is lent, how often it was before, in which step of the ladder, its count and threshold."""
+    """Cube assigned to a worker, with the number of earlier tasks on it and its target.
+
+    The target consists of the step, that is the number of the formula, the count and the scaled λ threshold.
+    """
 
     seat: PoolWorker
     cube: Cube
@@ -74,8 +83,29 @@ class _AssignedCube:
 
 
 class CubeWorkers:
-    """Processes that hunt in cubes. jobs: how many; on a cluster every worker instead. space, blocks, free, seed: of
-    the proof. state: of the proof, to which all that is found is added.
+    """Worker processes that refute cubes of the search space.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+    free : (m,) bool array
+        Faces that may take either label.
+    seed : int
+        Seed of the preferred labels.
+    jobs : int
+        Number of processes; a connected cluster contributes all its workers instead.
+    state : ProofState
+        State of the proof, to which all results are added.
+
+    Attributes
+    ----------
+    solves, closed : int
+        Numbers of relaxations solved and of cubes closed.
+    moments : list of float
+        Processor time of each task, s.
     """
 
     def __init__(
@@ -105,29 +135,47 @@ class CubeWorkers:
 
     @property
     def at_work(self) -> bool:
-        """Whether any process has answered, so that it is there."""
+        """Whether any worker has received more than one task.
+
+        With several workers the second task usually follows the first answer, so the worker has started.
+        """
         return any(told.orders > 1 for told in self._told.values())
 
     @property
     def expected(self) -> bool:
-        """Whether there are processes, or some are being started."""
+        """Whether there are workers, including those that are starting."""
         return len(self._seats) > 0
 
     def begin(self, formula: Formula, count: int | Range | None, threshold: float) -> None:
-        """Go on with another formula. count: as `Formula` takes it; threshold: scaled λ."""
+        """Continue with another formula.
+
+        Parameters
+        ----------
+        formula : Formula
+            Formula of the labellings that are left.
+        count : int, Range or None
+            Count as in `Formula.aim`.
+        threshold : float
+            Scaled λ to refute.
+        """
         self._formula, self._count, self._threshold = formula, count, threshold
         self._step += 1
         self._cubes = deque([(EVERYTHING, 0)])
 
     def end(self) -> None:
-        """Nothing more is to be hunted, until it begins again."""
+        """Drop all waiting cubes; no task is sent until `begin`."""
         self._formula = None
         self._cubes.clear()
 
     def step(self, threshold: float, *, idle: bool) -> bool:
-        """Add to the state of the proof what was found; return whether every cube is closed.
+        """Add results to the state of the proof; return whether every cube is closed.
 
-        threshold: scaled λ, not lower than before in this formula. idle: whether to wait for something.
+        Parameters
+        ----------
+        threshold : float
+            Scaled λ to refute, at least that of the call before with the same formula.
+        idle : bool
+            Whether to wait a short time for results if there are none.
         """
         self._threshold = threshold
         self.pump()
@@ -138,9 +186,9 @@ class CubeWorkers:
         return not self._cubes and not any(one.step == self._step for one in self._lent.values())
 
     def pump(self) -> None:
-        """Take what has been done, and lend what waits to those who are free."""
+        """Collect finished tasks and send waiting cubes to free workers."""
         for future in [future for future in self._lent if future.done()]:
-            if future in self._lent:  # what another says of a seat may take back all that it was lent
+            if future in self._lent:  # an earlier result may have returned all cubes of a lost worker
                 self._take(future, self._lent.pop(future))
         if self._formula is None:
             return
@@ -155,7 +203,7 @@ class CubeWorkers:
                 self._lend(seat, *self._cubes.popleft())
 
     def close(self, patience: float) -> None:
-        """Let all go, and keep what is found meanwhile. patience: seconds."""
+        """Stop all workers; keep results that arrive within `patience` seconds."""
         self.end()
         wait(list(self._lent), timeout=patience)
         self.pump()
@@ -165,11 +213,12 @@ class CubeWorkers:
     # --- cubes ------------------------------------------------------------------------------------------
 
     def _part(self) -> None:
-        """Part waiting cubes until there are enough."""
+        """Split waiting cubes until there are enough for all workers."""
         assert self._formula is not None
         enough = _WAITING * max(len(self._seats), 1) - len(self._lent)
         while len(self._cubes) < enough:
-            # what nobody has tried yet may be closed in a moment; the first one of all never is
+            # An untried cube may be closed quickly and is not split, except the whole space, which is never closed
+            # quickly.
             place = next((k for k, (cube, times) in enumerate(self._cubes) if times or cube == EVERYTHING), None)
             if place is None:
                 return
@@ -178,6 +227,7 @@ class CubeWorkers:
             self._cubes.extend((part, 0) for part in split_cube(cube, self._formula, self._weight))
 
     def _lend(self, seat: PoolWorker, cube: Cube, times: int) -> None:
+        """Send a cube to a worker, with the conflicts and labellings that the worker lacks."""
         told = self._told.setdefault(seat.name, _WorkerState())
         recipe = None
         if told.orders == 0:
@@ -199,7 +249,7 @@ class CubeWorkers:
         )
         try:
             future = seat.submit(run_task, order)
-        except Exception:  # whatever a pool says whose process has died
+        except Exception:  # the exception of a pool whose process died depends on the kind of pool
             self._cubes.appendleft((cube, times))
             self._seats.lose(seat)
             self._lost(seat)
@@ -209,7 +259,7 @@ class CubeWorkers:
         self._lent[future] = _AssignedCube(seat, cube, times, self._step, self._count, self._threshold)
 
     def _lost(self, seat: PoolWorker) -> None:
-        """Take back what was lent to a seat that is no more."""
+        """Return the cubes of a lost worker to the queue."""
         self._told.pop(seat.name, None)
         for future, one in list(self._lent.items()):
             if one.seat is seat:
@@ -217,21 +267,22 @@ class CubeWorkers:
                 self._return(one)
 
     def _return(self, one: _AssignedCube) -> None:
-        """A cube waits again, behind none; of an earlier step it is of no use."""
+        """Put a cube back at the front of the queue, unless its formula is no longer current."""
         if one.step == self._step and self._formula is not None:
             self._cubes.appendleft((one.cube, one.times))
 
     def _take(self, future: Future[TaskResult], one: _AssignedCube) -> None:
+        """Add the results of a finished task; close, split or requeue its cube."""
         try:
             answer = future.result()
-        except Exception as error:  # a process that was killed, a worker that left: each costs one moment
+        except Exception as error:  # a worker that was killed or left costs one task
             if not isinstance(error, _DEATHS) and not type(error).__module__.startswith("distributed"):
-                raise  # a task that broke
+                raise  # an error of the task itself
             self._return(one)
             self._seats.lose(one.seat)
             self._lost(one.seat)
             return
-        if answer.forgotten:  # another process at the same place, which is told all again
+        if answer.forgotten:  # a new process replaced the worker, so all data is sent again
             self._return(one)
             self._told.pop(one.seat.name, None)
             return
@@ -253,7 +304,10 @@ class CubeWorkers:
                 self._cubes.appendleft(again)
 
     def _close(self, one: _AssignedCube, answer: TaskResult) -> None:
-        """Nothing of a cube is left but what was passed; where that is nothing either it holds as a conflict does."""
+        """Exclude a closed cube from the formula, and state it as a conflict where that is valid.
+
+        The conflict is valid without a count and if no handed-over labelling, nor an image of one, lies in the cube.
+        """
         self.closed += 1
         faces, labels = np.array(one.cube.faces, dtype=np.int64), np.array(one.cube.labels, dtype=bool)
         if one.step == self._step and self._formula is not None:
@@ -264,6 +318,7 @@ class CubeWorkers:
             self._state.add_conflicts([Conflict(faces, labels, one.threshold, Evidence.CUBE)])
 
     def _weigh(self, conflict: Conflict) -> None:
+        """Increase the scores of the faces of a conflict, which decide where cubes are split."""
         self._gain /= _FADING
         self._weight[conflict.faces] += self._gain
         if self._gain > 1e100:

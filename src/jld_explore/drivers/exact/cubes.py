@@ -1,4 +1,4 @@
-"""Parts of a space that are refuted by themselves: labels that some faces have, and the face that parts one in two."""
+"""Cubes of a search space, given by labels of some faces, and the face that splits a cube."""
 
 from __future__ import annotations
 
@@ -14,33 +14,55 @@ if TYPE_CHECKING:
     from jld_explore.drivers.exact.formula import Formula
 
 _LOOKED_AT: Final = 16
-"""Faces that are looked ahead at before a cube is parted: those most in the conflicts of late."""
+"""Number of faces compared by unit propagation before a cube is split.
+
+The faces most frequent in recent conflicts are compared.
+"""
 
 
 @dataclass(frozen=True)
 class Cube:
-    """All labellings with `labels` (k,) on `faces` (k,), True dry."""
+    """Set of all labellings with `labels` (k,) on `faces` (k,), True = dry.
+
+    Attributes
+    ----------
+    faces : tuple of int
+        Faces.
+    labels : tuple of bool
+        Their labels, True = dry.
+    """
 
     faces: tuple[int, ...] = ()
     labels: tuple[bool, ...] = ()
 
     def and_face(self, face: int, *, dry: bool) -> Cube:
-        """The part of it with a label on one more face."""
+        """Return the part of the cube with a label on one more face."""
         return Cube((*self.faces, face), (*self.labels, dry))
 
     def holds(self, labels: Bits) -> bool:
-        """Whether a labelling (m,) is in it."""
+        """Return True if a labelling (m,) lies in the cube."""
         return bool((labels[list(self.faces)] == np.array(self.labels, dtype=bool)).all())
 
 
 EVERYTHING: Final = Cube()
+"""Cube of all labellings."""
 
 
 def split_cube(cube: Cube, formula: Formula, weight: Floats) -> Iterator[Cube]:
-    """Two parts of a cube, or what is left of it where unit propagation leaves one, or itself where no face is left.
+    """Yield the two parts of a cube.
 
-    The face is taken of which both labels say most about others: the product of what propagation derives from each.
-    weight: (m,) how much faces are in the conflicts of late.
+    The cube is split by the face with the largest product of numbers of literals that unit propagation derives from
+    each label. If propagation refutes a part, only the other part follows, or none. A cube without a further face is
+    returned itself.
+
+    Parameters
+    ----------
+    cube : Cube
+        Cube to split.
+    formula : Formula
+        Formula that propagates.
+    weight : (m,) float array
+        Scores of the faces, high for those of recent conflicts.
     """
     taken = set(cube.faces)
     order = np.argsort(-weight, kind="stable").tolist()

@@ -1,21 +1,22 @@
-"""The strongest segmentation, proven: labellings are refuted many at a time until none is left that could be better.
+"""Prove the strongest segmentation: refute labellings until none can be better.
 
-The driver asks a formula for labellings that nothing rules out yet. Where a mechanism proves that one is too weak,
-so are all labellings that agree with it where that mechanism needs them to: the conflict is added to the formula
-(`exact.hunting`). If none does, it is evaluated: it is better, or its own bracket says that it is not. When the
-formula has no model left, nothing is stronger than the λ it was made for, and the next is made for a lower one
-(`exact.ladder`), down to the best that is known, which annealing looks for before the proof and now and then beside it.
+The driver asks a formula for labellings that no clause rules out. A mechanism that proves one labelling too weak also
+refutes every labelling that agrees where the mechanism needs it. This conflict is added to the formula
+(`exact.conflict_generation`). A labelling that no mechanism refutes is evaluated: it is better, or its own bracket
+proves that it is not. A formula without a model proves that no labelling exceeds its λ. The next formula is made for
+a lower λ (`exact.target_schedule`), down to the best λ known. Annealing searches for better labellings before the
+proof and at intervals during it.
 
-Where blocks are so small that the relaxation by blocks bounds λ much closer than face by face, conflicts come from a
-branch and bound over blocks first (`exact.block_search`); the formula then says whether they leave anything. Where it
-is cheap it bounds all labellings before the first step, and any other proof that lasts asks it once for a bound, and
-for blocks that are ruled out (`exact.tightening`).
+For small blocks the block relaxation bounds λ much closer than the relaxation face by face. Conflicts then first come
+from a branch and bound over blocks (`exact.block_search`). The formula afterwards decides whether a labelling is
+left. Where the block relaxation is cheap it bounds all labellings before the first step. Any other long proof solves
+it later for a bound and for refuted blocks (`exact.block_bound_tightening`).
 
-What is trusted: limit analyses with their brackets, mechanisms whose work balance is computed here (`relaxation`,
-`block_relaxation`), and a satisfiability solver. No tolerance of an optimiser enters the proof.
+The proof relies on limit analyses with their brackets, on mechanisms whose work balance is computed here
+(`relaxation`, `block_relaxation`), and on a satisfiability solver. No tolerance of an optimiser enters the proof.
 
-Spaces that have no formula or no relaxation (limits on a count that is no sum of ones, blocks to be counted where they
-are too many to be listed) are enumerated, which proves the same.
+Spaces without a formula or a relaxation are enumerated, which proves the same. They have limits on a count that is no
+sum of ones, or limits on the number of blocks where the blocks are too many to list.
 """
 
 from __future__ import annotations
@@ -48,25 +49,61 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _STEP: Final = 0.5 * tolerances.PROVEN
-"""How far above the incumbent, relative, labellings are looked for: half of what counts as proven."""
+"""Relative distance above the best λ known at which labellings are sought.
+
+It is half of `tolerances.PROVEN`, the relative difference that counts as proven.
+"""
 
 _PATIENCE: Final = (6000, 500)
-"""Conflicts after which a bound is lowered in smaller steps, with the batch solver and without: a few seconds."""
+"""Conflicts before the bound is lowered in smaller steps, with and without batch solver.
+
+Finding so many conflicts takes a few seconds.
+"""
 
 
 _COMPARED: Final = 300
-"""Strongest evaluated layouts that are held against all conflicts when a proof ends."""
+"""Number of the strongest labellings compared with all conflicts at the end of a proof."""
 
 
 class Exact(ConflictDriver):
-    """Proof by conflicts.
+    """Driver that proves the largest λ of a search space, or the front of a count.
 
-    aim: "best", or "front": the best for every value of the scene's count. search: labellings evaluated before the
-    proof, for each face that can change. by_blocks: search a tree of block choices first, "auto": where that promises
-    more than conflicts of faces. list_blocks: list the blocks there can be, where they are few enough. step_after:
-    conflicts after which a bound is lowered in smaller steps, so that a proof too long to finish leaves a narrower gap;
-    None for a few seconds' worth. programs: solved at the most before it comes back as for lack of time. alone:
-    relaxations after which other processes help, where there are any, 0: it is left to them; None for a second's worth.
+    The proof rests on conflicts: labels that no labelling above some λ has together.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    aim : {"best", "front"}
+        Prove the largest λ, or the largest λ for every value of the count of the scene.
+    search : int
+        Labellings evaluated before the proof, per face that can change.
+    by_blocks : {"auto", "on", "off"}
+        Whether to search a tree of block choices first; "auto": where it promises more than conflicts of faces.
+    list_blocks : bool
+        Whether to list the possible blocks where they are few enough.
+    step_after : int, optional
+        Conflicts after which the bound is lowered in smaller steps. A proof too long to finish then leaves a narrower
+        gap. Default: as many as take a few seconds.
+    programs : int, optional
+        Number of programs after which the driver stops as if the deadline had passed. Default: no limit.
+    alone : int, optional
+        Relaxations after which other processes help where they are allowed; 0: from the start. Default: as many as
+        take about a second.
+
+    Attributes
+    ----------
+    aim : str
+        As the parameter.
+    found : dict
+        Best labelling and bound (`Best`) for each count; key None for all labellings.
+
+    Raises
+    ------
+    InputError
+        If cells may be left out of the structure, or the count of the front has no exact front.
     """
 
     def __init__(
@@ -116,17 +153,21 @@ class Exact(ConflictDriver):
 
     @property
     def settings(self) -> dict[str, Any]:
+        """Options that the sequence of proposals depends on; see `Driver.settings`."""
         return {"aim": self.aim}
 
     @property
     def relaxations(self) -> int:
-        """See `ConflictDriver.relaxations`."""
+        """Number of relaxations solved, including those by blocks."""
         by_blocks = sum(part.solves for part in (self._by_blocks, self._tightening) if part is not None)
         return super().relaxations + by_blocks
 
     @property
     def bound(self) -> float | None:
-        """Proven upper bound on λ over the whole space, scene units; None where there is none yet, or none any more."""
+        """Proven upper bound on λ over the whole space, scene units; None if there is none.
+
+        The bound is also None after the proof was given up or failed its check.
+        """
         if self._given_up or (self._proof_check is not None and not self._proof_check.passed):
             return None
         best = self.found[None]
@@ -134,18 +175,18 @@ class Exact(ConflictDriver):
 
     @property
     def finished(self) -> bool:
-        """All that was aimed at is proven, and the proof passed its check."""
+        """Whether everything aimed at is proven and the proof passed its check."""
         return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
-        """See `Driver.working`."""
+        """Whether targets are left and the proof is not given up; see `Driver.working`."""
         if self._everything is not None:
             return self._everything.working
         return bool(self._targets) and not self._given_up
 
     def facts(self, results: pd.DataFrame, complete: bool) -> dict[str, Any]:
-        """See `Driver.facts`: what the proof took, and the front where that was aimed at."""
+        """Return the cost of the proof, and the front if it is the aim; see `Driver.facts`."""
         found = super().facts(results, complete)
         if self._count is not None:
             enumerated = self._everything is not None
@@ -156,12 +197,12 @@ class Exact(ConflictDriver):
         return found
 
     def withdraw(self, reason: str) -> None:
-        """See `Driver.withdraw`."""
+        """Forget all conflicts and bounds and start the proof again; see `Driver.withdraw`."""
         super().withdraw(reason)
         self._forget_bounds()
 
     def _forget_bounds(self) -> None:
-        """Begin the proof again at its first target, with what was evaluated."""
+        """Restart the proof at its first target, keeping the evaluations."""
         low = self._incumbents.best(None)
         self.found = {None: Best(None, low if math.isfinite(low) else math.nan, math.inf, self._floor)}
         self._targets = [] if self._given_up else [None]
@@ -172,13 +213,13 @@ class Exact(ConflictDriver):
             self._by_blocks.abandon()
 
     def set_workers(self, jobs: int) -> None:
-        """See `Driver.set_workers`: they refute parts of the space."""
+        """Set the number of workers that refute parts of the space; see `Driver.set_workers`."""
         super().set_workers(jobs)
         if self._by_blocks is not None:
             self._by_blocks.set_workers(jobs)
 
     def close(self) -> None:
-        """See `Driver.close`."""
+        """Stop all workers and save the conflicts; see `Driver.close`."""
         if self._by_blocks is not None:
             self._by_blocks.close()
         super().close()
@@ -186,6 +227,10 @@ class Exact(ConflictDriver):
     # --- ask and tell -----------------------------------------------------------------------------------
 
     def ask(self, limit: int | None = None) -> Bits:
+        """Return the next labellings (k, m) to evaluate; see `Driver.ask`.
+
+        When nothing is left to prove this method checks the proof.
+        """
         if self._everything is not None:
             return self._everything.ask(limit)
         if self._sources is not None:
@@ -197,7 +242,7 @@ class Exact(ConflictDriver):
             else:
                 self._waiting = self._pursue(self._targets[0])
         if self._none_asked and not len(self._waiting) and not self._incumbents:
-            self._waiting = self._search.ask(1)  # however late it is: there is something to show
+            self._waiting = self._search.ask(1)  # even after the deadline, so that the study has one result
         given = self._given(limit)
         self._none_asked &= not len(given)
         if not len(given) and not self._targets and self._proof_check is None and not self._given_up:
@@ -208,6 +253,7 @@ class Exact(ConflictDriver):
         return given
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m); see `Driver.tell`."""
         if self._everything is not None:
             self._everything.tell(labellings, evaluations)
             return
@@ -216,6 +262,7 @@ class Exact(ConflictDriver):
         self._learn(labellings, evaluations)
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations and raise the best λ of each target."""
         self._incumbents.learn(labellings, evaluations)
         for target, best in self.found.items():
             low = self._incumbents.best(target)
@@ -224,16 +271,21 @@ class Exact(ConflictDriver):
 
     @property
     def _late(self) -> bool:
+        """Whether the deadline has passed or `programs` programs are solved."""
         return super()._late or (self._programs is not None and self.relaxations >= self._programs)
 
     def _late_after_heartbeat(self) -> bool:
+        """Report progress, then return whether time is up."""
         self._heartbeat()
         return self._late
 
     # --- one target -------------------------------------------------------------------------------------
 
     def _pursue(self, target: int | None) -> Bits:
-        """Go on with a target: labellings to be evaluated, (k, m), or none when it is settled or time is up."""
+        """Work on a target; return labellings (k, m) to evaluate.
+
+        No labelling is returned if the target is settled or time is up.
+        """
         assert self._by_blocks is not None
         assert self._sources is not None
         if not self._begun:
@@ -283,7 +335,7 @@ class Exact(ConflictDriver):
         return self._none
 
     def _tighten(self, tightening: BlockBoundTightening | None) -> bool:
-        """Have the relaxation by blocks bound all labellings, where its time has come; whether it has."""
+        """Bound all labellings by the block relaxation if that is due; return whether it was."""
         low, high = self.least(None) / self._scale, self.found[None].bound / self._scale
         if tightening is None or not math.isfinite(high) or not tightening.due(self.relaxations, low):
             return False
@@ -295,29 +347,33 @@ class Exact(ConflictDriver):
         return True
 
     def _bound_all(self, bound: float, evidence: Evidence, mechanism: Mechanism | None = None) -> None:
-        """State a bound on all labellings, scaled λ, as a conflict of no faces."""
+        """State a bound on all labellings, scaled λ, as a conflict without faces."""
         if bound != math.inf:
             nothing = np.empty(0, dtype=np.int64)
             self._state.add_conflicts([Conflict(nothing, nothing.astype(bool), bound, evidence, mechanism)])
 
     def _keep_open_nodes(self) -> None:
-        """State the bound of every open node of the tree of blocks as a conflict."""
+        """State the bound of every open node of the block tree as a conflict."""
         if self._by_blocks is not None and self._by_blocks.active:
             self._state.add_conflicts(self._by_blocks.open_conflicts)
 
     def prove_by_faces(self) -> None:
-        """Do without what a certificate cannot say: a bound that mechanisms of blocks prove together."""
+        """Do without bounds from the block relaxation, which a certificate cannot express.
+
+        Call this method before the search.
+        """
         self._by_more_than_faces = False
         if self._tightening is not None:
             self._tightening.leave()
 
     def _add(self, conflict: Conflict) -> None:
+        """Add a conflict to the state of the proof and to the formula."""
         assert self._formula is not None
         self._state.add_conflicts([conflict])
         self._formula.forbid(conflict.faces, conflict.labels, conflict.bound)
 
     def _choose(self, search: BlockSearch, threshold: float) -> Bits:
-        """Go on with the tree of block choices: a labelling to be evaluated, (1, m), or none."""
+        """Take one step of the block tree; return the labellings (k, m) to evaluate."""
         assert self._formula is not None
         assert self._relaxation is not None
         self._formula.rise(threshold / self._scale)
@@ -326,7 +382,7 @@ class Exact(ConflictDriver):
             self._add(conflict)
         self._state.conflicts.save()
         if step.whole is not None and self._formula.next(np.arange(len(step.whole)), step.whole) is None:
-            return self._none  # the tree knows nothing of counts, nor of laying
+            return self._none  # the tree ignores limits on counts and assembly sequences
         if step.whole is not None:
             fallen = conflict_of(self._relaxation, step.whole, self._free, threshold / self._scale)
             if fallen is None:
@@ -342,14 +398,20 @@ class Exact(ConflictDriver):
         return self._to_evaluate()
 
     def least(self, target: int | None) -> float:
-        """λ that a labelling must exceed to be worth finding, scene units."""
+        """Return the λ that a labelling must exceed to count as better, scene units.
+
+        Parameters
+        ----------
+        target : int or None
+            Value of the count; None for all labellings.
+        """
         low = self._incumbents.best(target)
         return low + _STEP * max(abs(low), self._floor) if math.isfinite(low) else 0.0
 
     def _root(self) -> float:
-        """Bound on all labellings at once, scene units."""
+        """Return a bound on all labellings from one relaxation, scene units; inf if there is none."""
         assert self._relaxation is not None
-        # candidates that no possible block contains are dry whatever the scene's own label
+        # candidates outside every possible block are dry whatever the label of the scene
         labels = self.space.fixed | (self.space.candidates & ~self._free)
         found = self._relaxation.least_bound(labels, self._free)
         if found is None:
@@ -358,7 +420,7 @@ class Exact(ConflictDriver):
         return found.bound * self._scale
 
     def _begin(self, target: int | None) -> None:
-        """Aim at what is left at the next step down."""
+        """Aim the formula at the next λ of a target."""
         assert self._by_blocks is not None
         assert self._sources is not None
         low = self.least(target)
@@ -370,7 +432,10 @@ class Exact(ConflictDriver):
         self._sources.begin(formula, target, self._aimed / self._scale)
 
     def _lower(self, target: int | None, bound: float) -> None:
-        """Lower a bound on all but the labellings that no mechanism ruled out; those have bounds of their own."""
+        """Lower the bound of a target, but not below the brackets of labellings handed over.
+
+        No mechanism refutes those labellings, so only their own brackets bound them.
+        """
         for labels in self._state.handed_over:
             bound = max(bound, self._incumbents.high(labels, target))
         best = self.found[target]
@@ -378,7 +443,7 @@ class Exact(ConflictDriver):
             self.found[target] = replace(best, bound=bound)
 
     def _settle(self, target: int | None) -> None:
-        """Close a target; the best labelling of all says which counts are worth a look."""
+        """Close a target; after the first target of a front add one target per value of the count."""
         best = self.found[target]
         if math.isnan(best.load_factor) and best.bound <= 0.0:
             self.found[target] = best = replace(best, bound=-math.inf)

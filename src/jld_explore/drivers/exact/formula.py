@@ -1,14 +1,15 @@
-"""The labellings of a search space as the models of a formula, less those that conflicts rule out.
+"""Boolean formula of the labellings of a search space that no conflict rules out.
 
-One variable y_f per candidate face, true where it is inner. Where blocks are few enough to be listed, one more x_p
-per possible block: each element is in a chosen block, and a chosen block says the labels of all faces inside and
-around it, so that two blocks that overlap contradict each other. Else slits and sizes are ruled out as they occur:
-a slit by the inner faces that join its sides, a block too large by a tree of faces in it, one too small by the faces
-around it. Counts are cardinality constraints.
+The formula has one variable y_f per candidate face, true where the face is inner. If the possible blocks are few
+enough to be listed, it has one more variable x_p per possible block. Each element is then in a chosen block. A chosen
+block fixes the labels of all faces inside and around it, so overlapping blocks contradict each other. Otherwise slits
+and limits on blocks are ruled out as they occur. The clause of a slit names the inner faces that join its sides; that
+of a block too large a tree of inner faces in the block; that of a block too small the faces around it. Counts are
+cardinality constraints.
 
-One formula lasts for a whole proof, whatever λ it aims at next and with whatever count (`Formula.aim`), so that what
-the solver learns on the way is learnt once: the count of the front has a unary number whose digits are assumed, and
-what holds above some λ alone is guarded by a literal that is assumed where all that is looked for exceeds it.
+One formula serves a whole proof, whatever the λ and count (`Formula.aim`), so the solver keeps its learnt clauses.
+The count of the front is a unary number whose digits are assumed. Clauses that hold only above some λ are guarded by
+an assumption literal.
 """
 
 from __future__ import annotations
@@ -30,14 +31,35 @@ from jld_explore.drivers.exact.unary_counter import UnaryCounter
 from jld_explore.space import Count, Range, SearchSpace, blocks_of, canonical, count_named
 
 _SOLVER: Final = "minisat22"
-"""It takes preferences anew before every draw, and lets go of the interpreter while it solves."""
+"""Satisfiability solver of the search.
+
+It accepts new preferred labels before every call, and releases the interpreter lock while it solves.
+"""
 
 
 class Formula:
-    """Labellings one after the other, each a model of all clauses so far.
+    """Boolean formula whose models are the labellings that no clause rules out.
 
-    space: what is searched. blocks: its possible blocks, None where they are not listed. solver: name of the
-    satisfiability solver, as the package python-sat has it.
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks of the space; None where they are not listed.
+    solver : str
+        Name of a satisfiability solver in the package python-sat.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        As the parameter.
+    blocks : PossibleBlocks or None
+        As the parameter.
+
+    Raises
+    ------
+    ValueError
+        If a limited count is no sum of ones, or counts blocks that are not listed.
     """
 
     def __init__(self, space: SearchSpace, blocks: PossibleBlocks | None, solver: str = _SOLVER) -> None:
@@ -66,7 +88,15 @@ class Formula:
             self.forbid(lock.faces, lock.labels)
 
     def aim(self, threshold: float, count: int | Range | None = None) -> None:
-        """Look for labellings above a scaled λ from now on, with a count of the front or bounds on it; None for any."""
+        """Seek labellings above a scaled λ from now on, and drop what was set aside.
+
+        Parameters
+        ----------
+        threshold : float
+            Scaled λ that labellings must exceed.
+        count : int, Range or None
+            Value of the count of the front, or bounds on it; None for any value.
+        """
         if self._aside is not None:
             self._solver.add_clause([-self._aside])
             self._aside = None
@@ -78,16 +108,22 @@ class Formula:
         self._assumption_literals.aim(threshold)
 
     def rise(self, threshold: float) -> None:
-        """Look for labellings above a scaled λ that is no lower than before, and for the same otherwise."""
+        """Raise the scaled λ that labellings must exceed; a lower threshold has no effect."""
         if threshold > self._assumption_literals.threshold:
             self._assumption_literals.aim(threshold)
 
     def possible(self, faces: Iterable[int], labels: Iterable[bool]) -> bool:
-        """Whether any labelling is left with these labels (k,) on these faces (k,); slits, sizes and locks apart."""
+        """Return True if the clauses admit labels (k,) on faces (k,).
+
+        Slits, limits on blocks and locks that no clause rules out yet are ignored.
+        """
         return self._solve(self._assumed + self._literals(faces, labels))
 
     def derived(self, faces: Iterable[int], labels: Iterable[bool]) -> int | None:
-        """How much unit propagation derives from labels (k,) on faces (k,); None: a contradiction."""
+        """Count the literals that unit propagation derives from labels (k,) on faces (k,).
+
+        Literals that hold without these labels do not count. None means a contradiction.
+        """
         assumed = self._assumed
         wanted = self._literals(faces, labels)
         _, known = self._solver.propagate(assumptions=assumed)
@@ -97,16 +133,26 @@ class Formula:
     def next(
         self, faces: Iterable[int] = (), labels: Iterable[bool] = (), preferred: Bits | None = None
     ) -> Bits | None:
-        """A labelling (m,) in the space that nothing rules out; None where there is none left.
+        """Return a labelling of the space that no clause rules out.
 
-        faces, labels: (k,) what it is to have. preferred: (m,) what it had better have, True dry.
+        Parameters
+        ----------
+        faces, labels : (k,) iterables of int and bool
+            Faces and the labels they must have, True = dry.
+        preferred : (m,) bool array, optional
+            Labels that the solver tries first, True = dry.
+
+        Returns
+        -------
+        (m,) bool array or None
+            Labels, True = dry; None if no labelling is left.
         """
         wanted = self._assumed + self._literals(faces, labels)
         if preferred is not None:
             signs = np.where(preferred[self._candidates], -1, 1)
             self._solver.set_phases((signs * self._inner[self._candidates]).tolist())
         while self._solve(wanted):
-            # variables that no clause names yet may be left out, and are free
+            # variables in no clause may be missing from the model and are free
             inner = {v for v in self._solver.get_model() if 0 < v <= self._candidates.size}
             labels = self.space.fixed.copy()
             labels[self._candidates] = [v not in inner for v in range(1, self._candidates.size + 1)]
@@ -118,32 +164,48 @@ class Formula:
         return None
 
     def _solve(self, wanted: list[int]) -> bool:
+        """Return True if the formula has a model under these assumptions."""
         if not self._interruptible:
             return bool(self._solver.solve(assumptions=wanted))
-        # what may be interrupted runs without the interpreter's lock; nobody does interrupt it
+        # solve_limited releases the interpreter lock; nothing interrupts it
         return bool(self._solver.solve_limited(assumptions=wanted, expect_interrupt=True))
 
     def _literals(self, faces: Iterable[int], labels: Iterable[bool]) -> list[int]:
+        """Return the literals of labels (k,) on those of the faces (k,) that are candidates."""
         pairs = zip(faces, labels, strict=True)
         return [int(self._inner[f]) * (-1 if dry else 1) for f, dry in pairs if self._inner[f] > 0]
 
     def forbid(self, faces: Iterable[int], labels: Iterable[bool], bound: float = -math.inf) -> None:
-        """Rule out all labellings with these labels (k,) on these faces (k,), and their images.
+        """Rule out all labellings with labels (k,) on faces (k,), and their images under symmetry.
 
-        bound: scaled λ that they do not exceed; where it is aimed lower they are not ruled out.
+        Parameters
+        ----------
+        faces, labels : (k,) iterables of int and bool
+            Faces and their labels, True = dry.
+        bound : float
+            Scaled λ that those labellings do not exceed. They stay possible while the formula aims at a lower λ. −inf
+            rules them out always.
         """
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
         self._assumption_literals.hold(pairs, bound)
 
     def learn(self, conflicts: Iterable[Conflict], passed: Iterable[Bits] = ()) -> None:
-        """Rule out what conflicts do, wherever their bounds allow, and labellings (m,) that are dealt with."""
+        """Rule out conflicts above their bounds, and labellings that need no further treatment.
+
+        Parameters
+        ----------
+        conflicts : iterable of Conflict
+            Conflicts.
+        passed : iterable of (m,) bool array
+            Labellings that were handed over or evaluated.
+        """
         for conflict in conflicts:
             self.forbid(conflict.faces, conflict.labels, conflict.bound)
         for labels in passed:
             self.forbid(np.arange(len(labels)), labels)
 
     def set_aside(self, faces: Iterable[int], labels: Iterable[bool]) -> None:
-        """The same until something else is aimed at."""
+        """Rule out labels (k,) on faces (k,), and their images, until the next call of `aim`."""
         if self._aside is None:
             self._aside = self._new()
         pairs = tuple((int(f), bool(dry)) for f, dry in zip(faces, labels, strict=True) if self._inner[f] > 0)
@@ -151,19 +213,26 @@ class Formula:
 
     @property
     def _assumed(self) -> list[int]:
+        """Literals to assume: threshold, count, and what is set aside."""
         return self._assumption_literals.assumed + self._counted + ([] if self._aside is None else [self._aside])
 
     def _new(self) -> int:
+        """Create a variable."""
         self._top += 1
         return self._top
 
     def _rule_out(self, pairs: tuple[tuple[int, bool], ...], unless: tuple[int, ...]) -> None:
+        """Add the clause that forbids labels on faces unless a literal of `unless` is true.
+
+        The same clause is added for each image of the faces under symmetry.
+        """
         for image in self._images:
             self._solver.add_clause([*unless, *(int(self._inner[image[f]]) * (1 if dry else -1) for f, dry in pairs)])
 
     # --- what a segmentation is -------------------------------------------------------------------------
 
     def _list(self, blocks: PossibleBlocks) -> None:
+        """Add variables and clauses of the possible blocks."""
         graph = self.space.graph
         around: dict[int, set[int]] = {}
         for face, (a, b) in enumerate(zip(graph.a.tolist(), graph.b.tolist(), strict=True)):
@@ -184,7 +253,7 @@ class Formula:
             self._solver.add_clause(variables)
 
     def _terms(self, count: Count) -> tuple[list[int], int]:
-        """Literals that a count is the number of, of those that are true, and what it is besides."""
+        """Return the literals whose true ones a count adds up, and the constant part of the count."""
         if count.terms is None:
             raise ValueError(f"{count.name} is no sum of ones")
         terms, space = count.terms(self.space.assembly), self.space
@@ -197,7 +266,10 @@ class Formula:
         return literals, more
 
     def _begun(self) -> list[int]:
-        """A variable per free element: whether it is the first of a block, so that of all a block there is one."""
+        """Return one variable per free element: true if a chosen block has it as first element.
+
+        The number of true variables is the number of blocks.
+        """
         if self.blocks is None:
             raise ValueError("blocks can be counted where they are listed only")
         if not self._first:
@@ -211,6 +283,7 @@ class Formula:
         return self._first
 
     def _between(self, count: Count, bounds: Range) -> None:
+        """Add the cardinality constraints that keep a count within bounds."""
         literals, more = self._terms(count)
         low = 0 if bounds.low is None else int(bounds.low) - more
         high = len(literals) if bounds.high is None else int(bounds.high) - more
@@ -224,7 +297,7 @@ class Formula:
                 self._solver.append_formula(found.clauses)
 
     def _number(self) -> UnaryCounter:
-        """The count of the front, made when it is first asked for."""
+        """Return the unary counter of the count of the front, created at the first call."""
         if self._counter is None:
             literals, more = self._terms(count_named(self.space.search.front.axes[0][0]))
             self._counter = UnaryCounter(literals, more, self._top)
@@ -235,14 +308,17 @@ class Formula:
     # --- what is ruled out as it occurs -----------------------------------------------------------------
 
     def _locked(self, labels: Bits) -> list[tuple[Ints, Bits]]:
-        """Labels (k,) on faces (k,) by which a labelling cannot be laid, or which no image of them has."""
+        """Return labels (k,) on faces (k,) that make a labelling impossible to assemble, if any.
+
+        The lock is found for the canonical image of the labelling.
+        """
         if self.space.laying is None:
             return []
         lock = self.space.laying.lock(canonical(labels[None], self.space.group)[0])
         return [] if lock is None else [(lock.faces, lock.labels)]
 
     def _broken(self, labels: Bits) -> list[tuple[Ints, Bits]]:
-        """Labels (k,) on faces (k,) of this labelling that no labelling in the space has together."""
+        """Return labels (k,) on faces (k,) of a labelling that break rules of the space."""
         blocks = blocks_of(self.space.graph, labels)
         graph, found = self.space.graph, []
         if self.space.search.segmentation:
@@ -260,7 +336,7 @@ class Formula:
                 border = np.flatnonzero((blocks[graph.a] == name) != (blocks[graph.b] == name))
                 found.append((border, np.ones(len(border), dtype=bool)))
             elif large or self._limits.misshapen(members):
-                # this very block: all that is inside it inner, all around it dry
+                # exclude exactly this block: all faces inside it inner, all around it dry
                 touched = np.flatnonzero((blocks[graph.a] == name) | (blocks[graph.b] == name))
                 found.append((touched, labels[touched]))
         return found

@@ -1,4 +1,4 @@
-"""What is known of the labellings that were evaluated, and the best of them with each count."""
+"""Bounds of the evaluated labellings, the best of them for each count, and when to anneal."""
 
 from __future__ import annotations
 
@@ -15,21 +15,34 @@ from jld_explore.evaluation import Evaluation
 from jld_explore.space import Count, SearchSpace, values_of
 
 _EACH: Final = 4000
-"""Relaxations after which annealing is given another chance for the first time; later after twice as many as before."""
+"""Relaxations before annealing first runs during a proof; the interval then doubles."""
 
 _SHARE: Final = (0.025, 0.15)
-"""Labellings annealed then for each relaxation since, with the batch solver and without: some 10 to 15 % of the
-time."""
+"""Labellings annealed per relaxation since the last run, with and without batch solver.
+
+Annealing then takes some 10 to 15 % of the time.
+"""
 
 _LASTING: Final = 60_000
+"""Number of relaxations from which a proof counts as long."""
 _LATER: Final = 0.06
-"""Relaxations by which a proof is one of those that last, and the share from then on: there a relaxation takes half as
-long as a labelling (0.24 and 0.5 ms of the crushable arch), in small walls a seventh."""
+"""Least number of labellings annealed per relaxation in a long proof.
+
+There a relaxation takes half as long as the evaluation of a labelling (0.24 and 0.5 ms for the crushable arch), in
+small walls a seventh.
+"""
 
 
 class HeuristicSchedule:
-    """When annealing has another chance beside a proof. quick: the batch solver solves relaxations; never: not at
-    all."""
+    """Schedule for interleaving annealing with the proof.
+
+    Parameters
+    ----------
+    quick : bool
+        Whether the batch solver solves the relaxations.
+    never : bool
+        Whether to do without annealing.
+    """
 
     def __init__(self, *, quick: bool, never: bool) -> None:
         self._share = _SHARE[not quick]
@@ -37,7 +50,10 @@ class HeuristicSchedule:
         self._last = 0
 
     def due(self, relaxations: int) -> int:
-        """Labellings to be annealed now, 0 until it is time again. relaxations: solved so far."""
+        """Return the number of labellings to anneal now, 0 if annealing is not due.
+
+        `relaxations` is the number of relaxations solved so far.
+        """
         since = relaxations - self._last
         if since < self._again:
             return 0
@@ -46,7 +62,15 @@ class HeuristicSchedule:
 
 
 class Incumbents:
-    """Bounds of labellings that were evaluated. count: by which the best are told apart, None for the best of all."""
+    """Bounds of all evaluated labellings, and the best λ for each value of a count.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    count : Count or None
+        Count that distinguishes the targets; None for a single target.
+    """
 
     def __init__(self, space: SearchSpace, count: Count | None) -> None:
         self._space, self._count = space, count
@@ -54,7 +78,7 @@ class Incumbents:
         self._best: dict[int | None, float] = {}
 
     def learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Take in evaluations of labellings (k, m)."""
+        """Record the bounds of evaluated labellings (k, m)."""
         number = [0] * len(labellings)
         if self._count is not None:
             number = values_of(self._count, self._space.assembly, labellings, self._space.graph).tolist()
@@ -64,7 +88,7 @@ class Incumbents:
             if found.status in (Status.UNCERTIFIED, Status.FAILED):
                 high = found.high if math.isfinite(found.high) else math.inf
             if math.isfinite(found.zero_dilation):
-                # there may be other solutions without dilation; the associative λ bounds them all
+                # other solutions without dilation may exist; the associative λ bounds all of them
                 high = max(high, found.associative * (1.0 + tolerances.PROVEN))
             self._known[np.packbits(labels).tobytes()] = (low, high, count)
             for target in (None, count):
@@ -75,11 +99,14 @@ class Incumbents:
         return bool(self._known)
 
     def __contains__(self, labels: Bits) -> bool:
-        """Whether a canonical labelling (m,) was evaluated."""
+        """Return True if a canonical labelling (m,) was evaluated."""
         return np.packbits(labels).tobytes() in self._known
 
     def strongest(self, count: int) -> tuple[Bits, Floats]:
-        """Layouts (k, m) of the largest proven λ, at most `count`, and that λ (k,), scene units."""
+        """Return the labellings (k, m) with the largest proven λ, and that λ (k,), scene units.
+
+        `count` is the largest number of labellings.
+        """
         stands = [(low, key) for key, (low, _, _) in self._known.items() if math.isfinite(low)]
         stands.sort(key=lambda one: (-one[0], one[1]))
         faces = len(self._space.fixed)
@@ -88,10 +115,17 @@ class Incumbents:
         return rows, np.array([low for low, _ in stands[:count]])
 
     def best(self, target: int | None) -> float:
-        """Largest proven λ with a count, or of all; −inf where there is none."""
+        """Return the largest proven λ, scene units, for a value of the count or None for all.
+
+        The value is −inf if no labelling has a proven λ.
+        """
         return self._best.get(target, -math.inf)
 
     def high(self, labels: Bits, target: int | None) -> float:
-        """λ that a canonical labelling (m,) does not exceed; −inf where it has another count than the target's."""
+        """Return the λ, scene units, that a canonical labelling (m,) does not exceed.
+
+        The value is inf for a labelling without evaluation, and −inf where `target` is another count than that of the
+        labelling.
+        """
         _, high, count = self._known.get(np.packbits(labels).tobytes(), (-math.inf, math.inf, target))
         return high if target is None or count == target else -math.inf

@@ -1,4 +1,4 @@
-"""Ways through the inner faces of a labelling: what joins two elements, and what makes a block too large."""
+"""Search paths and trees of inner faces in the element graph of a labelling."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from jld_explore.space import SearchSpace
 
 
 class InnerPaths:
-    """The element graph of a space, to be walked under one labelling after the other."""
+    """Element graph of a space, searched under one labelling after another."""
 
     def __init__(self, space: SearchSpace) -> None:
         graph = space.graph
-        # per element the faces across which others lie, with those; −1 for supports that touch without a face
+        # per element pairs (face, neighbour); face −1 for supports that touch without a face
         self._links: list[list[tuple[int, int]]] = [[] for _ in range(len(graph.start))]
         pairs = [(face, a, b) for face, (a, b) in enumerate(zip(graph.a, graph.b, strict=True))]
         for face, a, b in pairs + [(-1, a, b) for a, b in graph.touching]:
@@ -24,7 +24,10 @@ class InnerPaths:
         self._limits = space.limits
 
     def path(self, labels: Bits, start: int, end: int) -> list[int]:
-        """Inner faces of a shortest way between two elements of one block. labels: (m,) True dry."""
+        """Return the inner faces of a shortest path between two elements of one block.
+
+        `labels` is (m,), True = dry.
+        """
         came = self._reach(labels, start, lambda seen: end in seen)
         path, at = [], end
         while at != start:
@@ -34,13 +37,16 @@ class InnerPaths:
         return path
 
     def tree(self, labels: Bits, start: int) -> list[int]:
-        """Inner faces that join elements too many, too heavy or too far apart for one block, from one of them on."""
+        """Return inner faces, from an element on, that join elements to a block above the limits."""
         limits = self._limits
         came = self._reach(labels, start, lambda seen: bool(limits.too_large(limits.sized.one(seen & self._free))))
         return [face for _, face in came.values() if face >= 0]
 
     def _reach(self, labels: Bits, start: int, enough: Callable[[set[int]], bool]) -> dict[int, tuple[int, int]]:
-        """Elements reached through inner faces until there are enough: where each was reached from, and across what."""
+        """Search breadth first through inner faces until `enough`; return the search tree.
+
+        The tree maps each element to the element before it and the face between them.
+        """
         came = {start: (start, -1)}
         waiting = deque([start])
         while waiting:

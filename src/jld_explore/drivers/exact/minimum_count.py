@@ -1,9 +1,9 @@
-"""The best count among labellings that carry enough, proven: a load factor is required, and a count is optimised.
+"""Prove the best count among labellings that carry a required load factor.
 
-The formula holds what counts better than the best labelling known that meets the requirement. Its labellings are ruled
-out many at a time by mechanisms that prove them too weak, or evaluated; one that meets the requirement counts better,
-and the formula is begun again with what counts better still. When it has no model left, nothing that counts better
-carries enough.
+The formula holds the labellings with a better count than the best known one that meets the requirement. Its
+labellings are refuted by mechanisms that prove them too weak, or evaluated. A labelling that meets the requirement
+improves the count, and the formula then aims at better counts still. A formula without a model proves that no
+labelling with a better count carries the required load.
 """
 
 from __future__ import annotations
@@ -25,10 +25,27 @@ from jld_explore.space import Range, SearchSpace, count_named, values_of
 
 
 class MinimumCount(ConflictDriver):
-    """The exact driver where `search.require` asks for a load factor: its sense turned round.
+    """Driver that proves the best count where `search.require` asks for a load factor.
 
-    search: labellings evaluated before the proof, for each face that can change. alone: as of `Exact`. Spaces that have
-    no formula, counts that are no sum of ones among them, are enumerated, which proves the same.
+    Spaces without a formula, for example with a count that is no sum of ones, are enumerated, which proves the same.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    seed : int
+        Seed of the random choices.
+    aim : {"best", "front"}
+        Must be "best".
+    search : int
+        Labellings evaluated before the proof, per face that can change.
+    alone : int, optional
+        See `Exact`.
+
+    Raises
+    ------
+    InputError
+        If the space requires no load factor, or `aim` is not "best".
     """
 
     def __init__(
@@ -48,25 +65,25 @@ class MinimumCount(ConflictDriver):
 
     @property
     def finished(self) -> bool:
-        """All that was asked for is proven, and the proof passed its check."""
+        """Whether the best count is proven and the proof passed its check."""
         return self._proof_check is not None and self._proof_check.passed
 
     @property
     def working(self) -> bool:
-        """See `Driver.working`."""
+        """Whether the proof is neither done nor given up; see `Driver.working`."""
         if self._everything is not None:
             return self._everything.working
         return not self._done and not self._given_up
 
     @property
     def best(self) -> float | None:
-        """The best count known of a labelling that meets the requirement."""
+        """Best count of a labelling that meets the requirement; None if none is known."""
         found = [count for met, _, count in self._known.values() if met]
         return (min(found) if self._least else max(found)) if found else None
 
     @property
     def _open(self) -> bool:
-        """Is a labelling known that counts better and may meet the requirement or not?"""
+        """Whether a labelling of better count may meet the requirement but is not proven to."""
         best = self.best
         return any(
             may and not met and (best is None or (count < best if self._least else count > best))
@@ -74,6 +91,7 @@ class MinimumCount(ConflictDriver):
         )
 
     def ask(self, limit: int | None = None) -> Bits:
+        """Return the next labellings (k, m) to evaluate; see `Driver.ask`."""
         if self._everything is not None:
             return self._everything.ask(limit)
         if self._sources is not None:
@@ -94,17 +112,18 @@ class MinimumCount(ConflictDriver):
         given = self._given(limit)
         if self._done and not len(given) and self._proof_check is None:
             problem = "a layout that counts better may carry enough" if self._open else ""
-            # what carries enough is known of each layout here, and not how much it carries
+            # the evaluations prove that each labelling carries the required λ, but not how much more
             carries = self._carrying
             self._proof_check = self._check([Claim(self._better, self._threshold / self._scale)], problem, carries)
         return given
 
     def withdraw(self, reason: str) -> None:
-        """See `Driver.withdraw`."""
+        """Forget all conflicts and start the proof again; see `Driver.withdraw`."""
         super().withdraw(reason)
         self._begun = self._done = False
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Take in evaluations of labellings (k, m); see `Driver.tell`."""
         if self._everything is not None:
             self._everything.tell(labellings, evaluations)
             return
@@ -119,6 +138,7 @@ class MinimumCount(ConflictDriver):
             self._begun = False
 
     def _learn(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
+        """Record for each labelling whether it meets, or may meet, the requirement, and its count."""
         count = values_of(self._count, self.space.assembly, labellings, self.space.graph)
         for labels, found, value in zip(labellings, evaluations, count.tolist(), strict=True):
             state = meets(self.space, found), may_meet(self.space, found), float(value)
@@ -126,7 +146,7 @@ class MinimumCount(ConflictDriver):
 
     @property
     def _carrying(self) -> tuple[Bits, Floats]:
-        """Layouts (k, m) that meet the requirement, and λ that each is proven to carry, (k,)."""
+        """Labellings (k, m) that meet the requirement, and λ (k,) that each is proven to carry."""
         packed = [np.frombuffer(key, dtype=np.uint8) for key, (met, _, _) in self._known.items() if met]
         faces = len(self.space.fixed)
         table = np.array(packed, dtype=np.uint8).reshape(len(packed), (faces + 7) // 8)
@@ -134,7 +154,7 @@ class MinimumCount(ConflictDriver):
         return rows.astype(bool), np.full(len(rows), self._threshold)
 
     def _begin(self, hunters: ConflictSources) -> None:
-        """Aim at all that counts better than the best known."""
+        """Aim the formula at all counts better than the best known."""
         better = self._better
         self._begun = True
         formula = self._told()
@@ -143,7 +163,7 @@ class MinimumCount(ConflictDriver):
 
     @property
     def _better(self) -> Range | None:
-        """Counts better than the best known; None for any count."""
+        """Range of counts better than the best known; None for any count."""
         best = self.best
         if best is None or not math.isfinite(best):
             return None

@@ -1,4 +1,4 @@
-"""What is known of the strongest labelling, with one count or of all, and when that is a proof."""
+"""Best labelling and bound for each count, and the claims of the proof about them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Best:
-    """What is known of the labellings with one count, or of all (count None); λ in scene units.
+    """Best λ found and proven bound of the labellings with one count, or of all.
 
-    load_factor: best found, NaN where none. bound: proven upper bound, −inf where nothing stands or there is
-    nothing, inf where nothing is known. floor: λ below which differences are no matter, as in a bracket's width.
-    Labellings that are locked have no λ and are not spoken of.
+    Locked labellings have no λ and are excluded.
+
+    Attributes
+    ----------
+    count : int or None
+        Value of the count; None for all labellings.
+    load_factor : float
+        Largest λ found, scene units; NaN if there is none.
+    bound : float
+        Proven upper bound on λ, scene units; −inf if no labelling stands or none exists, inf if nothing is known.
+    floor : float
+        Load scale: λ below which differences do not matter, scene units.
     """
 
     count: int | None
@@ -33,7 +42,7 @@ class Best:
 
     @property
     def proven(self) -> bool:
-        """Nothing is better by more than `tolerances.PROVEN`, relative."""
+        """Whether no labelling is better by more than `tolerances.PROVEN`, relative."""
         if self.bound == -math.inf:
             return True
         if not (math.isfinite(self.bound) and math.isfinite(self.load_factor)):
@@ -45,13 +54,22 @@ class Best:
 def claims_of(
     found: Iterable[Best], incumbents: Incumbents, scale: float, load_scale: float
 ) -> tuple[list[Claim], str]:
-    """Return what a proof claims, and what is wrong with it at first sight, "" for nothing.
+    """Return the claims of a proof, and an obvious problem of theirs ("" for none).
 
-    scale: λ in scene units of one scaled λ. load_scale: λ below which differences are no matter, scene units.
+    Parameters
+    ----------
+    found : iterable of Best
+        Best labelling and bound of each target.
+    incumbents : Incumbents
+        Bounds of the evaluated labellings.
+    scale : float
+        λ in scene units of one scaled λ.
+    load_scale : float
+        λ below which differences do not matter, scene units.
     """
     claims, problem = [], ""
     for best in found:
-        # where nothing stands, nothing exceeds zero
+        # if no labelling stands none exceeds zero
         claims.append(Claim(best.count, (0.0 if best.bound == -math.inf else best.bound) / scale))
         low = incumbents.best(best.count)
         if not best.proven:
@@ -62,7 +80,10 @@ def claims_of(
 
 
 def front(found: Iterable[Best]) -> list[dict[str, Any]]:
-    """The proven front: count, load_factor, bound, proven of every count; those nothing stands at are left out."""
+    """Return the rows of the proven front: count, load_factor, bound and proven.
+
+    Counts for which no labelling stands are left out.
+    """
     rows: list[dict[str, Any]] = []
     for best in found:
         if best.count is None or (math.isnan(best.load_factor) and best.bound == -math.inf):
@@ -74,7 +95,17 @@ def front(found: Iterable[Best]) -> list[dict[str, Any]]:
 
 
 def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict[str, Any]]:
-    """The same of a space that was enumerated instead. count: column of the front's count; complete: nothing lacks."""
+    """Return the rows of the front of an enumerated space: count, load_factor, bound, proven.
+
+    Parameters
+    ----------
+    results : DataFrame
+        Table of all evaluations.
+    count : str
+        Column of the count.
+    complete : bool
+        Whether the table holds every class of the space.
+    """
     rows: list[dict[str, Any]] = []
     for value, group in results.groupby(count):
         ranked = group[group["status"] == str(Status.COLLAPSE)]
@@ -88,7 +119,7 @@ def front_of_all(results: pd.DataFrame, count: str, complete: bool) -> list[dict
 
 
 def counts_of(space: SearchSpace, count: Count) -> list[int]:
-    """Values that a count of the front, a sum of ones, may take in a space."""
+    """Return the values that a count, a sum of ones, may take within the limits of a space."""
     assert count.terms is not None
     most = count.terms(space.assembly).most(space.assembly)
     bounds = next((bounds for one, bounds in space.limits.on_counts if one is count), None)

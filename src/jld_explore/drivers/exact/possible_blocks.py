@@ -1,7 +1,7 @@
-"""All blocks there can be: connected sets of free elements within the limits on one block.
+"""List all possible blocks: connected sets of free elements within the limits on blocks.
 
-One binary per such set, and every element in exactly one of those chosen, says at once what a segmentation is:
-no slits, every limit on a block kept (docs/method.md (5.2)).
+A formula has one binary variable per possible block, and every element in exactly one chosen block. It thus describes
+all segmentations without slits and within the limits on blocks (docs/method.md (5.2)).
 """
 
 from __future__ import annotations
@@ -15,12 +15,20 @@ from jld_core.arrays import Bits, Ints
 from jld_explore.space import SearchSpace
 
 MOST: Final = 20_000
-"""Blocks above which they are not listed."""
+"""Number of possible blocks above which they are not listed."""
 
 
 @dataclass(frozen=True)
 class PossibleBlocks:
-    """p possible blocks. members: elements of each, ascending. inside: faces with both sides in it."""
+    """List of p possible blocks.
+
+    Attributes
+    ----------
+    members : tuple of p tuples of int
+        Elements of each block, ascending.
+    inside : tuple of p tuples of int
+        Faces with both sides in the block, ascending.
+    """
 
     members: tuple[tuple[int, ...], ...]
     inside: tuple[tuple[int, ...], ...]
@@ -29,7 +37,15 @@ class PossibleBlocks:
         return len(self.members)
 
     def labelling(self, space: SearchSpace, chosen: Ints) -> Bits:
-        """The labelling (m,) of the segmentation into the chosen blocks (indices)."""
+        """Return the labels (m,) of the segmentation into chosen blocks, True = dry.
+
+        Parameters
+        ----------
+        space : SearchSpace
+            The search space.
+        chosen : int array
+            Indices of the blocks.
+        """
         labels = np.ones(len(space.fixed), dtype=bool)
         for p in chosen.tolist():
             labels[list(self.inside[p])] = False
@@ -37,9 +53,18 @@ class PossibleBlocks:
 
 
 def possible_blocks(space: SearchSpace) -> PossibleBlocks | None:
-    """The possible blocks of a space; None where there are too many, or blocks that hold a support.
+    """List the possible blocks of a space.
 
-    Raises nothing; a space without any gives an empty tuple.
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+
+    Returns
+    -------
+    PossibleBlocks or None
+        The blocks, possibly none. None if they are too many (`MOST`), if slits are allowed, or if a block may contain
+        a support.
     """
     assembly = space.assembly
     faces, support = assembly.interfaces, assembly.elements.support

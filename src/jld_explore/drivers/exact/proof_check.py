@@ -1,7 +1,7 @@
-"""Check a finished proof: what was claimed is derived again from what is in memory, by other means than the search.
+"""Proof check: derive the claims of a finished proof again by other means than the search.
 
-The check trusts neither the threads and processes that searched nor the formulas that they shared. It weighs every
-mechanism again, and states the formula anew for another satisfiability solver (docs/guide/trust.md).
+The check trusts neither the threads and processes of the search nor their formulas. It evaluates the work balance of
+every mechanism again. It states the formula anew for another satisfiability solver (docs/guide/trust.md).
 """
 
 from __future__ import annotations
@@ -24,29 +24,42 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import Range, SearchSpace
 
 _SOLVER: Final = "glucose42"
-"""Satisfiability solver of the check: another one than that of the search."""
+"""Satisfiability solver of the check, another one than that of the search."""
 
 _WEIGHED_AGAIN: Final = 1e-9
-"""Difference, relative, that a mechanism may show when it is weighed again: rounding, and a thousandth of PROVEN."""
+"""Relative difference allowed when the bound of a mechanism is evaluated again.
+
+It covers rounding and is a thousandth of `tolerances.PROVEN`.
+"""
 
 _SHARE: Final = 0.03
-"""Part of the time of the proof that may be spent on proving again conflicts whose mechanism is not in memory."""
+"""Share of the time of the proof allowed for refuting conflicts again.
+
+Only conflicts whose mechanism is no longer in memory are refuted again.
+"""
 
 _LEAST_SECONDS: Final = 0.2
-"""Seconds that may be spent on them in any case."""
+"""Time, s, that is allowed for refuting such conflicts again in any case."""
 
 _TOGETHER: Final = 256
-"""Mechanisms weighed at a time."""
+"""Number of mechanisms evaluated in one call."""
 
 _ROOM: Final = 4.0 * float(np.finfo(float).eps)
-"""Relative rounding of a load factor that was scaled and scaled back."""
+"""Relative rounding error of a load factor that was scaled and scaled back."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """No layout with a count has a scaled λ above a threshold, except those that were handed over and evaluated.
+    """Claim that no labelling with a count exceeds a threshold.
 
-    count: value of the front's count, bounds on it, or None for all layouts.
+    Labellings that were handed over and evaluated are excepted.
+
+    Attributes
+    ----------
+    count : int, Range or None
+        Value of the count of the front, bounds on it, or None for all labellings.
+    threshold : float
+        Scaled λ.
     """
 
     count: int | Range | None
@@ -57,8 +70,16 @@ class Claim:
 class ProofCheck:
     """Result of checking a proof.
 
-    problem: one line, "" where the proof passed. seconds: time of the check. conflicts: how many the claims rest on;
-    weighed: how many of them had their mechanism weighed again, or were proven again.
+    Attributes
+    ----------
+    problem : str
+        Problem in one line, "" if the proof passed.
+    seconds : float
+        Time of the check, s.
+    conflicts : int
+        Number of conflicts that the claims rest on.
+    weighed : int
+        Number of those whose mechanism was evaluated, or that were refuted, again.
     """
 
     problem: str
@@ -68,7 +89,7 @@ class ProofCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was wrong."""
+        """Whether the check found no problem."""
         return not self.problem
 
     def to_dict(self) -> dict[str, Any]:
@@ -89,33 +110,33 @@ def check_proof(
     problem: str,
     seconds: float,
 ) -> ProofCheck:
-    """Check the claims that a proof ends with.
+    """Check the claims of a finished proof.
 
     Parameters
     ----------
     relaxation : Relaxation or CaseRelaxation
-        Weighs mechanisms.
+        Evaluates mechanisms.
     space : SearchSpace
-        The layouts that the claims are about.
+        The search space of the claims.
     blocks : PossibleBlocks or None
         Possible blocks, where they are listed.
     free : (m,) bool array
-        Faces that may have either label in some layout.
+        Faces that may take either label in some labelling.
     state : ProofState
-        Conflicts and handed-over layouts.
+        Conflicts and handed-over labellings.
     claims : sequence of Claim
-        What is claimed to be proven.
+        Claims to check.
     evaluated : (k, m) bool array and (k,) float array
-        The strongest evaluated layouts, and the scaled λ that each is proven to carry.
+        The strongest evaluated labellings, and the scaled λ that each is proven to carry.
     problem : str
-        What is known to be wrong before the check begins; "" for nothing.
+        Problem known before the check; "" for none.
     seconds : float
         Time that the proof took, s.
 
     Returns
     -------
     ProofCheck
-        Passed only where every layout that exceeds a claim is refuted by a conflict that holds, or was evaluated.
+        Passed only if every labelling that exceeds a claim is refuted by a valid conflict, or was evaluated.
     """
     start = time.perf_counter()
     if problem:
@@ -133,16 +154,16 @@ def check_proof(
 
 
 class _Weighing:
-    """Conflicts that are weighed again. `done`: how many were."""
+    """Repeated evaluation of conflicts; `done` counts those that were evaluated again."""
 
     def __init__(self, relaxation: AnyRelaxation, space: SearchSpace, free: Bools) -> None:
         self._relaxation, self._free = relaxation, free
-        # candidates that no possible block contains are dry
+        # candidates outside every possible block are dry
         self._labels = space.fixed | (space.candidates & ~free)
         self.done = 0
 
     def weigh(self, conflicts: Sequence[Conflict]) -> str:
-        """Weigh again every mechanism in memory; return what is wrong, "" for nothing."""
+        """Evaluate every mechanism in memory again; return the first problem, "" for none."""
         cases = sorted({one.mechanism.case for one in conflicts if one.mechanism is not None})
         for case in cases:
             mine = [one for one in conflicts if one.mechanism is not None and one.mechanism.case == case]
@@ -159,9 +180,19 @@ class _Weighing:
         return ""
 
     def prove_again(self, conflicts: Sequence[Conflict], end: float) -> str:
-        """Refute again, at random, conflicts whose mechanism is not in memory; return what is wrong, "" for nothing.
+        """Refute conflicts without a mechanism again, in random order, until a time.
 
-        end: when to stop, as `time.perf_counter` counts.
+        Parameters
+        ----------
+        conflicts : sequence of Conflict
+            Conflicts of the proof.
+        end : float
+            Time to stop, on the clock of `time.perf_counter`, s.
+
+        Returns
+        -------
+        str
+            The first problem, "" for none.
         """
         lacking = [one for one in conflicts if one.mechanism is None and one.evidence is Evidence.MECHANISM]
         order = np.random.default_rng(len(lacking)).permutation(len(lacking))
@@ -179,7 +210,7 @@ class _Weighing:
         return ""
 
     def _partial(self, conflicts: Sequence[Conflict]) -> tuple[Bits, Bools]:
-        """Labels (k, m), and which faces are undecided, (k, m)."""
+        """Return labels (k, m) and undecided faces (k, m) of conflicts."""
         labels = np.tile(self._labels, (len(conflicts), 1))
         undecided = np.tile(self._free, (len(conflicts), 1))
         for k, one in enumerate(conflicts):
@@ -189,12 +220,13 @@ class _Weighing:
 
 
 def _parts(conflicts: Sequence[Conflict]) -> Iterator[Sequence[Conflict]]:
+    """Yield conflicts in groups of at most `_TOGETHER`."""
     for first in range(0, len(conflicts), _TOGETHER):
         yield conflicts[first : first + _TOGETHER]
 
 
 def _contradicted(conflicts: Sequence[Conflict], space: SearchSpace, labellings: Bits, loads: Floats) -> str:
-    """What is wrong where an evaluated layout carries more than a conflict allows it, "" for nothing."""
+    """Return a problem if an evaluated labelling carries more than a conflict allows, else ""."""
     if not len(conflicts) or not len(labellings):
         return ""
     dry, inner = np.zeros((2, len(conflicts), len(space.fixed)), dtype=np.float32)
@@ -222,9 +254,9 @@ def _left_over(
     state: ProofState,
     claims: Sequence[Claim],
 ) -> str:
-    """What is wrong where a formula that is stated anew leaves a layout, "" for nothing.
+    """Return a problem if a formula stated anew leaves a labelling above a claim, else "".
 
-    A layout that was handed over and has no evaluation must be refuted by a conflict, as any other.
+    A labelling that was handed over and has no evaluation must be refuted by a conflict like any other.
     """
     formula = Formula(space, blocks, _SOLVER)
     formula.learn(conflicts, filter(state.is_evaluated, state.handed_over))
@@ -240,5 +272,5 @@ def _left_over(
 
 
 def _raised(threshold: float) -> float:
-    """A scaled λ with the rounding of scaling on top."""
+    """Return a scaled λ raised by the rounding of scaling."""
     return threshold + _ROOM * abs(threshold) if math.isfinite(threshold) else threshold

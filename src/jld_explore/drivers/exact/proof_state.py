@@ -1,8 +1,8 @@
-"""The state of a proof, with one owner: every layout is refuted by a stated conflict, evaluated, or still open.
+"""State of a proof: every labelling is refuted by a conflict, handed over or still open.
 
-A layout that no conflict refutes is **handed over**. Handing over is one operation: the layout joins the list from
-which formulas learn what they need not draw again, and in the same moment it waits for its evaluation. Nothing takes
-a layout off that list, so a layout that formulas leave out has an evaluation, or the proof knows that it has none.
+A labelling that no conflict refutes is **handed over**. This single operation adds the labelling to the list that
+formulas exclude, and to the queue for evaluation. No labelling is ever removed from the list. A labelling that
+formulas exclude therefore has an evaluation, or the proof knows that it lacks one.
 """
 
 from __future__ import annotations
@@ -19,12 +19,19 @@ from jld_explore.space import SearchSpace, canonical
 
 
 class ProofState:
-    """Conflicts and handed-over layouts of one proof, shared by all threads that work on it.
+    """Conflicts and handed-over labellings of one proof, shared by all its threads.
 
     Parameters
     ----------
     space : SearchSpace
-        The layouts that the proof is about.
+        Search space of the proof.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        As the parameter.
+    conflicts : Conflicts
+        All conflicts of the proof.
     """
 
     def __init__(self, space: SearchSpace) -> None:
@@ -38,9 +45,9 @@ class ProofState:
         self._evaluated: set[bytes] = set()
 
     def hand_over(self, labellings: Iterable[Bits]) -> int:
-        """Take layouts (m,) that no conflict refutes; return how many were new.
+        """Take labellings (m,) that no conflict refutes; return how many were new.
 
-        From now on formulas may leave them out. A layout without an evaluation waits for one.
+        Formulas may exclude these labellings from now on. A labelling without an evaluation is queued for one.
         """
         new = 0
         for labels in labellings:
@@ -58,45 +65,45 @@ class ProofState:
         return new
 
     def handed_over_since(self, number: int) -> list[Bits]:
-        """Layouts (m,) that were handed over, from the one with this number on."""
+        """Return the labellings (m,) that were handed over, from index `number` on."""
         return self._handed_over[number:]
 
     def take_waiting(self) -> Bits:
-        """Layouts (k, m) that wait for their evaluation and were not taken before."""
+        """Return the labellings (k, m) queued for evaluation, and empty the queue."""
         with self._lock:
             taken, self._waiting = self._waiting, []
-            # evaluated meanwhile by a search beside the proof
+            # skip labellings that annealing has evaluated meanwhile
             taken = [row for row in taken if _key(row) in self._without_evaluation]
         return np.array(taken, dtype=bool).reshape(len(taken), len(self.space.fixed))
 
     def note_evaluated(self, labellings: Bits) -> None:
-        """Note that canonical layouts (k, m) have an evaluation now."""
+        """Record that canonical labellings (k, m) have an evaluation."""
         with self._lock:
             for key in map(_key, labellings):
                 self._evaluated.add(key)
                 self._without_evaluation.pop(key, None)
 
     def is_evaluated(self, labels: Bits) -> bool:
-        """Return True if a canonical layout (m,) has an evaluation."""
+        """Return True if a canonical labelling (m,) has an evaluation."""
         return _key(labels) in self._evaluated
 
     @property
     def handed_over(self) -> list[Bits]:
-        """All layouts (m,) that were handed over."""
+        """All labellings (m,) that were handed over."""
         return self._handed_over[:]
 
     @property
     def without_evaluation(self) -> list[Bits]:
-        """Layouts (m,) that were handed over and have no evaluation yet."""
+        """Labellings (m,) that were handed over and have no evaluation yet."""
         with self._lock:
             return list(self._without_evaluation.values())
 
     def add_conflicts(self, conflicts: Iterable[Conflict], threshold: float = -np.inf) -> int:
-        """Add conflicts: see `Conflicts.add`."""
+        """Add conflicts and return how many were added; see `Conflicts.add`."""
         return self.conflicts.add(conflicts, threshold)
 
     def clear(self) -> None:
-        """Forget all conflicts and all that was handed over; evaluations stay known."""
+        """Forget all conflicts and handed-over labellings, but not which ones were evaluated."""
         with self._lock:
             self._handed_over, self._waiting = [], []
             self._without_evaluation, self._keys = {}, set()
@@ -104,4 +111,5 @@ class ProofState:
 
 
 def _key(labels: Bits) -> bytes:
+    """Return the labels packed to bytes."""
     return np.packbits(labels).tobytes()

@@ -1,13 +1,13 @@
-"""A proof in several threads of this process: each draws labellings from a formula of its own, and shrinks them.
+"""Generate conflicts in several threads of this process, each with its own formula.
 
-Solver and batch solver hold no lock of the interpreter, so that drawing is shared out as well as shrinking, and nobody
-waits
-for anybody: what one has found the others take in before their next draw, and they go on while this thread has
-labellings evaluated. Each draws by preferences of its own, so that few conflicts are found twice; giving each a half of
-the labellings, by the face that conflicts of late are most about, saves none and makes drawing a fifth slower.
+The satisfiability solver and the batch solver release the interpreter lock, so threads draw and minimise labellings
+in parallel without waiting. Each thread takes in the conflicts of the others before its next draw. Threads continue
+while the main thread has labellings evaluated. Each thread has its own preferred labels, so few conflicts are found
+twice. Assigning each thread a half of the labellings, by the face most frequent in recent conflicts, saves none and
+makes drawing 20 % slower.
 
-What is proven does not depend on who was quicker. A formula without any model holds nothing but conflicts and
-labellings that were handed over, and `ProofState` owns both; which conflicts those are differs from run to run.
+The proof does not depend on the order of the threads. A formula without a model holds only conflicts and handed-over
+labellings, and `ProofState` owns both. Which conflicts are found differs from run to run.
 """
 
 from __future__ import annotations
@@ -28,16 +28,26 @@ from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.space import Range, SearchSpace
 
 _PATIENCE: Final = 0.1
-"""Seconds the first thread waits at the most before it looks at the clock again."""
+"""Longest time, s, that the main thread waits for results before the next deadline check."""
 
 
 def reached(place: str) -> None:
-    """Do nothing; tests put delays here, at the places where a thread's work meets that of others."""
+    """Do nothing; tests put delays here, where threads interact."""
 
 
 @dataclass
 class _Target:
-    """What is refuted at present. count: as `Formula` takes it; threshold: scaled λ."""
+    """Current target of refutation.
+
+    Attributes
+    ----------
+    count : int, Range or None
+        Count as in `Formula.aim`.
+    threshold : float
+        Scaled λ to refute.
+    exhausted : bool
+        Whether no labelling is left above the threshold.
+    """
 
     count: int | Range | None
     threshold: float
@@ -45,7 +55,7 @@ class _Target:
 
 
 class _GeneratorThread:
-    """What one thread has of its own: its draws, and a formula."""
+    """State of one thread: its conflict generator and its formula."""
 
     def __init__(self, hunt: ConflictGenerator, state: ProofState) -> None:
         self._generator, self._state = hunt, state
@@ -54,7 +64,7 @@ class _GeneratorThread:
         self._heard = self._dealt = 0
 
     def step(self, chase: _Target, space: SearchSpace, blocks: PossibleBlocks | None) -> ConflictBatch:
-        """Conflicts of some labellings; exhausted: no labelling is left at all."""
+        """Draw labellings for a target and return their conflicts."""
         if self._formula is None:
             self._formula = Formula(space, blocks)
         if chase is not self._chase:
@@ -64,7 +74,7 @@ class _GeneratorThread:
         return self._generator.step(chase.threshold)
 
     def _hear(self) -> None:
-        """Take in what is known by now."""
+        """Add the new conflicts and handed-over labellings of all threads to the formula."""
         assert self._formula is not None
         reached("before hearing")
         news, passed = self._state.conflicts[self._heard :], self._state.handed_over_since(self._dealt)
@@ -73,11 +83,24 @@ class _GeneratorThread:
 
 
 class ThreadedGenerator:
-    """Threads that find conflicts together; what they find goes to the state of the proof at once.
+    """Threads that generate conflicts and add them to the state of the proof.
 
-    relaxation, space, blocks, free, seed: of the proof; the batch solver solves many at once. threads: how many. state:
-    of
-    the proof, which other ways to find conflicts may add to as well.
+    Parameters
+    ----------
+    relaxation : Relaxation or CaseRelaxation
+        Relaxation of the space, solved by the batch solver.
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+    free : (m,) bool array
+        Faces that may take either label.
+    seed : int
+        Seed of the preferred labels.
+    threads : int
+        Number of threads.
+    state : ProofState
+        State of the proof; other sources of conflicts may add to the same state.
     """
 
     def __init__(
@@ -103,19 +126,20 @@ class ThreadedGenerator:
         self._error: BaseException | None = None
 
     def begin(self, count: int | Range | None) -> None:
-        """Another formula is to be refuted, from the next step on. count: as `Formula` takes it."""
+        """Set the count of the next target, as in `Formula.aim`, from the next step on."""
         self.end()
         self._count = count
 
     def end(self) -> None:
-        """Give up what is hunted; what is found meanwhile is kept in the state of the proof."""
+        """Drop the current target; results in progress are still added to the proof."""
         with self._heard:
             self._chase = None
 
     def step(self, threshold: float) -> bool:
-        """Wait until something is found, a moment at the most; return whether no labelling is left.
+        """Wait a short time for results; return whether no labelling is left.
 
-        threshold: scaled λ, not lower than before in this formula.
+        `threshold` is a scaled λ, at least that of the call before with the same target. An exception of a thread is
+        raised here.
         """
         with self._heard:
             if self._chase is None:
@@ -131,18 +155,19 @@ class ThreadedGenerator:
             return self._chase.exhausted
 
     def close(self) -> None:
-        """Let all threads go; what each is at is still kept in the state of the proof."""
+        """Stop all threads; results in progress are still added to the proof."""
         self.end()
         self._pool.shutdown(wait=False)
 
     def _send(self, number: int) -> None:
-        # once the interpreter ends, or all are let go, no task is taken any more
+        """Submit the next task of a thread."""
+        # a pool that is shut down, or whose interpreter ends, accepts no task
         with suppress(RuntimeError):
             self._pool.submit(self._turn, number)
 
     @one_thread()
     def _turn(self, number: int) -> None:
-        """A step of one thread, and another after it, as long as there is something to hunt."""
+        """Run one step of a thread and submit the next one while there is a target."""
         member = self._members[number]
         with self._heard:
             chase = self._chase
@@ -153,7 +178,7 @@ class ThreadedGenerator:
             caught = member.step(chase, *self._recipe)
             reached("before handing over")
             self._hand_over(chase, caught)
-        except BaseException as error:  # the first thread's to raise
+        except BaseException as error:  # the main thread raises the error
             with self._heard:
                 self._error = error
                 self._heard.notify()
@@ -161,12 +186,12 @@ class ThreadedGenerator:
             self._send(number)
 
     def _hand_over(self, chase: _Target, caught: ConflictBatch) -> None:
-        """Give what a thread has found to the state of the proof, whatever is hunted by now."""
+        """Add the results of a thread to the state of the proof, whatever the current target."""
         with self._heard:
             threshold = chase.threshold if self._chase is None else self._chase.threshold
             new = self._state.add_conflicts(caught.conflicts, threshold)
             new += self._state.hand_over(caught.unrefuted)
-            # last: whoever sees that nothing is left must see what was handed over
+            # Set this flag last: a thread that sees the flag must also see the labellings handed over.
             chase.exhausted |= caught.exhausted
             self._news |= new > 0 or caught.exhausted
             if self._news:

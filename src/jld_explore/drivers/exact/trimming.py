@@ -1,8 +1,8 @@
-"""From a solver's proof to lemmas that say what they follow from, and to the clauses that were needed at all.
+"""Convert the proof of a satisfiability solver to the lemmas it needs, with reasons.
 
-A solver that logs its proof writes one learnt clause after the other, each of which follows by unit propagation from
-those before it. Here every one is propagated once, which clauses did it is kept, and what the last one, the empty
-clause, does not need is dropped.
+A solver that logs its proof writes learnt clauses, each of which follows from earlier clauses by unit propagation.
+This module propagates each learnt clause once and records which clauses were used. It then drops everything that the
+last learnt clause, the empty one, does not need.
 """
 
 from __future__ import annotations
@@ -13,12 +13,19 @@ from dataclasses import dataclass
 from pysat.solvers import Solver
 
 _LOGGING = "cadical195"
+"""Satisfiability solver that logs its proof."""
 
 
 @dataclass(frozen=True)
 class Refutation:
-    """Why clauses contradict each other. needed: positions of those that are used, ascending. lemmas: in order, each
-    with what it follows from: position of a clause, or number of clauses + position of a lemma.
+    """Proof that clauses contradict each other.
+
+    Attributes
+    ----------
+    needed : tuple of int
+        Positions of the clauses that are used, ascending.
+    lemmas : tuple of pairs
+        Literals of each lemma, and its reasons: positions of clauses, or number of clauses + position of a lemma.
     """
 
     needed: tuple[int, ...]
@@ -26,9 +33,22 @@ class Refutation:
 
 
 def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
-    """A refutation of clauses, None where they do not contradict each other.
+    """Return a refutation of clauses.
 
-    Raises ArithmeticError where the solver's proof does not hold.
+    Parameters
+    ----------
+    clauses : sequence of sequences of int
+        Clauses of nonzero literals.
+
+    Returns
+    -------
+    Refutation or None
+        The refutation; None if the clauses have a model.
+
+    Raises
+    ------
+    ArithmeticError
+        If the proof of the solver does not hold.
     """
     empty = next((k for k, clause in enumerate(clauses) if not clause), None)
     if empty is not None:
@@ -39,7 +59,7 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
         if solver.solve():
             return None
         lines = solver.get_proof()
-    # deletions only save a checker time; more clauses prove no less
+    # deletions only speed up a checker; additional clauses do not invalidate the proof
     learnt = [[int(word) for word in line.split()[:-1]] for line in lines if not line.startswith("d")]
     propagation = _Propagation()
     for clause in clauses:
@@ -59,7 +79,7 @@ def refutation(clauses: Sequence[Sequence[int]]) -> Refutation | None:
 
 
 def _trimmed(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int, ...]]) -> Refutation:
-    """Only what the last lemma needs."""
+    """Return the refutation with only the clauses and lemmas that the last lemma needs."""
     used = {count + len(lemmas) - 1}
     for place in range(len(lemmas) - 1, -1, -1):
         if count + place in used:
@@ -73,22 +93,22 @@ def _trimmed(count: int, lemmas: list[tuple[int, ...]], reasons: list[tuple[int,
 
 
 class _Propagation:
-    """Unit propagation over clauses with two watched literals; what is unit by itself stays assigned."""
+    """Unit propagation with two watched literals; unit clauses stay assigned."""
 
     def __init__(self) -> None:
         self._clauses: list[list[int]] = []
         self._watches: dict[int, list[int]] = {}
-        self._reason: dict[int, int] = {}  # literals that are true, with the clause that made them so, −1 assumed
+        self._reason: dict[int, int] = {}  # true literals with the clause that implies each, −1 for assumed ones
         self._trail: list[int] = []
         self._head = 0
         self._conflict: int | None = None
 
     def add(self, literals: Sequence[int]) -> None:
-        """Take one more clause."""
+        """Add a clause and propagate it."""
         clause = list(dict.fromkeys(literals))
         name = len(self._clauses)
         self._clauses.append(clause)
-        # literals that are not false stand first, so that watches are of use
+        # literals that are not false come first, because watched literals must not be false
         clause.sort(key=lambda literal: -literal in self._reason)
         for literal in clause[:2]:
             self._watches.setdefault(literal, []).append(name)
@@ -100,7 +120,7 @@ class _Propagation:
                 self._conflict = self._propagate()
 
     def follows(self, literals: Sequence[int]) -> tuple[int, ...] | None:
-        """The clauses that contradict the negation of a lemma, in the order in which they do; None where none does."""
+        """Return the clauses that refute the negation of a lemma, in order; None if none do."""
         if self._conflict is not None:
             return self._why(self._conflict)
         mark = len(self._trail)
@@ -124,11 +144,12 @@ class _Propagation:
         return found
 
     def _assign(self, literal: int, name: int) -> None:
+        """Make a literal true, with the clause that implies it as reason (−1: assumed)."""
         self._reason[literal] = name
         self._trail.append(literal)
 
     def _propagate(self) -> int | None:
-        """The clause that became false, if any."""
+        """Propagate all assigned literals; return the clause that became false, or None."""
         reason, clauses, trail = self._reason, self._clauses, self._trail
         while self._head < len(trail):
             false = -trail[self._head]
@@ -161,7 +182,7 @@ class _Propagation:
         return None
 
     def _why(self, conflict: int) -> tuple[int, ...]:
-        """The clauses behind one that is false (or made a literal of the lemma true), each after those it needs."""
+        """Return the clauses that imply a conflict, each after the clauses it needs."""
         place = {literal: k for k, literal in enumerate(self._trail)}
         seen = {conflict}
         needed: list[tuple[int, int]] = []

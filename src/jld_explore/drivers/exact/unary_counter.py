@@ -1,4 +1,4 @@
-"""A number in a formula: of some literals, how many are true, bounded by what is assumed."""
+"""Unary representation of the number of true literals, bounded by assumptions."""
 
 from __future__ import annotations
 
@@ -10,10 +10,26 @@ from jld_explore.space import Range
 
 
 class UnaryCounter:
-    """How many of some literals are true, and `more`. top: the largest variable so far.
+    """Number of true literals among some, plus a constant, as a unary number.
 
-    `clauses`: what defines its digits; `top`: the largest variable then. Two totalizers (Bailleux and Boufkhad 2003),
-    of the literals and of their opposites, since each says but that there are no more than so many.
+    Two totalizers (Bailleux and Boufkhad 2003) encode the literals and their negations, because each totalizer
+    implies only upper bounds.
+
+    Parameters
+    ----------
+    literals : sequence of int
+        Literals to count.
+    more : int
+        Constant added to the number.
+    top : int
+        Largest variable in use.
+
+    Attributes
+    ----------
+    clauses : list of list of int
+        Clauses that define the digits.
+    top : int
+        Largest variable in use afterwards.
     """
 
     def __init__(self, literals: Sequence[int], more: int, top: int) -> None:
@@ -30,7 +46,7 @@ class UnaryCounter:
         self.top = top
 
     def within(self, bounds: Range) -> list[int]:
-        """What to assume so that the number is within bounds."""
+        """Return the literals to assume so that the number is within bounds."""
         low = 0 if bounds.low is None else int(bounds.low) - self._more
         high = self._size if bounds.high is None else int(bounds.high) - self._more
         if low > self._size or high < 0:

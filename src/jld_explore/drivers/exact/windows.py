@@ -1,8 +1,9 @@
-"""Parts of a structure in which a labelling is looked at by itself: slabs across its longest extent.
+"""Windows of a structure in which conflicts are sought first: slabs across its length.
 
-Faces outside a window are undecided from the start, so that a conflict found there is of faces that lie together.
-Conflicts that lie together meet: soon no labelling of a window is left, and with it none at all, where conflicts of
-faces from everywhere rule out little of what there is (benchmarks/results/exact.md, flagship with cells halved).
+Slabs divide the longest extent of the structure. Faces outside a window are undecided from the start, so a conflict
+found in the window consists of faces close together. Such conflicts interact: soon no labelling of the window is
+left, and then no labelling at all. Conflicts of faces from everywhere rule out few labellings
+(benchmarks/results/exact.md, flagship with cells halved).
 """
 
 from __future__ import annotations
@@ -15,28 +16,32 @@ from jld_core import Assembly
 from jld_core.arrays import Bits, Floats
 
 _WIDTHS: Final = (1, 2, 3)
-"""Slabs of a window, tried in turn."""
+"""Widths of windows in slabs, tried in this order."""
 
 _LEAST: Final = 5
-"""Slabs from which windows are of use."""
+"""Least number of slabs of a structure for which windows are used."""
 
 _IDLE: Final = 0.1
-"""Share of labellings refuted in windows of one width below which that width is left out."""
+"""Share of labellings refuted in windows of one width below which that width is skipped."""
 
 _AGAIN: Final = 20
-"""Every so many times it is tried all the same."""
+"""A skipped width is still tried once in this number of times."""
 
 _FADING: Final = 0.9
+"""Weight of the earlier average when the share of refuted labellings is updated."""
 
 
 def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
-    """Windows (w, m) for each width: True where a face touches an element of the window. None of short structures."""
+    """Return the windows (w, m) of each width, True where a face touches the window.
+
+    A window is a set of elements. The result is empty for structures of fewer than `_LEAST` slabs.
+    """
     elements, faces = assembly.elements, assembly.interfaces
     free = elements.free
     low, high = elements.lower[free].min(axis=0), elements.upper[free].max(axis=0)
     size: Floats = high - low
     axis = int(size.argmax())
-    # as many as there are cells in a row, were all alike
+    # number of cells in a row, if all were alike
     count = round(float(len(free) * np.prod(size[axis] / size)) ** (1.0 / len(size)))
     if count < _LEAST:
         return ()
@@ -51,18 +56,24 @@ def windows_of(assembly: Assembly) -> tuple[Bits, ...]:
 
 
 class WindowStatistics:
-    """How much windows of each width are worth, by the share of labellings that they refute. widths: how many."""
+    """Running share of labellings that the windows of each width refute.
+
+    Parameters
+    ----------
+    widths : int
+        Number of widths.
+    """
 
     def __init__(self, widths: int) -> None:
         self._share, self._left_out = np.ones(widths), np.zeros(widths, dtype=int)
 
     def wanted(self, width: int) -> bool:
-        """Whether windows of a width are to be tried now."""
+        """Return True if windows of a width should be tried now."""
         if self._share[width] >= _IDLE:
             return True
         self._left_out[width] = (self._left_out[width] + 1) % _AGAIN
         return bool(self._left_out[width] == 0)
 
     def tell(self, width: int, share: float) -> None:
-        """What share of labellings they refuted."""
+        """Record the share of labellings that windows of a width refuted."""
         self._share[width] = _FADING * self._share[width] + (1.0 - _FADING) * share

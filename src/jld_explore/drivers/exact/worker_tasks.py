@@ -1,6 +1,6 @@
-"""What a process does that helps with a proof: it hunts in the cube it is given, with all conflicts that it is told of.
+"""Tasks of a worker process that helps with a proof: refute a cube, given all conflicts.
 
-Between two tasks it keeps its formula, what it had begun and every conflict, so that a task brings only what is new.
+Between two tasks a worker keeps its formula, its generator and all conflicts, so a task brings only new conflicts.
 """
 
 from __future__ import annotations
@@ -25,12 +25,27 @@ from jld_explore.drivers.exact.possible_blocks import PossibleBlocks
 from jld_explore.space import Range, SearchSpace
 
 _KEPT: Final = 4
-"""Proofs that a process keeps what it knows of; a worker of a cluster may serve several, one after the other."""
+"""Number of proofs whose state a worker keeps.
+
+A worker of a cluster may serve several proofs, one after the other.
+"""
 
 
 @dataclass(frozen=True)
 class WorkerSetup:
-    """What a process needs to begin. space, blocks, free: of the proof; seed: of this process's preferences."""
+    """Data that a worker needs before its first task of a proof.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        The search space.
+    blocks : PossibleBlocks or None
+        Possible blocks, where they are listed.
+    free : (m,) bool array
+        Faces that may take either label.
+    seed : int
+        Seed of the preferred labels of this worker.
+    """
 
     space: SearchSpace
     blocks: PossibleBlocks | None
@@ -38,18 +53,37 @@ class WorkerSetup:
     seed: int
 
     def packed(self) -> bytes:
-        """As it is sent; limits hold functions without a name, which the plain pickle refuses."""
+        """Return the setup pickled by cloudpickle; limits hold lambdas, which pickle refuses."""
         content: bytes = cloudpickle.dumps(self)
         return content
 
 
 @dataclass(frozen=True)
 class Task:
-    """One task. seat: its name. number: orders the seat was given before. recipe: with the first one.
+    """Task of a worker: refute labellings of a cube for a limited time.
 
-    news: conflicts since the last order. passed: labellings (k, m) that are dealt with, since then. step: of the
-    ladder, each of which has a formula of its own; count: as `Formula` takes it;
-    threshold: scaled λ to be refuted, never lower within a step. cube: where to hunt; seconds: how long.
+    Attributes
+    ----------
+    seat : str
+        Name of the worker.
+    number : int
+        Number of tasks that the worker received before.
+    recipe : bytes or None
+        Packed `WorkerSetup`, with the first task only.
+    news : tuple of Conflict
+        Conflicts since the last task.
+    passed : (k, m) bool array
+        Labellings handed over since the last task.
+    step : int
+        Number of the target; each has its own aim of the formula.
+    count : int, Range or None
+        Count as in `Formula.aim`.
+    threshold : float
+        Scaled λ to refute, never lower within a step.
+    cube : Cube
+        Labels that all drawn labellings have.
+    seconds : float
+        Time for the task, s.
     """
 
     seat: str
@@ -66,10 +100,22 @@ class Task:
 
 @dataclass
 class TaskResult:
-    """What came of it: conflicts; labellings (m,) that nothing refutes; closed: no labelling of the cube is left.
+    """Result of a task.
 
-    solves: relaxations. seconds: of this process's time. forgotten: the process knows nothing of the orders before, and
-    did nothing.
+    Attributes
+    ----------
+    conflicts : list of Conflict
+        Conflicts found.
+    unrefuted : list of (m,) bool array
+        Labellings that no mechanism refutes.
+    closed : bool
+        Whether no labelling of the cube is left.
+    solves : int
+        Number of relaxations solved.
+    seconds : float
+        Processor time of the worker, s.
+    forgotten : bool
+        Whether the worker lacks the state of earlier tasks and did nothing.
     """
 
     conflicts: list[Conflict] = field(default_factory=list)
@@ -81,12 +127,12 @@ class TaskResult:
 
 
 class _WorkerProof:
-    """What a process keeps of one proof."""
+    """State that a worker keeps of one proof between tasks."""
 
     def __init__(self, recipe: WorkerSetup) -> None:
         self._space, self._blocks = recipe.space, recipe.blocks
         relaxation = relaxation_of(recipe.space.assembly)
-        assert relaxation is not None  # or there would be no proof to help with
+        assert relaxation is not None  # a proof in progress has a relaxation
         self._relaxation = relaxation
         self._generator = ConflictGenerator(relaxation, recipe.free, recipe.seed)
         self._formula: Formula | None = None
@@ -95,6 +141,7 @@ class _WorkerProof:
         self.number = 0
 
     def work(self, order: Task) -> TaskResult:
+        """Carry out a task and return its result."""
         self.number += 1
         began = time.process_time()
         solved = self._relaxation.solves
@@ -113,7 +160,7 @@ class _WorkerProof:
         return answer
 
     def _learn(self, order: Task) -> None:
-        """Take in what is new, and aim at what is asked for."""
+        """Add new conflicts and labellings to the formula, and aim it at the target of the task."""
         if self._formula is None:
             self._formula = Formula(self._space, self._blocks)
         self._formula.learn([one for one in order.news if self._bounds.lowered(one)], order.passed)
@@ -128,7 +175,7 @@ _kept: OrderedDict[str, _WorkerProof] = OrderedDict()
 
 @one_thread()
 def run_task(order: Task) -> TaskResult:
-    """Do what an order says, in this process."""
+    """Carry out a task in this worker process."""
     if order.recipe is not None:
         _kept[order.seat] = _WorkerProof(pickle.loads(order.recipe))
         while len(_kept) > _KEPT:

@@ -1,10 +1,10 @@
-"""How a labelling is changed.
+"""Operators that draw, change and cross labellings.
 
-- `BufferedRandom`: random choices, drawn in blocks
-- `Following`: changes that a mechanism suggests
-- `Operators`: what drivers ask of operators
-- `Segmentations`: how a segmentation is changed
-- `operators`: how labellings of a space are changed
+- `BufferedRandom`: random choices from numbers that are generated in batches
+- `Following`: operator that changes labellings where their mechanism moves
+- `Operators`: interface of the operators on labellings
+- `Segmentations`: operators on the segmentations of a space
+- `operators`: make the operators on the labellings of a space
 """
 
 from __future__ import annotations

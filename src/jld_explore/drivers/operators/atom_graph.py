@@ -1,9 +1,9 @@
-"""The element graph as operators on segmentations see it: atoms, what may join them, and limits on parts.
+"""Element graph for operators on segmentations: atoms, pairs that may be joined, limits.
 
-An **atom** is a set of elements that every labelling keeps in one block (through fixed inner faces and
-touching supports). A segmentation is a partition of the atoms into **parts** that are connected through
-candidate faces, hold no **wall** (a face fixed dry) and keep all limits. Plain lists, because one operator
-touches a handful of atoms, where an array costs more to call than to compute.
+An **atom** is a set of elements that every labelling keeps in one block, through fixed inner faces and touching
+supports. A segmentation is a partition of the atoms into **parts**. A part is connected through candidate faces,
+contains no **wall** (a face fixed dry between two of its atoms) and keeps all limits. The data are plain lists: an
+operator uses a handful of atoms, for which calling numpy costs more than computing.
 """
 
 from __future__ import annotations
@@ -19,17 +19,29 @@ from jld_core.arrays import Bools, Ints
 from jld_explore.space import CELLS, EXEMPT, Range, SearchSpace, Sized
 
 Parts = list[int]
-"""The name of the part of each atom, (atoms,); names are any integers."""
+"""Partition: the name of the part of each atom, (atoms,); names are any integers."""
 
 Item = TypeVar("Item")
+"""Type of the items of a list."""
 
 _BLOCK = 4096
+"""Random numbers generated in one call of numpy."""
 
 
 class BufferedRandom:
-    """Random choices from a numpy Generator, drawn in blocks: one call of it costs as much as an operator.
+    """Random choices from numbers that a numpy Generator produces in batches.
 
-    generator: for those who draw many numbers at once.
+    One call of a Generator takes as long as a whole operator.
+
+    Parameters
+    ----------
+    generator : numpy.random.Generator
+        Source of the numbers.
+
+    Attributes
+    ----------
+    generator : numpy.random.Generator
+        As the parameter, for callers that need many numbers at once.
     """
 
     def __init__(self, generator: np.random.Generator) -> None:
@@ -37,36 +49,46 @@ class BufferedRandom:
         self._drawn: list[float] = []
 
     def real(self) -> float:
-        """A number in [0, 1)."""
+        """Return a random number in [0, 1)."""
         if not self._drawn:
             self._drawn = self.generator.random(_BLOCK).tolist()
         return self._drawn.pop()
 
     def reals(self, count: int) -> list[float]:
-        """`count` numbers in [0, 1)."""
+        """Return `count` random numbers in [0, 1)."""
         return [self.real() for _ in range(count)]
 
     def below(self, count: int) -> int:
-        """An integer in 0 … count − 1."""
+        """Return a random integer in 0 … count − 1."""
         return int(self.real() * count)
 
     def pick(self, items: list[Item]) -> Item:
-        """One of a list that is not empty."""
+        """Return a random item of a list that is not empty."""
         return items[int(self.real() * len(items))]
 
     def shuffled(self, items: list[Item]) -> list[Item]:
-        """The items in random order."""
+        """Return the items in random order."""
         return [items[i] for _, i in sorted((self.real(), i) for i in range(len(items)))]
 
 
 Seams = list[tuple[int, int, int]]
-"""(a, b, faces between them) of atoms that touch, where there are such faces."""
+"""Pairs of atoms that touch, as (a, b, number of faces between them)."""
 
 
 @dataclass(frozen=True)
 class Sink:
-    """What may be left out, in a part of its own. atom: the one that stands for it. may: atoms that may be in its part.
-    volume: of each atom; most: of those left out together.
+    """Part that collects the cells left out of the structure.
+
+    Attributes
+    ----------
+    atom : int
+        Atom that represents the part.
+    may : frozenset of int
+        Atoms that may be left out.
+    volume : list of float
+        Volume of each atom.
+    most : float
+        Largest total volume left out.
     """
 
     atom: int
@@ -75,18 +97,30 @@ class Sink:
     most: float
 
     def takes(self, members: list[int]) -> bool:
-        """Whether a part with the sink may be left out."""
+        """Return True if a part that contains the sink may be left out."""
         inside = all(a in self.may or a == self.atom for a in members)
         return inside and sum([self.volume[a] for a in members]) <= self.most
 
 
 @dataclass(frozen=True)
 class PartLimits:
-    """Limits of a search as operators keep them; those on counts that are no sums of ones are left to `feasible`.
+    """Limits of a search as operators handle them.
 
-    sizes: on each part that holds a free element, by the keys of measures, as far as they do not go with cells.
-    parts: (least, most) parts. seams: of counts of dry faces, with their (least, most). exempt: atoms that limits on
-    single parts except. sink: what may be left out.
+    `feasible` checks the limits on counts that are no sums of ones.
+
+    Attributes
+    ----------
+    sizes : dict of str to Range
+        Limits on each part with a free element, by key of the measure. Limits that are proportional to the number of
+        cells are converted to limits on cells.
+    parts : tuple of float
+        Least and largest number of parts.
+    seams : tuple
+        Seams of each limited count of dry faces, with its least and largest value.
+    exempt : frozenset of int
+        Atoms whose parts are exempt from limits on single parts.
+    sink : Sink or None
+        What may be left out of the structure.
     """
 
     sizes: dict[str, Range]
@@ -97,24 +131,42 @@ class PartLimits:
 
     @property
     def cells(self) -> tuple[int, float]:
-        """Least and most free elements of a part."""
+        """Least and largest number of free elements of a part."""
         bounds = self.sizes[CELLS.key]
         return max(0, int(max(bounds.least, 0.0))), bounds.most
 
     @property
     def only_cells(self) -> bool:
-        """Whether cells alone decide if a part is allowed."""
+        """Whether the number of cells alone decides if a part is allowed."""
         return not self.exempt and not any(bounds.given for key, bounds in self.sizes.items() if key != CELLS.key)
 
 
 @dataclass(frozen=True)
 class AtomGraph:
-    """Atoms and what lies between them.
+    """Graph of the atoms of a search space.
 
-    of_element: (n,) atom of each element. first: (atoms,) an element of each atom. cells: free elements of each
-    atom; sized: all sizes of atoms. pairs: atoms that may be joined; links: for each atom (neighbour, pair). walls:
-    atoms that a face fixed dry keeps apart from each atom. seams: by faces between free elements. lines: for each
-    pair, the straight lines or planes its candidate faces lie on. face_a, face_b: (m,) atoms.
+    Attributes
+    ----------
+    of_element : (n,) int array
+        Atom of each element.
+    first : (atoms,) int array
+        One element of each atom.
+    cells : list of int
+        Number of free elements of each atom.
+    sized : Sized
+        All sizes of the atoms.
+    pairs : list of tuples
+        Pairs of atoms that may be joined.
+    links : list of lists
+        For each atom its neighbours, as (neighbour, index of the pair).
+    walls : list of lists
+        For each atom the atoms that a face fixed dry separates from it.
+    seams : Seams
+        Pairs of atoms by faces between free elements.
+    lines : list of lists
+        For each pair the straight lines (spatial: planes) of its candidate faces.
+    face_a, face_b : (m,) int arrays
+        Atoms on both sides of each face.
     """
 
     of_element: Ints
@@ -134,7 +186,10 @@ class AtomGraph:
 
 
 def atom_graph(space: SearchSpace) -> AtomGraph:
-    """The atoms of a search space; in a space of loose bits faces fixed dry keep nothing apart."""
+    """Return the atom graph of a search space.
+
+    If slits are allowed, faces fixed dry separate no atoms.
+    """
     assembly = space.assembly
     faces = assembly.interfaces
     first, of_element = np.unique(space.least, return_inverse=True)
@@ -156,7 +211,7 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
     walls: list[list[int]] = [[] for _ in range(count)]
     reach = _reach(links)
     for p, q in sorted(apart):
-        if reach[p] == reach[q]:  # else nothing could ever join them
+        if reach[p] == reach[q]:  # atoms of different components can never be joined
             walls[p].append(q)
             walls[q].append(p)
     place = {pair: number for number, pair in enumerate(touching)}
@@ -182,7 +237,7 @@ def atom_graph(space: SearchSpace) -> AtomGraph:
 
 
 def _reach(links: list[list[tuple[int, int]]]) -> list[int]:
-    """For each atom the first atom that it could be joined with."""
+    """Return for each atom the first atom of its component."""
     first = [-1] * len(links)
     for start in range(len(links)):
         if first[start] < 0:
@@ -197,7 +252,7 @@ def _reach(links: list[list[tuple[int, int]]]) -> list[int]:
 
 
 def _lines(space: SearchSpace) -> Ints:
-    """(m,) number of the straight line (spatial: plane) that each face lies on."""
+    """Return the number (m,) of the straight line (spatial: plane) of each face."""
     assembly = space.assembly
     normal, origin = assembly.interfaces.normal, assembly.interfaces.origin
     rough = np.round(normal, 6)
@@ -209,7 +264,7 @@ def _lines(space: SearchSpace) -> Ints:
 
 
 def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
-    """Seams by those faces (m,) that are counted; a, b: (m,) their atoms."""
+    """Return the seams of the counted faces (m,), given the atoms a and b (m,) of each face."""
     rows = np.flatnonzero(counted & (a != b))
     pairs = np.column_stack([np.minimum(a, b)[rows], np.maximum(a, b)[rows]])
     found, number = np.unique(pairs, axis=0, return_counts=True)
@@ -217,7 +272,7 @@ def _seams(a: Ints, b: Ints, counted: Bools) -> Seams:
 
 
 def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
-    """What a search may leave out, by atoms: those of candidate cells alone."""
+    """Return what a search may leave out, by atoms that consist of candidate cells alone."""
     if space.void is None:
         return None
     elements, cells = space.assembly.elements, space.void.cells
@@ -230,7 +285,10 @@ def _sink(space: SearchSpace, graph: AtomGraph) -> Sink | None:
 
 
 def limits_of(space: SearchSpace, graph: AtomGraph) -> PartLimits:
-    """The limits of a search; those that go with the number of cells are turned into limits on cells."""
+    """Return the limits of a search for operators.
+
+    Limits that are proportional to the number of cells are converted to limits on cells.
+    """
     parts, seams = (-inf, inf), []
     for terms, bounds in space.limits.on_terms:
         if terms.faces is None:

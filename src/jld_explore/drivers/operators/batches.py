@@ -1,11 +1,10 @@
-"""Segmentations made many at a time: every operator is a choice of keys, and one pass over them makes blocks.
+"""Generate segmentations in batches: operators choose keys, and one pass converts them.
 
-A **key** is a number for each pair of neighbouring atoms, low where they should be in one part. All rows of a
-batch join atoms in the order of their own keys, as long as parts stay within the most cells, up to the key that
-asks for a joint; parts that are still too small are then joined to what they touch. Rows in which a part stays
-too small are left out. One row costs a tenth of what it costs alone, in the compiled batch solver a hundredth, which
-lets a
-driver look at many children for each one it evaluates.
+A **key** is a number for each pair of neighbouring atoms, low where both should be in one part. All rows of a batch
+join atoms in ascending order of their own keys. Joining stops at the threshold, and no part exceeds the largest
+number of cells. Parts that are still too small are then joined to neighbours. Rows with a part that stays too small
+are dropped. A row takes a tenth of the time of a single segmentation, in the batch solver a hundredth. A driver can
+therefore compare many children for each one it evaluates.
 """
 
 from __future__ import annotations
@@ -22,26 +21,44 @@ from jld_explore.drivers.operators.atom_graph import AtomGraph, PartLimits
 from jld_explore.space import SearchSpace, blocks_of
 
 NEAR: Final = 0.5
-"""Threshold between keys that ask for a joint and keys that ask for none."""
+"""Threshold: a pair with a key above it is separated, a pair with a lower key is joined."""
 
 _ROUNDS: Final = 2
-"""Passes over all pairs in which parts that are too small are joined to others."""
+"""Passes over all pairs that join parts that are too small to others."""
 
 _WIDTH: Final = np.array([0.05, 0.05, 0.2, 0.2])
+"""Width of the random interval of keys of a child of two parents, for four kinds of pairs.
+
+The kinds are those of `_LEAST`.
+"""
 _LEAST: Final = np.array([0.0, 0.95, 0.25, 0.55])
-"""Keys of a child of two, from the least up: inside both, between the blocks of both; inside, between those of one."""
+"""Smallest key of a child of two parents, for four kinds of pairs.
+
+The kinds are: inside a block of both parents, between blocks of both, and where the parents differ, inside and
+between blocks of the parent that the child follows.
+"""
 
 _KEPT: Final = np.array([0.2, 0.7])
-"""Least keys of what stays as it is: inside a block, and between two."""
+"""Smallest keys of pairs that a change keeps: inside a block, and between two blocks."""
 
 Names = NDArray[Any]
+"""Integer array of part names."""
 
 
 class Batches:
-    """Operators on the segmentations of a space where limits on cells are all there is.
+    """Batch operators on segmentations, for spaces with limits on cells alone.
 
-    space, graph, limits: as `Segmentations` has them. Labellings are rows (k, m), of which an answer holds at most
-    one for each that was wanted, in the search space, but neither canonical nor new; keys are rows (k, pairs).
+    Labellings are rows (k, m), True = dry. Results hold at most one row per requested one. Rows are in the search
+    space, but may be neither canonical nor new. Keys are rows (k, pairs).
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    graph : AtomGraph
+        Its atoms.
+    limits : PartLimits
+        Its limits.
     """
 
     def __init__(self, space: SearchSpace, graph: AtomGraph, limits: PartLimits) -> None:
@@ -60,13 +77,16 @@ class Batches:
         self._span = float(np.ptp(centre, axis=0).max())
 
     def draw(self, count: int, rng: np.random.Generator) -> Bits:
-        """Random segmentations; a random threshold spreads the number of blocks."""
+        """Draw random segmentations; a random threshold spreads the number of blocks."""
         keys = rng.random((count, len(self._p)))
         return self.read(keys, rng.random((count, 1)))
 
     def cross(self, first: Bits, second: Bits, rng: np.random.Generator) -> Floats:
-        """Keys of one child of each couple: what both have stays, and between them one is followed in a patch, the
-        other outside; or either at random."""
+        """Return keys (k, pairs) of one child of each couple.
+
+        A child keeps what both parents have. Elsewhere it follows one parent in a patch and the other outside, or
+        either at random.
+        """
         one, two = first[:, self._face], second[:, self._face]
         count = len(one)
         patch = np.empty(one.shape, dtype=bool)
@@ -74,7 +94,7 @@ class Batches:
         patch[whole] = self._patch(int(np.count_nonzero(whole)), rng)
         scattered = np.flatnonzero(~whole)
         patch[scattered] = rng.random((len(scattered), one.shape[1])) < rng.random((len(scattered), 1))
-        # inside both, between the blocks of both, and where they differ: inside or between those of the one followed
+        # index of the kind of each pair, see _LEAST
         kind = ((one & patch) | (two & ~patch)).view(np.uint8) + 2 * (one ^ two).view(np.uint8)
         keys = rng.random(one.shape)
         keys *= _WIDTH.take(kind)
@@ -82,8 +102,11 @@ class Batches:
         return keys
 
     def vary(self, parents: Bits, rng: np.random.Generator) -> Floats:
-        """Keys of one change of each parent at a random joint: the blocks beside it are cut anew, now and then
-        with a third one, or an atom crosses it, or all atoms along the straight line of the joint between them."""
+        """Return keys (k, pairs) of one change of each parent at a random joint.
+
+        The change cuts the two blocks beside the joint anew, sometimes with a third one. Otherwise it moves one atom,
+        or all atoms along the straight line of the joint, across the joint.
+        """
         cut, count = parents[:, self._face], len(parents)
         name = blocks_of(self.space.graph, parents)[:, self.graph.first]
         rows = np.arange(count)
@@ -115,7 +138,7 @@ class Batches:
         return keys
 
     def _region(self, name: Ints, inside: Bools, rng: np.random.Generator) -> Bools:
-        """(k, atoms) two blocks, and in two rows of five a third one that touches them."""
+        """Return (k, atoms) two blocks, and in two rows of five a third one that touches them."""
         rows = np.flatnonzero(rng.random(len(name)) < 0.4)
         touching = inside[rows][:, self._p] != inside[rows][:, self._q]
         pair = np.argmax(touching * rng.random(touching.shape), axis=1)
@@ -125,7 +148,7 @@ class Batches:
         return inside
 
     def _moving(self, name: Ints, cut: Bits, old: Ints, new: Ints, joint: Ints, here: Ints, single: Bools) -> Bools:
-        """(k, atoms) what crosses a joint: one atom, or those along the straight line of the joint."""
+        """Return (k, atoms) what crosses a joint: one atom, or all along its straight line."""
         moving = np.zeros(name.shape, dtype=bool)
         moving[np.arange(len(name)), here] = True
         rows = np.flatnonzero(~single)
@@ -139,7 +162,7 @@ class Batches:
         return moving
 
     def _patch(self, count: int, rng: np.random.Generator) -> Bools:
-        """(k, pairs) the pairs on one side of a random plane, or in a box around a random pair."""
+        """Return (k, pairs) the pairs on one side of a random plane, or in a random box."""
         centre = self._middle[rng.integers(len(self._middle), size=count)]
         planes = np.flatnonzero(rng.random(count) < 0.5)
         found = np.ones((count, len(self._middle)), dtype=bool)
@@ -156,17 +179,20 @@ class Batches:
         return found
 
     def read(self, keys: Floats, threshold: float | Floats = NEAR) -> Bits:
-        """Labellings (≤ k, m) of keys (k, pairs); threshold: one, or (k, 1), for all pairs."""
+        """Convert keys (k, pairs) to labellings (j, m), j ≤ k.
+
+        The threshold is a number, or (k, 1) for one number per row.
+        """
         return self.read_some(keys, threshold)[0]
 
     def read_some(self, keys: Floats, threshold: float | Floats = NEAR) -> tuple[Bits, Ints]:
-        """The same, and which of the k rows each is of."""
+        """Do the same as `read`, and return the row of each labelling among the k rows."""
         name, good = self._assemble(keys, threshold)
         across = name[:, self.graph.face_a] != name[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed)), np.flatnonzero(good)
 
     def _assemble(self, keys: Floats, threshold: float | Floats) -> tuple[Names, Bools]:
-        """The part of each atom, (≤ k, atoms), of those rows (k,) in which none stays too small."""
+        """Return the part of each atom (j, atoms), and which rows (k,) have no part too small."""
         order = np.argsort(keys, axis=1)
         made = self._joining.parts(order, np.count_nonzero(keys <= threshold, axis=1))
         if made is not None:
@@ -191,9 +217,23 @@ class Batches:
 
 
 class _Forest:
-    """Parts in the making, one set in each of `count` rows. cells: (atoms,). least, most: cells of a part.
+    """Partitions under construction, one per row, as disjoint sets.
 
-    name: (rows, atoms) part of each atom. size: (rows × atoms,) cells of each part, at its name.
+    Parameters
+    ----------
+    count : int
+        Number of rows.
+    cells : (atoms,) int array
+        Cells of each atom.
+    least, most : int and float
+        Least and largest number of cells of a part.
+
+    Attributes
+    ----------
+    name : (rows, atoms) int array
+        Part of each atom.
+    size : (rows · atoms,) int array
+        Cells of each part, at the index of its name.
     """
 
     def __init__(self, count: int, cells: Ints, least: int, most: float) -> None:
@@ -205,13 +245,15 @@ class _Forest:
 
     @property
     def lacking(self) -> Bools:
-        """(rows,) True where some part is too small."""
+        """Whether some part of each row (rows,) is too small."""
         size = self.size.reshape(self.name.shape)
         return np.asarray(((size > 0) & (size < self.least)).any(axis=1))
 
     def join(self, rows: Ints, a: Ints, b: Ints, small_only: bool) -> None:
-        """Make one part of those of atoms a and b (r,) in rows (r,), where that is allowed, and where one of them
-        is too small if asked so."""
+        """Join the parts of atoms a and b (r,) in rows (r,) where their union is not too large.
+
+        With `small_only` a union is made only where one of the two parts is too small.
+        """
         base = rows * self.atoms
         p: Names = self._names.take(base + a)
         q: Names = self._names.take(base + b)

@@ -1,10 +1,10 @@
-"""Cutting a region of the element graph into allowed parts: a spanning tree, then the cheapest cuts in it.
+"""Cut a region of the atom graph into allowed parts: spanning tree, then cheapest cuts.
 
-One number for each pair of atoms, its **key**, decides everything: a key above the threshold asks for a
-joint, one below for none, and the distance says how much. The tree takes pairs in the order of their keys.
-Where limits on cells are all there is, the cuts of the tree that agree best with the keys and leave only
-allowed parts are found exactly, by dynamic programming over the cells of the part still open at an atom.
-Every segmentation comes out of some keys: low inside its parts and high between them.
+One number for each pair of atoms, its **key**, decides everything. A key above the threshold asks for a joint, a
+lower key for none; the distance is the weight of the request. The tree takes pairs in ascending order of keys. Where
+limits on cells are the only limits, dynamic programming finds the cuts of the tree that agree best with the keys and
+leave only allowed parts. Its state is the number of cells of the open part at an atom. Every segmentation results
+from some keys: low inside its parts and high between them.
 """
 
 from __future__ import annotations
@@ -16,10 +16,21 @@ from jld_explore.space import CELLS
 
 
 class Cutter:
-    """Cuts regions into parts within the limits on single parts.
+    """Algorithm that cuts regions into parts within the limits on single parts.
 
-    graph, limits: of the search space. A region is a list of atoms; so is a part. exact: cuts keep all limits
-    on single parts, because those on cells are all there is.
+    A region is a list of atoms, and so is a part.
+
+    Parameters
+    ----------
+    graph : AtomGraph
+        Atoms of the search space.
+    limits : PartLimits
+        Limits of the search space.
+
+    Attributes
+    ----------
+    exact : bool
+        Whether cuts keep all limits on single parts, because those limits are on cells alone.
     """
 
     def __init__(self, graph: AtomGraph, limits: PartLimits) -> None:
@@ -27,7 +38,7 @@ class Cutter:
         self._walled = any(graph.walls)
         self.exact = limits.only_cells and not self._walled
         sized = graph.sized
-        # per limit beside those on cells: its bounds, and what each atom adds, or the corners of its box
+        # bounds of each limit other than those on cells, and the contribution of each atom; None for the bounding box
         self._others = [
             (bounds, sized.adds[key].tolist() if key in sized.adds else None)
             for key, bounds in limits.sizes.items()
@@ -35,12 +46,12 @@ class Cutter:
         ]
         self._corner = sized.corner.tolist()
         self._least, self._most = least, most = limits.cells
-        # beyond the least, without a most, all numbers of cells are the same
+        # without an upper limit, all numbers of cells above the lower limit are equivalent
         self._cap = int(most) if most < inf else least
         self._bounded = self._cap > 0
 
     def fits(self, members: list[int]) -> bool:
-        """Whether a part is within the upper limits and holds no wall."""
+        """Return True if a part is within the upper limits and contains no wall."""
         cells, sink = self.graph.cells, self.limits.sink
         if sink is not None and sink.atom in members:
             return sink.takes(members)
@@ -56,7 +67,10 @@ class Cutter:
         return free or all(self._size(members, adds) <= bounds.most for bounds, adds in self._others)
 
     def enough(self, members: list[int]) -> bool:
-        """Whether a part is within the lower limits; one without a free element has none."""
+        """Return True if a part is within the lower limits, or has no free element.
+
+        Exempt parts also count as within the limits.
+        """
         cells = self.graph.cells
         count = sum([cells[a] for a in members])
         if count == 0 or self._is_exempt(members):
@@ -66,11 +80,11 @@ class Cutter:
         return all(self._size(members, adds) >= bounds.least for bounds, adds in self._others)
 
     def _is_exempt(self, members: list[int]) -> bool:
-        """Whether limits on single parts except a part."""
+        """Return True if a part is exempt from limits on single parts."""
         return bool(self.limits.exempt) and any(a in self.limits.exempt for a in members)
 
     def _size(self, members: list[int], adds: list[float] | None) -> float:
-        """What the atoms of a part add up to, or the longest side of the box around them."""
+        """Return the sum of a measure over a part, or the longest side of its bounding box."""
         if adds is not None:
             return sum([adds[a] for a in members])
         corner = [max(values) for values in zip(*[self._corner[a] for a in members], strict=True)]
@@ -78,7 +92,7 @@ class Cutter:
         return float(max(corner[i] + corner[d + i] for i in range(d)))
 
     def components(self, members: list[int]) -> list[list[int]]:
-        """The connected pieces of a set of atoms, each from its first atom on."""
+        """Return the connected components of a set of atoms, each from its first atom on."""
         left, found = dict.fromkeys(members), []
         for start in members:
             if start not in left:
@@ -94,7 +108,10 @@ class Cutter:
         return found
 
     def cut(self, members: list[int], rng: BufferedRandom, threshold: float) -> list[list[int]] | None:
-        """Cut a region at random; a higher threshold leaves larger parts. None where no cut is allowed."""
+        """Cut a region at random; return its parts, or None if no cut is allowed.
+
+        A higher threshold leaves larger parts.
+        """
         inside = set(members)
         keyed = [
             (rng.real(), number, a, b) for a in members for b, number in self.graph.links[a] if a < b and b in inside
@@ -105,10 +122,22 @@ class Cutter:
     def assemble(
         self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float
     ) -> list[list[int]] | None:
-        """Parts of a region. keyed: (key, pair, a, b) in ascending order, of all pairs inside the region.
+        """Cut a region into parts by keys.
 
-        Returns None where no cuts of this tree leave allowed parts. Where limits other than those on cells
-        hold, parts may be too small; they are never too large.
+        Parameters
+        ----------
+        members : list of int
+            Atoms of the region.
+        keyed : list of tuples
+            (key, index of the pair, a, b) of all pairs inside the region, in ascending order.
+        threshold : float
+            Key above which a pair should be separated.
+
+        Returns
+        -------
+        list of lists of int, or None
+            The parts. None if no cuts of the spanning tree leave allowed parts. With limits other than those on cells
+            parts may be too small, but never too large.
         """
         if not self.exact:
             return self.grow(members, keyed, threshold)
@@ -137,7 +166,7 @@ class Cutter:
         return self._cut_tree(members, tree)
 
     def _as_they_are(self, members: list[int], root: dict[int, int]) -> list[list[int]] | None:
-        """The parts that the keys ask for, if they are allowed: then no other cuts agree better."""
+        """Return the parts that the keys ask for if they are allowed; no other cuts agree better."""
         least, most = self._least, self._most
         cells = self.graph.cells
         parts: dict[int, list[int]] = {}
@@ -156,6 +185,7 @@ class Cutter:
         return list(parts.values())
 
     def grow(self, members: list[int], keyed: list[tuple[float, int, int, int]], threshold: float) -> list[list[int]]:
+        """Join pairs in ascending order of keys up to the threshold while the parts fit."""
         name = {a: a for a in members}
         parts = {a: [a] for a in members}
         for key, _, a, b in keyed:
@@ -169,7 +199,7 @@ class Cutter:
         return list(parts.values())
 
     def _cut_tree(self, members: list[int], tree: dict[int, list[tuple[int, float]]]) -> list[list[int]] | None:
-        """Cheapest cuts of a forest; to cut an edge costs minus its key above the threshold."""
+        """Cut a forest at the least cost; cutting an edge costs minus its key above the threshold."""
         up: dict[int, tuple[int, float]] = {}
         order: list[int] = []
         roots: list[int] = []
@@ -204,7 +234,7 @@ class Cutter:
         return parts
 
     def _choose(self, order: list[int], up: dict[int, tuple[int, float]], joined: dict[int, bool]) -> bool:
-        """Decide for each atom whether it stays with its parent; False where no decision is allowed."""
+        """Decide for each atom whether it stays with its parent; return False if impossible."""
         cap, least = self._cap, self._least
         capped = self._most == inf
         cells = self.graph.cells
@@ -251,7 +281,7 @@ class Cutter:
             if not new:
                 return False
             table[parent], steps[a] = new, step
-        # read back: children were added to their parent in reversed order, so they come off in this one
+        # read the decisions back: children joined their parent in reverse order, so they are removed in this order
         state: dict[int, int] = {}
         for a in order:
             parent = up[a][0]

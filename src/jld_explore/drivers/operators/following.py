@@ -1,4 +1,4 @@
-"""Changes of a labelling that its mechanism suggests: joined across a face that moves, cut where nothing does."""
+"""Change labellings by their mechanism: join blocks at moving faces, cut blocks at rest."""
 
 from __future__ import annotations
 
@@ -15,27 +15,63 @@ _MOVES: Final = 0.01
 """Share of the largest jump above which a face counts as moving."""
 
 _JOIN: Final = 0.55
+"""Share of changes that join blocks across a moving face."""
 _CUT: Final = 0.1
-"""Share of changes that join across a moving face, and that cut a block with none; the others look at no mechanism."""
+"""Share of changes that cut a block without moving faces.
+
+The remaining changes ignore the mechanism.
+"""
 
 _WHOLE: Final = 0.8
-"""Chance that a block that is joined takes one more atom of the two it is made of, as long as limits allow it."""
+"""Probability that a joined block takes one more atom of the two blocks it replaces.
+
+The block grows with this probability per atom as long as limits allow.
+"""
 
 _ADOPT: Final = 0.7
-"""Chance that what is left over of them joins a neighbour."""
+"""Probability that a remaining piece of the two blocks joins a neighbour."""
 
 
 class Following:
-    """Changes of labellings of one space. operators: of the space."""
+    """Operator that changes labellings where their mechanism moves.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    operators : Operators
+        Operators of the space, used for changes that ignore the mechanism.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        As the parameter.
+    """
 
     def __init__(self, space: SearchSpace, operators: Operators) -> None:
         self.space, self._operators = space, operators
         self._own = operators if isinstance(operators, Segmentations) else None
 
     def changes(self, labellings: Bits, parts: list[Parts], moving: Floats, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """One change of each labelling (k, m) where one is found: rows (j, m), and which of the k each is of (j,).
+        """Change each labelling once where a change is found.
 
-        parts: of each, as `parts` gives them. moving: (k, m) jumps beside the largest, zero where unknown.
+        Parameters
+        ----------
+        labellings : (k, m) bool array
+            Labels, True = dry.
+        parts : list of Parts
+            Partition of each labelling, from `parts`.
+        moving : (k, m) float array
+            Jumps at the faces relative to the largest one; zero where unknown.
+        rng : BufferedRandom
+            Source of random numbers.
+
+        Returns
+        -------
+        (j, m) bool array
+            Changed labels.
+        (j,) int array
+            The labelling, of the k given ones, that each row changes.
         """
         own = self._own
         rows: list[Bits] = []
@@ -55,11 +91,11 @@ class Following:
         return (np.array(rows) if rows else empty), np.array(of, dtype=np.int64)
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Partitions of labellings (k, m), empty where slits are allowed."""
+        """Return the partition of each labelling (k, m); empty ones if slits are allowed."""
         return [[] for _ in labellings] if self._own is None else self._own.parts(labellings)
 
     def _closed(self, labels: Bits, moving: Floats, rng: BufferedRandom) -> list[Bits]:
-        """Where slits are allowed: one face that moves becomes inner, or a change at random."""
+        """Make one moving face inner, or make a random change; used if slits are allowed."""
         faces = self._moving_joints(labels, moving)
         if not faces or rng.real() >= _JOIN:
             return list(self._operators.vary(labels[None], rng))
@@ -70,6 +106,7 @@ class Following:
     def _child(
         self, own: Segmentations, labels: Bits, part: Parts, moving: Floats, rng: BufferedRandom
     ) -> Parts | None:
+        """Return a changed partition: joined, cut or varied at random."""
         way = rng.real()
         if way < _JOIN and (faces := self._moving_joints(labels, moving)):
             face = rng.pick(faces)
@@ -80,11 +117,12 @@ class Following:
         return own.change(part, rng)
 
     def _moving_joints(self, labels: Bits, moving: Floats) -> list[int]:
+        """Return the dry candidate faces that move."""
         found: list[int] = np.flatnonzero(labels & self.space.candidates & (moving > _MOVES)).tolist()
         return found
 
     def _join(self, own: Segmentations, part: Parts, a: int, b: int, rng: BufferedRandom) -> Parts | None:
-        """A block around two atoms out of the blocks that hold them; what is left of those goes to others, or stays."""
+        """Form a block around two atoms out of their two blocks; pieces left join others or stay."""
         cutter, links = own.cutter, own.graph.links
         union = [c for c, name in enumerate(part) if name in (part[a], part[b])]
         block = [a, b]
@@ -103,7 +141,7 @@ class Following:
         for c in block:
             child[c] = fresh
         doubtful = [fresh]
-        # what is left of either block stays apart: together they may be too large
+        # pieces of the two blocks stay separate, because together they may be too large
         rest = [cutter.components([c for c in sorted(left) if part[c] == name]) for name in (part[a], part[b])]
         for number, piece in enumerate([*rest[0], *rest[1]]):
             name = fresh + 1 + number
@@ -120,7 +158,7 @@ class Following:
         return own.repair(child, rng, doubtful)
 
     def _cut(self, own: Segmentations, part: Parts, moving: Floats, rng: BufferedRandom) -> Parts | None:
-        """A block none of whose faces moves becomes two or more."""
+        """Cut a random block without moving faces into two or more."""
         faces = np.flatnonzero(moving > _MOVES)
         moved = {part[c] for c in (*own.graph.face_a[faces].tolist(), *own.graph.face_b[faces].tolist())}
         still = [c for c, name in enumerate(part) if name not in moved]

@@ -1,8 +1,8 @@
-"""Operators on loose bits, for searches that allow slits: flip, uniform crossover, repair of limits.
+"""Operators on single labels, for searches that allow slits: flip, crossover, repair.
 
-Limits refer to blocks, and blocks follow from the inner faces whether slits are there or not. So a row is
-repaired through its blocks: they are made to keep all limits as those of a segmentation are, then bits inside
-blocks keep what they had, as far as that leaves each block in one piece.
+Limits refer to blocks, and inner faces determine the blocks with or without slits. A labelling is therefore repaired
+through its blocks. The blocks are first changed to keep all limits, as those of a segmentation. Labels inside blocks
+then keep their values as far as each block stays connected.
 """
 
 from __future__ import annotations
@@ -20,16 +20,26 @@ from jld_explore.space import SearchSpace, blocks_of, feasible
 
 
 class FreeBits:
-    """Operators on the labellings of a search space that allows slits."""
+    """Operators on the labellings of a search space that allows slits.
+
+    The methods are those of `Operators`.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+    """
 
     offspring_factor = 2
+    """Children made for each evaluated one."""
     sure = False
+    """Always False: rows must be checked for feasibility."""
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
         self.graph = atom_graph(space)
         self.limits = limits_of(space, self.graph)
-        # slits can make up for dry faces that lack between blocks, up to what keeps each block in one piece
+        # Slits can supply dry faces that are missing between blocks, as far as each block stays connected.
         on_faces = [(terms.faces, bounds) for terms, bounds in space.limits.on_terms if terms.faces is not None]
         may_be_dry = space.candidates | space.fixed
         spare = [bounds.least - int((faces & may_be_dry).sum()) + len(self.graph) for faces, bounds in on_faces]
@@ -43,7 +53,7 @@ class FreeBits:
         self.keys = len(self._faces)
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Random bits, each row with its own share of dry faces, repaired."""
+        """Draw random labellings, each with its own share of dry faces, and repair them."""
         rows = np.repeat(self.space.fixed[None], count, axis=0)
         for row in rows:
             share = rng.real()
@@ -51,7 +61,7 @@ class FreeBits:
         return self._mended(rows, rng)
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """One random bit of each parent flipped, now and then more."""
+        """Flip one random label of each parent, sometimes more, and repair the results."""
         rows = parents.copy()
         for row in rows:
             face = rng.pick(self._faces)
@@ -62,7 +72,7 @@ class FreeBits:
         return self._mended(rows, rng)
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """Each bit from either parent."""
+        """Take each label from either parent at random, and repair the results."""
         rows = first.copy()
         for row, other in zip(rows, second, strict=True):
             take = [face for face in self._faces if rng.real() < 0.5]
@@ -70,26 +80,27 @@ class FreeBits:
         return self._mended(rows, rng)
 
     def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """The same, and which couple each child is of (j,)."""
+        """Do the same as `cross`, and return the couple of each child (j,)."""
         rows = [self.cross(one[None], other[None], rng) for one, other in zip(first, second, strict=True)]
         return np.concatenate([first[:0], *rows]), np.repeat(np.arange(len(rows)), [len(row) for row in rows])
 
     def read(self, keys: list[float]) -> Bits:
-        """The labelling with the faces dry whose key is above one half, repaired."""
+        """Return the labelling whose faces with keys above 0.5 are dry, repaired."""
         row = self.space.fixed.copy()
         row[self._faces] = np.asarray(keys) > 0.5
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
         return self._mended(row[None], BufferedRandom(seed))
 
     def write(self, labelling: Bits) -> list[float]:
-        """Keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
+        """Return keys of a labelling (m,): 0.75 where dry, 0.25 where inner."""
         return [0.75 if labelling[face] else 0.25 for face in self._faces]
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """One child of each couple, and one change of each single parent."""
+        """Return one child of each couple, and one change of each single parent."""
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def _mended(self, rows: Bits, rng: BufferedRandom) -> Bits:
+        """Repair the rows that are not feasible, and drop those for which repair fails."""
         good = feasible(self.space, rows)
         if good.all():
             return rows
@@ -103,7 +114,10 @@ class FreeBits:
         return mended[feasible(self.space, mended)]
 
     def _mend(self, row: Bits, part: Parts, rng: BufferedRandom) -> Bits | None:
-        """A row close to one that breaks a limit; None, or a row that still breaks one, if none was found."""
+        """Repair one row; return None if no repair is found.
+
+        The returned row may still violate a limit.
+        """
         new = self._repair(part, rng)
         if new is None:
             return None
@@ -122,7 +136,8 @@ class FreeBits:
             out[face] = out[face] or new[a] != new[b]
             if new[a] == new[b]:
                 inside.append(face)
-        # fixed inner faces are inside atoms; inner faces of the row come first, then what lacks to one piece
+        # Fixed inner faces lie inside atoms. Inner faces of the row come first, then faces needed to connect each
+        # block.
         for face in sorted(rng.shuffled(inside), key=lambda f: bool(row[f])):
             p, q = (find(a) for a in self._ends[face])
             if p != q:

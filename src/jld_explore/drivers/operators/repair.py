@@ -1,4 +1,4 @@
-"""Making a partition keep every limit again, with as little change as random tries find."""
+"""Repair partitions that break a limit, with small random changes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,21 @@ from jld_explore.drivers.operators.atom_graph import AtomGraph, BufferedRandom, 
 from jld_explore.drivers.operators.cutting import Cutter
 
 _TRIES = 4
-"""Random cuts tried of one region before it is made larger, and times it is made larger."""
+"""Random cuts tried of one region before it is enlarged, and number of enlargements."""
 
 
 class Repair:
-    """Repairs partitions of the atoms of one search space."""
+    """Algorithm that repairs partitions of the atoms of one search space.
+
+    Parameters
+    ----------
+    graph : AtomGraph
+        Atoms of the search space.
+    limits : PartLimits
+        Limits to keep.
+    cutter : Cutter
+        Cuts regions into parts.
+    """
 
     def __init__(self, graph: AtomGraph, limits: PartLimits, cutter: Cutter) -> None:
         self.graph, self.limits, self.cutter = graph, limits, cutter
@@ -22,14 +32,20 @@ class Repair:
 
     @property
     def counted(self) -> bool:
-        """Whether there are limits on the numbers of parts or of dry faces."""
+        """Whether the number of parts or of dry faces is limited."""
         return self._counted_parts or bool(self.limits.seams)
 
     def __call__(self, part: Parts, rng: BufferedRandom, doubtful: list[int] | None = None) -> Parts | None:
-        """The partition with every limit kept, or None where that was not found.
+        """Return a partition near the given one that keeps every limit, or None if none is found.
 
-        part: (atoms,) names; parts may be in several pieces, which become parts of their own. doubtful: names
-        of the parts that may be in pieces or break a limit; None: any.
+        Parameters
+        ----------
+        part : Parts
+            (atoms,) names; a part that is not connected is split into its components.
+        rng : BufferedRandom
+            Source of random numbers.
+        doubtful : list of int, optional
+            Names of the parts that may be disconnected or break a limit. Default: all parts.
         """
         groups = Groups(self.graph, self.cutter, part, doubtful)
         for _ in range(6 + len(self.graph) // 2):
@@ -47,7 +63,7 @@ class Repair:
         return None
 
     def _fault(self, groups: Groups) -> Callable[[Groups, BufferedRandom], bool] | None:
-        """What to do about the numbers of parts and of dry faces."""
+        """Return the method that corrects the number of parts or of dry faces, or None."""
         numbers = [(groups.count(), *self.limits.parts)] if self._counted_parts else []
         numbers += [(groups.dry(seams), least, most) for seams, least, most in self.limits.seams]
         for number, least, most in numbers:
@@ -58,7 +74,7 @@ class Repair:
         return None
 
     def _mend(self, groups: Groups, bad: int, rng: BufferedRandom) -> bool:
-        """Make a part that is too small or too large into allowed ones, together with its neighbours."""
+        """Convert a part that is too small or too large to allowed ones, with its neighbours."""
         members = groups[bad]
         if self.cutter.fits(members):
             for other in rng.shuffled(groups.around([bad])):
@@ -79,7 +95,7 @@ class Repair:
     def _recut(
         self, groups: Groups, region: list[int], rng: BufferedRandom, wanted: Callable[[list[list[int]]], bool]
     ) -> bool:
-        """Cut the union of some parts anew into allowed parts that are wanted."""
+        """Cut the union of some parts anew into allowed parts that `wanted` accepts."""
         members = [a for name in region for a in groups[name]]
         for _ in range(_TRIES):
             checkpoint()
@@ -92,7 +108,11 @@ class Repair:
         return False
 
     def _join(self, groups: Groups, rng: BufferedRandom) -> bool:
-        """Fewer parts: two that touch become one, else three that touch become two."""
+        """Reduce the number of parts or of dry faces.
+
+        Two neighbours are joined where that is allowed. Otherwise two to four neighbours are cut into fewer parts, or
+        into as many with fewer dry faces.
+        """
         names = rng.shuffled(list(groups))
         for name in names:
             for other in rng.shuffled(groups.around([name])):
@@ -102,7 +122,11 @@ class Repair:
         return self._regroup(groups, names, rng, lambda before, after: after < before)
 
     def _divide(self, groups: Groups, rng: BufferedRandom) -> bool:
-        """More parts: one becomes several, else two that touch become three."""
+        """Increase the number of parts or of dry faces.
+
+        One part is cut where that is allowed. Otherwise two to four neighbours are cut into more parts, or into as
+        many with more dry faces.
+        """
         names = rng.shuffled(list(groups))
         for name in names:
             if len(groups[name]) > 1 and self._recut(groups, [name], rng, lambda pieces: len(pieces) > 1):
@@ -112,7 +136,11 @@ class Repair:
     def _regroup(
         self, groups: Groups, names: list[int], rng: BufferedRandom, better: Callable[[int, int], bool]
     ) -> bool:
-        """Cut parts that touch anew where that brings their number, or their dry faces, the wanted way."""
+        """Cut two to four neighbours anew if that changes the parts or dry faces as wanted.
+
+        `better` compares numbers before and after the cut: of parts, or of dry faces if the number of parts is
+        unchanged.
+        """
         for name in names[: 2 * _TRIES]:
             region = [name]
             while len(region) < 4:
@@ -133,7 +161,19 @@ class Repair:
 
 
 class Groups:
-    """A partition in the making: the parts by name, and the name of each atom's part."""
+    """Partition under construction: the parts by name, and the part of each atom.
+
+    Parameters
+    ----------
+    graph : AtomGraph
+        Atoms of the search space.
+    cutter : Cutter
+        Cuts regions and checks limits.
+    part : Parts
+        Initial partition.
+    doubtful : list of int or None
+        Names of the parts to check; None for all parts.
+    """
 
     def __init__(self, graph: AtomGraph, cutter: Cutter, part: Parts, doubtful: list[int] | None) -> None:
         self.graph, self.cutter = graph, cutter
@@ -159,7 +199,7 @@ class Groups:
         return self._members[name]
 
     def replace(self, old: list[int], new: list[list[int]]) -> None:
-        """Put new parts in the place of old ones."""
+        """Replace parts, by name, by new ones."""
         for name in old:
             del self._members[name]
             self._unsure.pop(name, None)
@@ -171,7 +211,7 @@ class Groups:
             self._next += 1
 
     def bad(self) -> int | None:
-        """The name of a part that breaks a limit on single parts, or None."""
+        """Return the name of a part that breaks a limit on single parts, or None."""
         while self._unsure:
             name = next(iter(self._unsure))
             members = self._members[name]
@@ -181,7 +221,7 @@ class Groups:
         return None
 
     def around(self, region: list[int]) -> list[int]:
-        """Names of the parts that touch a region through candidate faces, in order of meeting."""
+        """Return the names of the parts that touch a region through candidate faces."""
         part, links = self.part, self.graph.links
         found = {part[b]: None for name in region for a in self._members[name] for b, _ in links[a]}
         for name in region:
@@ -189,17 +229,17 @@ class Groups:
         return list(found)
 
     def count(self) -> int:
-        """Parts that hold a free element."""
+        """Return the number of parts with a free element."""
         cells = self.graph.cells
         return sum(1 for members in self._members.values() if any(cells[a] for a in members))
 
     def dry(self, seams: Seams | None = None) -> int:
-        """Dry faces of seams, slits apart; those between free elements where none are given."""
+        """Return the number of dry faces of seams without slits; by default between free elements."""
         part = self.part
         return sum([number for a, b, number in (self.graph.seams if seams is None else seams) if part[a] != part[b]])
 
     def dry_after(self, pieces: list[list[int]]) -> int:
-        """The same, after a region would have been cut into pieces."""
+        """Return the number of dry faces between free elements if a region were cut into pieces."""
         part = list(self.part)
         for number, piece in enumerate(pieces):
             for a in piece:

@@ -1,10 +1,10 @@
-"""Operators on labellings: draw one, change one, cross two, read one from keys.
+"""Operators on labellings: draw one, change one, cross two, convert keys to one.
 
-On segmentations they act on blocks and joints, never on loose bits: split a block, merge two, move a cell
-across a joint, shift a joint line, cut the union of blocks anew, and cross two parents by overlaying their
-joints and merging the fragments. What breaks a limit is repaired; what cannot be repaired is left out, so
-operators may answer with fewer rows than they were asked for. All rows are in the search space, but neither
-canonical nor new: `Register` sees to that.
+On segmentations the operators change blocks and joints, never single labels. They split a block, merge two, move a
+cell across a joint, shift a joint line, or cut the union of blocks anew. Two parents are crossed by overlaying their
+joints and merging the fragments. A result that breaks a limit is repaired, or dropped if repair fails. Operators may
+therefore return fewer rows than requested. All rows are in the search space, but may be neither canonical nor new;
+`Register` removes such rows.
 """
 
 from __future__ import annotations
@@ -25,62 +25,129 @@ from jld_explore.drivers.operators.repair import Repair
 from jld_explore.space import SearchSpace, blocks_of
 
 _TREES: Final = 6
-"""Spanning trees tried for one set of keys."""
+"""Number of spanning trees tried for one set of keys."""
 
 _BROOD: Final = 4
-"""Children made for each that is evaluated, where they are made in batches."""
+"""Children made for each evaluated one, where children are made in batches."""
 
 _SPARE: Final = 2
-"""Random segmentations made in a batch for each wanted: tight limits leave many of them out."""
+"""Random segmentations made in a batch per requested one, because limits exclude many."""
 
 _ROUNDS: Final = 4
-"""Further batches made where that leaves too few."""
+"""Number of further batches made if the first one gives too few segmentations."""
 
 _RARE: Final = 0.125
-"""Share of a batch that must keep the limits; else segmentations are made one by one, with repair."""
+"""Share of a batch that must keep the limits for batches to be used.
+
+Otherwise segmentations are made one by one, with repair.
+"""
 
 
 class Operators(Protocol):
-    """What drivers ask for; labellings are rows (k, m), and answers hold at most one row for each wanted."""
+    """Interface of the operators on labellings.
+
+    Labellings are rows (k, m), True = dry. Results hold at most one row per requested one.
+
+    Attributes
+    ----------
+    keys : int
+        Number of keys that `read` takes.
+    offspring_factor : int
+        Number of children to make for each evaluated one.
+    sure : bool
+        Whether every row is feasible without a check.
+    """
 
     keys: int
     """Number of keys that `read` takes."""
 
     offspring_factor: int
-    """Children that are cheap enough to be made for each one that is evaluated."""
+    """Number of children that are cheap enough to make for each evaluated one."""
 
     sure: bool
-    """Whether every row is feasible as it is made, since there are no limits but those that are kept in the making."""
+    """Whether every row is feasible, because the operators keep all limits of the space."""
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Random labellings."""
+        """Draw random labellings, at most `count`."""
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """One child of each parent, a small change away."""
+        """Return one child of each parent, which differs by a small change."""
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """One child of each couple."""
+        """Return one child of each couple."""
 
     def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """One child of each couple where one is found: rows (j, m), and which couple each is of (j,)."""
+        """Return one child of each couple where one is found.
+
+        Parameters
+        ----------
+        first, second : (k, m) bool arrays
+            Parents of each couple.
+        rng : BufferedRandom
+            Source of random numbers.
+
+        Returns
+        -------
+        (j, m) bool array
+            Children.
+        (j,) int array
+            Couple of each child.
+        """
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """One child of each couple, and one change of each single parent."""
+        """Return one child of each couple, and one change of each single parent."""
 
     def read(self, keys: list[float]) -> Bits:
-        """The labelling (1, m) that keys in [0, 1] stand for, or none (0, m); the same for the same keys."""
+        """Convert keys in [0, 1] to a labelling (1, m), or (0, m) if none is found.
+
+        The same keys always give the same labelling.
+        """
 
     def write(self, labelling: Bits) -> list[float]:
-        """Keys that stand for a labelling (m,): `read` gives it back."""
+        """Return keys of a labelling (m,), which `read` converts back to it."""
 
 
 def operators(space: SearchSpace) -> Operators:
-    """The operators of a search space: on segmentations, or on loose bits where slits are allowed."""
+    """Make the operators on the labellings of a space.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+
+    Returns
+    -------
+    Operators
+        Operators on segmentations, or on single labels if slits are allowed.
+    """
     return Segmentations(space) if space.search.segmentation else FreeBits(space)
 
 
 class Segmentations:
-    """Operators on the segmentations of a search space."""
+    """Operators on the segmentations of a search space.
+
+    Parameters
+    ----------
+    space : SearchSpace
+        The search space.
+
+    Attributes
+    ----------
+    space : SearchSpace
+        As the parameter.
+    graph : AtomGraph
+        Atoms of the space.
+    limits : PartLimits
+        Limits of the space.
+    cutter : Cutter
+        Cuts regions into parts.
+    repair : Repair
+        Repairs partitions that break a limit.
+    sound : bool
+        Whether cuts keep all limits, so that no repair is needed.
+    keys, offspring_factor, sure : int, int and bool
+        See `Operators`.
+    """
 
     def __init__(self, space: SearchSpace) -> None:
         self.space = space
@@ -88,7 +155,7 @@ class Segmentations:
         self.limits = limits_of(space, self.graph)
         self.cutter = Cutter(self.graph, self.limits)
         self.repair = Repair(self.graph, self.limits, self.cutter)
-        # cuts that keep all limits there are need no repair
+        # cuts that keep all limits need no repair
         self.sound = self.cutter.exact and not self.repair.counted
         self.keys = len(self.graph.pairs)
         whole = self.sound and self.keys > 0 and not any(self.graph.walls)
@@ -102,18 +169,18 @@ class Segmentations:
         ]  # fmt: skip
 
     def labels(self, parts: list[Parts]) -> Bits:
-        """Labellings (k, m) of partitions."""
+        """Return the labellings (k, m) of partitions."""
         names = np.array(parts, dtype=np.int64).reshape(len(parts), len(self.graph))
         across = names[:, self.graph.face_a] != names[:, self.graph.face_b]
         return np.asarray(np.where(self.space.candidates, across, self.space.fixed))
 
     def parts(self, labellings: Bits) -> list[Parts]:
-        """Partitions of labellings (k, m)."""
+        """Return the partitions of labellings (k, m)."""
         found: list[Parts] = blocks_of(self.space.graph, labellings)[:, self.graph.first].tolist()
         return found
 
     def draw(self, count: int, rng: BufferedRandom) -> Bits:
-        """Random segmentations: random keys, and a random threshold that spreads the number of blocks."""
+        """Draw random segmentations; a random threshold spreads the number of blocks."""
         if self._batches is not None:
             found = self._batches.draw(_SPARE * count, rng.generator)
             if len(found) >= _RARE * _SPARE * count:
@@ -126,16 +193,19 @@ class Segmentations:
         return self.labels([part for _ in range(count) if (part := self.random(rng)) is not None])
 
     def vary(self, parents: Bits, rng: BufferedRandom) -> Bits:
-        """One change of each parent, now and then two or three."""
+        """Change each parent once, sometimes two or three times."""
         return self.labels([child for part in self.parts(parents) if (child := self.change(part, rng)) is not None])
 
     def cross(self, first: Bits, second: Bits, rng: BufferedRandom) -> Bits:
-        """One child of each couple, by overlaying their joints."""
+        """Return one child of each couple by overlaying the joints of its parents."""
         couples = zip(self.parts(first), self.parts(second), strict=True)
         return self.labels([child for p, q in couples if (child := self.overlay(p, q, rng)) is not None])
 
     def crossed(self, first: Bits, second: Bits, rng: BufferedRandom) -> tuple[Bits, Ints]:
-        """The same, many at a time where limits allow it, and which couple each child is of (j,)."""
+        """Return one child of each couple, and the couple of each child (j,).
+
+        Children are made in batches where limits allow.
+        """
         if self._batches is not None:
             found, of = self._batches.read_some(self._batches.cross(first, second, rng.generator))
             if len(found) >= _RARE * len(first):
@@ -145,7 +215,10 @@ class Segmentations:
         return self.labels([child for child in made if child is not None]), of
 
     def breed(self, first: Bits, second: Bits, single: Bits, rng: BufferedRandom) -> Bits:
-        """One child of each couple and one change of each single parent, many at a time where limits allow it."""
+        """Return one child of each couple, and one change of each single parent.
+
+        Both are made in batches where limits allow.
+        """
         if self._batches is not None:
             crossed = self._batches.cross(first, second, rng.generator)
             changed = self._batches.vary(single, rng.generator)
@@ -155,19 +228,25 @@ class Segmentations:
         return np.concatenate([self.cross(first, second, rng), self.vary(single, rng)])
 
     def read(self, keys: list[float]) -> Bits:
-        """The segmentation of one key for each pair of neighbouring atoms: cut where keys are above NEAR."""
-        # what the keys leave open is repaired by chance that is the same for the same keys
+        """Convert keys to a segmentation (1, m), or (0, m) if none is found.
+
+        Parameters
+        ----------
+        keys : list of float
+            One key per pair of neighbouring atoms; a pair with a key above `NEAR` is separated.
+        """
+        # the seed derives from the keys, so that the same keys give the same repair
         seed = np.random.default_rng(np.frombuffer(np.asarray(keys).tobytes(), dtype=np.uint32))
         part = self._assemble(keys, NEAR, BufferedRandom(seed))
         return self.labels([] if part is None else [part])
 
     def write(self, labelling: Bits) -> list[float]:
-        """Keys of a segmentation (m,): 0.25 inside its blocks, 0.75 between them."""
+        """Return keys of a segmentation (m,): 0.25 inside its blocks, 0.75 between them."""
         part = self.parts(labelling[None])[0]
         return [0.75 if part[a] != part[b] else 0.25 for a, b in self.graph.pairs]
 
     def random(self, rng: BufferedRandom) -> Parts | None:
-        """A random segmentation."""
+        """Return a random segmentation as a partition, or None if none is found."""
         low, high = self.limits.parts
         threshold = rng.real()
         if (low, high) != (-inf, inf):
@@ -176,7 +255,7 @@ class Segmentations:
             threshold = 1.0 - (wanted - 1.0) / max(most - 1.0, 1.0)
         keys = rng.reals(self.keys)
         if self.limits.sink is not None:
-            # as often little is left out as much
+            # draw the share that stays first, so that few cells are left out as often as many
             stays = rng.real()
             for number, pair in enumerate(self.graph.pairs):
                 if self.limits.sink.atom in pair and rng.real() < stays:
@@ -184,10 +263,11 @@ class Segmentations:
         return self._assemble(keys, threshold, rng)
 
     def _assemble(self, keys: list[float], threshold: float, rng: BufferedRandom) -> Parts | None:
+        """Convert keys to a partition; change the keys at random where they give no allowed parts."""
         pieces = None
         for tries in range(_TREES):
             checkpoint()
-            if tries:  # no cuts of that tree are allowed: others, ever farther from these keys, may have some
+            if tries:  # this tree allows no cuts, so keys farther and farther from the given ones are tried
                 keys = [0.7 * key + 0.3 * rng.real() for key in keys]
             pairs = zip(keys, self.graph.pairs, strict=True)
             keyed = sorted([(key, n, a, b) for n, (key, (a, b)) in enumerate(pairs)])
@@ -196,7 +276,7 @@ class Segmentations:
                 break
         sound = self.sound and pieces is not None
         if pieces is None:
-            # none of them had: start from parts that are not too large
+            # no tree allows cuts: start from parts that are not too large
             pieces = self.cutter.grow(self._every, keyed, 1.0)
         part = [0] * len(self.graph)
         for name, members in enumerate(pieces):
@@ -205,18 +285,18 @@ class Segmentations:
         return part if sound else self.repair(part, rng)
 
     def change(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """A partition one random change away, now and then two or three."""
+        """Return a partition after one random change, sometimes two or three."""
         child: Parts | None = rng.pick(self._moves)(part, rng)
         while child is not None and rng.real() < 0.25:
             child = rng.pick(self._moves)(child, rng)
         return child
 
     def split(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """One block becomes two or more."""
+        """Split a random block into two or more."""
         return self.split_at(part, rng.below(len(part)), rng)
 
     def split_at(self, part: Parts, atom: int, rng: BufferedRandom) -> Parts | None:
-        """The block that holds an atom becomes two or more."""
+        """Split the block of an atom into two or more."""
         name = part[atom]
         members = [a for a, other in enumerate(part) if other == name]
         if len(members) < 2:
@@ -225,7 +305,7 @@ class Segmentations:
         return None if pieces is None or len(pieces) < 2 else self._with(part, pieces, rng)
 
     def merge(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """Two blocks beside a random joint become one, and are cut again where that is too large."""
+        """Merge the two blocks beside a random joint, and cut the union anew if it is too large."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -233,7 +313,7 @@ class Segmentations:
         return self.repair([new if name == old else name for name in part], rng, [new])
 
     def recut(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """The union of two or three blocks that touch is cut anew."""
+        """Cut the union of two or three neighbouring blocks anew."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -249,7 +329,7 @@ class Segmentations:
         return None if pieces is None else self._with(part, pieces, rng)
 
     def move(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """One atom crosses a joint."""
+        """Move one atom across a random joint."""
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -258,8 +338,11 @@ class Segmentations:
         return self.repair(child, rng, [part[joint[0]], part[joint[1]]])
 
     def shift(self, part: Parts, rng: BufferedRandom) -> Parts | None:
-        """A joint line moves by one atom: the atoms along one straight part of a joint cross it, or all
-        atoms along the joint between two blocks, or all along one straight line through the structure."""
+        """Shift a joint line by one atom.
+
+        The atoms that cross the joint lie along one straight part of it or along the whole joint between two blocks.
+        A third kind of shift moves all atoms along one straight line through the structure.
+        """
         joint = self._joint(part, rng)
         if joint is None:
             return None
@@ -286,15 +369,25 @@ class Segmentations:
         return self.repair(child, rng, list(doubtful))
 
     def _side(self, a: int, b: int) -> bool:
-        """Which of two neighbours lies first along the axes; the same along a straight line of faces."""
+        """Return True if atom a lies before its neighbour b along the axes.
+
+        The result is the same for all pairs along a straight line of faces.
+        """
         first, second = self._corner[a], self._corner[b]
         return first < second
 
     def overlay(self, first: Parts, second: Parts, rng: BufferedRandom) -> Parts | None:
-        """Cross two parents: their joints laid over each other leave fragments, which are merged again.
+        """Cross two parents: overlay their joints, and merge the fragments.
 
-        A joint of both stays where limits allow it, a face inside both stays inside. Between, the child
-        follows one parent inside a random patch and the other outside, or either at random.
+        A joint of both parents stays where limits allow, and a face inside blocks of both stays inside. Elsewhere the
+        child follows one parent inside a random patch and the other outside, or either at random.
+
+        Parameters
+        ----------
+        first, second : Parts
+            Partitions of the parents.
+        rng : BufferedRandom
+            Source of random numbers.
         """
         patch = self._patch(rng) if rng.real() < 0.7 else None
         bias = rng.real()
@@ -311,7 +404,7 @@ class Segmentations:
         return self._assemble(keys, NEAR, rng)
 
     def _patch(self, rng: BufferedRandom) -> list[bool]:
-        """A random connected half or so of the atoms."""
+        """Return a random connected set of 20 to 80 % of the atoms."""
         count = len(self.graph)
         wanted = max(1, int(count * (0.2 + 0.6 * rng.real())))
         inside = [False] * count
@@ -325,7 +418,7 @@ class Segmentations:
         return inside
 
     def _joint(self, part: Parts, rng: BufferedRandom) -> tuple[int, int, int] | None:
-        """A random pair of neighbours in different parts, in random direction, with its number."""
+        """Return a random pair of neighbours in different parts, in random order, with its index."""
         pairs = self.graph.pairs
         if not pairs:
             return None
@@ -343,7 +436,7 @@ class Segmentations:
         return (a, b, number) if rng.real() < 0.5 else (b, a, number)
 
     def _with(self, part: Parts, pieces: list[list[int]], rng: BufferedRandom) -> Parts | None:
-        """The partition with some atoms cut into new pieces."""
+        """Return the partition with some atoms cut into new pieces, repaired where needed."""
         child, fresh = list(part), max(part) + 1
         for number, piece in enumerate(pieces):
             for a in piece:
