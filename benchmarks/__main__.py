@@ -26,6 +26,7 @@ BENCHMARKS: Final = (
     "relaxing",
     "certified",
     "trust_trials",
+    "claims",
     "reach",
     "spared",
     "settling",

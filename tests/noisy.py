@@ -30,5 +30,5 @@ def noisy(analysis: LimitAnalysis, labels: Bits, level: float, seed: int) -> Pro
     """What is proven of a labelling by a spoilt answer and its repair."""
     climb = ProofAttempt(analysis, labels)
     climb.attempt(Noisy(level, seed), analysis.margin)
-    climb.repair()
+    climb.repair_answer()
     return climb.proof

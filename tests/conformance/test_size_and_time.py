@@ -13,7 +13,7 @@ from cases import grid_document
 from command import call
 from jld_core import build_assembly, parse_scene
 from jld_core.memory import memory_limit
-from jld_core.models import cost_estimate, effort
+from jld_core.models import cost_estimate, costs
 from jld_explore import ExploreSettings, explore
 from jld_explore.cli import ending
 from jld_explore.drivers import DRIVERS
@@ -46,7 +46,7 @@ def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.
     large = build_assembly(parse_scene(growth.document("planar", 70)))
     assert 5.0 < cost_estimate(large).seconds < 60.0
     assert cost_estimate(build_assembly(parse_scene(SCENE))).long is None
-    monkeypatch.setattr(effort, "LONG", 0.0)
+    monkeypatch.setattr(costs, "LONG", 0.0)
     said: list[str] = []
     settings = ExploreSettings(driver="random", budget=1, seconds=9.0, jobs=1, pictures=False)
     explore(parse_scene(SCENE), tmp_path / "out", settings, announce=said.append)
@@ -59,7 +59,7 @@ def test_what_there_is_not_the_memory_for_is_refused(
 ) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(SCENE))
-    monkeypatch.setattr(effort, "memory_limit", lambda: 1e8)
+    monkeypatch.setattr(costs, "memory_limit", lambda: 1e8)
     out = ("--out", tmp_path / "out") if command == "explore" else ()
     outcome = call(monkeypatch, capsys, command, file, *out)
     assert (outcome.code, outcome.out, outcome.err.count("\n")) == (2, "", 1)

@@ -155,3 +155,43 @@ def test_change_is_zero_for_equal_areas_and_bad_scenes_are_refused() -> None:
     odd = cases_spatial.stools([cases_spatial.TRIANGLE])
     with pytest.raises(InputError, match="no rectangle"):
         solve(odd, effective_area=True)
+
+
+@pytest.mark.parametrize(("seed", "locked"), [(5033, True), (5045, False), (5132, False), (5162, True), (5570, True)])
+def test_locked_is_proven_by_forces_within_their_own_areas(seed: int, locked: bool) -> None:
+    """The ray of frozen areas need not fit the areas that it asks for; areas of 5045 and 5132 do not even settle."""
+    assembly, labels = drawn(seed)
+    result = solve(assembly, labels, effective_area=True)
+    assert (result.status is Status.LOCKED) is locked
+    if not locked:
+        assert result.status is Status.UNCERTIFIED
+        assert result.reason
+        return
+    analysis = LimitAnalysis(assembly)
+    assert result.forces is not None
+    assert result.growing is not None
+    for load in (1e2, 1e4, 1e6):
+        forces = (result.forces + load * result.growing) / analysis.template.scaling.face
+        frozen = frozen_areas(analysis.template, areas_under(assembly, forces, labels))
+        assert frozen.yield_set.slack(forces, labels).min() >= -1e-12 * load
+
+
+@pytest.mark.parametrize(
+    ("push", "across", "status"),
+    [(0.2, 0.1, Status.COLLAPSE), (0.7, 0.1, Status.UNCERTIFIED), (1.2, 0.5, Status.UNSTABLE)],
+)
+def test_unstable_is_proven_for_all_areas_or_not_at_all(push: float, across: float, status: Status) -> None:
+    """A cube pushed where it is pressed, off its middle: whole faces twist at |V| (1 + x/c_T) = μN, effective at μN."""
+    elements = [
+        cases_spatial.box("cube", [0, 0, 0], [1, 1, 1]),
+        cases_spatial.box("floor", [-1, -1, -1], [2, 2, 0], support=True),
+    ]
+    pressed = {"element": "cube", "force": [0.0, 0.0, -1e6], "at": [0.5, across, 0.0]}
+    pushed = {"element": "cube", "force": [push * 0.5e6, 0.0, 0.0], "at": [0.5, across, 0.0]}
+    document = cases_spatial.scene(
+        elements, materials={"dry": {"friction_coefficient": 0.5}}, live=[{"element": "cube", "force": [1.0, 0.0, 0.0]}]
+    )
+    document["loads"]["dead"] = [pressed, pushed]
+    result = solve(build_assembly(parse_scene(document)), effective_area=True)
+    assert result.status is status
+    assert bool(result.reason) is (status is Status.UNCERTIFIED)

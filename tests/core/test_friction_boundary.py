@@ -13,6 +13,7 @@ import pytest
 import cases_spatial
 from jld_core import Assembly, Status, solve
 from jld_core.limit import LimitAnalysis
+from jld_core.limit.facial_reduction import FacialReduction
 
 TURNS = {"upright": np.eye(3), "turned": cases_spatial.rotation(0.3, 0.2, 0.5)}
 
@@ -52,6 +53,27 @@ def test_below_45_degrees_the_block_slides_or_lifts(friction: float) -> None:
     result = solve(corner([1, 0, 0], friction=friction))
     assert result.status is Status.COLLAPSE
     assert result.load_factor == pytest.approx(friction, rel=1e-6)
+
+
+@pytest.mark.parametrize(("friction", "opens"), [(1.0, True), (1.0 + 1e-9, False)])
+def test_fast_motion_elsewhere_excuses_no_closing_jump(friction: float, opens: bool) -> None:
+    """Jumps that close by 1e-9 of themselves counted as rounding beside the speed, 1e4, of a block far away."""
+    elements = [
+        cases_spatial.box("block", [0, 0, 0], [1, 1, 1]),
+        cases_spatial.box("far", [5, 0, 0], [6, 1, 1]),
+        cases_spatial.box("floor", [-1, -1, -1], [9, 2, 0], support=True),
+        cases_spatial.box("wall", [-1, 0, 0], [0, 1, 1], support=True),
+    ]
+    materials = {"dry": {"friction_coefficient": friction}}
+    assembly = cases_spatial.assembly(elements, materials=materials, live=[{"body": [0, 0, 1]}])
+    analysis = LimitAnalysis(assembly)
+    labels = np.ones(len(assembly.interfaces), dtype=bool)
+    velocity = np.array([1.0, 0, 1, 0, 0, 0, 0, 0, 1e4, 0, 0, 0])
+    jumps = (analysis.prover.transposed @ velocity).reshape(len(labels), 6)
+    wedged = np.flatnonzero((assembly.interfaces.a == 0) | (assembly.interfaces.b == 0))
+    bases = {int(k): jumps[k][:, None] / np.linalg.norm(jumps[k]) for k in wedged}
+    found = FacialReduction(analysis.template, analysis.prover)._measured(velocity, 1.0, labels, bases)
+    assert (found.margin >= 0.0) is opens
 
 
 def test_above_45_degrees_the_block_is_wedged() -> None:

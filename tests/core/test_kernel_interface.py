@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import pytest
 
-from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, blocks, build, kernel, library
+from jld_core.batch import CARRIED, CARRIES, FALLS, LOCKED, OPEN, PROVEN, REFUTED, batch_solver, blocks, build, library
 
 SOURCES: Final = {
     name: re.sub(r"//[^\n]*", "", (build.SOURCE / name).read_text(encoding="utf-8"))
@@ -66,7 +66,7 @@ def test_structures_are_the_same_field_by_field(name: str) -> None:
     [
         ("JldVerdict", {"OPEN": OPEN, "PROVEN": PROVEN, "FALLS": FALLS, "CARRIES": CARRIES, "LOCKED": LOCKED}),
         ("JldFate", {"LEFT": 0, "REFUTED": REFUTED, "CARRIED": CARRIED}),
-        ("JldLabel", {"INNER": int(False), "DRY": int(True), "UNDECIDED": kernel._UNDECIDED}),
+        ("JldLabel", {"INNER": int(False), "DRY": int(True), "UNDECIDED": batch_solver._UNDECIDED}),
     ],
 )
 def test_codes_are_the_same(name: str, numbers: dict[str, int]) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
+from benchmarks.claims.converged import drawn
 
 from cases import grid_assembly, grid_document
 from cases_spatial import assembly as spatial_assembly
@@ -116,3 +118,29 @@ def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert "∂λ/∂friction_coefficient" in out
     assert "1 for less" in out
     assert isinstance(sensitivities(solve(grid_assembly(["a", "#"])))["weight"], Sensitivity)
+
+
+def test_no_rate_towards_friction_that_locks() -> None:
+    """A block in a corner, pulled from the wall: λ = μ up to 45°, without end above (tests of friction_boundary)."""
+    elements = [
+        box("block", [0, 0, 0], [1, 1, 1]),
+        box("floor", [-1, -1, -1], [3, 2, 0], support=True),
+        box("wall", [-1, 0, 0], [0, 1, 1], support=True),
+    ]
+    assembly = spatial_assembly(
+        elements, materials={"dry": {"friction_coefficient": 1.0}}, live=[{"body": [1.0, 0.0, 0.0]}]
+    )
+    found = sensitivities(solve(assembly))["friction_coefficient"]
+    assert found.left == pytest.approx(1.0, rel=1e-4)
+    assert math.isnan(found.right)
+    assert math.isnan(found.derivative)
+
+
+def test_rates_that_multipliers_and_steps_do_not_agree_on_are_not_told() -> None:
+    """Multipliers are not unique in this scene with friction of 45°: they said 0.65 where both sides are 0.5."""
+    assembly, labels = drawn(9075)
+    result = solve(assembly, labels)
+    found = sensitivities(result)["friction_coefficient"]
+    assert found.left == pytest.approx(0.5 * result.load_factor, rel=1e-4)
+    assert found.right == pytest.approx(0.5 * result.load_factor, rel=1e-4)
+    assert math.isnan(found.derivative) or found.derivative == pytest.approx(0.5 * result.load_factor, rel=1e-2)

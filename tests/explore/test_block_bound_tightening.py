@@ -85,7 +85,7 @@ def test_a_long_program_is_solved_elsewhere_and_given_up_in_time(late: bool, mon
         monkeypatch.setattr("jld_explore.drivers.exact.block_bound_tightening._HERE", here)
         narrowing = BlockBoundTightening(analyses, space, blocks, many=True, wanted=True)
         answers = chain([False], repeat(here == 0 and late))
-        found.append(narrowing.narrow(0.1, 1e3, math.inf, answers.__next__))
+        found.append(narrowing.tighten(0.1, 1e3, math.inf, answers.__next__))
     if late:
         assert found[1] == TightenedBound(1e3, ())
     else:

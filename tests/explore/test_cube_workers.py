@@ -104,7 +104,7 @@ def test_two_threads_prove_the_same_and_hand_over_to_others(tmp_path: Path, monk
     one, _ = prove(scene, tmp_path / "one", ALONE, **how)
     for called, jobs in ((False, 2), (True, 3)):
         if called:
-            monkeypatch.setattr("jld_explore.drivers.exact.conflict_sources.ALONE", (60, 1))
+            monkeypatch.setattr("jld_explore.drivers.exact.conflict_sources.SOLO_RELAXATIONS", (60, 1))
         two, driver = prove(scene, tmp_path / f"{jobs}", replace(TWO, jobs=jobs), **how)
         assert driver._sources is not None
         assert driver._relaxation is not None

@@ -23,7 +23,7 @@ from jld_explore.drivers.exact.conflict_minimization import Conflict, Evidence
 from jld_explore.drivers.exact.proof_check import Claim
 from jld_explore.drivers.exact.proof_state import ProofState
 from jld_explore.evaluation import Records
-from jld_explore.report import Exploration
+from jld_explore.report import Exploration, words
 from jld_explore.space import BlockShapes, blocks_of, search_space
 
 QUIET = ExploreSettings(pictures=False, small=0)
@@ -182,6 +182,9 @@ def test_a_proof_in_which_a_bound_was_changed_is_not_proven(tmp_path: Path, monk
     (line,) = [one for one in done.summary["warnings"] if one.startswith("not proven: ")]
     assert "mechanism" in line or "conflict allows" in line
     assert done.summary["stop_reason"] == "unproven"
+    printed = words.exploration(done)
+    assert "the proof did not pass its check" in printed
+    assert line in printed
 
 
 def test_a_proof_that_lost_a_layout_is_not_proven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ from scenes_of_pages import HOSTILE, small_scene
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 from jld_explore.studio import guard, server  # noqa: E402
-from jld_explore.studio.app import Answers, build_app  # noqa: E402
+from jld_explore.studio.app import Api, build_app  # noqa: E402
 from jld_explore.studio.jobs import Jobs  # noqa: E402
 from jld_explore.studio.session import StudioSession  # noqa: E402
 
@@ -39,7 +39,7 @@ class Local:
         self.root = root
         self.desk = StudioSession(parse_scene(small_scene(name=HOSTILE)))
         self.jobs = Jobs(root)
-        answers = Answers(self.desk, self.jobs, root, lambda: server.first_data(self.desk, root, None))
+        answers = Api(self.desk, self.jobs, root, lambda: server.first_data(self.desk, root, None))
         listener = socket.create_server(("127.0.0.1", 0))
         self.port = listener.getsockname()[1]
         app = build_app(answers, TOKEN, (f"127.0.0.1:{self.port}", f"localhost:{self.port}"))

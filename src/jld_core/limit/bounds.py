@@ -9,17 +9,23 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sp
 
 from jld_core import tolerances
-from jld_core.arrays import Bits, Floats
+from jld_core.arrays import Bits, Bools, Floats
 from jld_core.assembly import Assembly
 from jld_core.linalg import Projector, quick
 from jld_core.mechanics import reference_load
 from jld_core.program import Template
+
+_FAINT_SHARES: Final = (1e-12, 1e-9)
+"""Share of the largest force up to which the forces of a ray are taken out, in turn, where it is none otherwise."""
+
+_LAST_DIGIT: Final = 8.0 * float(np.finfo(float).eps)
+"""Share of the largest force of a ray up to which those of a face are zero."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,7 @@ class Prover:
         self.template = template
         self.transposed = sp.csr_array(template.matrix.T)
         self._jumps = quick(self.transposed)
+        self._magnitudes = abs(template.matrix)
         self._weight = abs(template.dead)
         self._total = float(self._weight.sum()) or reference_load(template.assembly) / template.scaling.force
         self._projectors: dict[bytes, Projector] = {}
@@ -186,15 +193,43 @@ class Prover:
         -------
         State
             Ray for one unit of λ; with slack −inf and error inf if the point is unusable.
+
+        Notes
+        -----
+        The slack is relative to the largest resultant of its face, and the error to the largest number of its element,
+        where these are below 1. Rounding of large live loads elsewhere must not hide what a small one needs.
         """
         if not usable(point) or not point[-1] > 0.0:
             return self._nothing()
-        sets = self.template.yield_set
-        mask = sets.recession_active(labels).ravel().astype(float)
-        start = point[: self._columns] / point[-1] * mask
-        forces, left, error = _balanced(self._of_forces(mask), start, -self.template.live, 3)
+        active = self.template.yield_set.recession_active(labels)
+        found = self._ray(point[: self._columns] / point[-1], active, labels)
+        for share in _FAINT_SHARES:
+            if found.to_rounding:
+                break
+            # forces that are rounding of others are taken out, where the live load can do without them
+            largest = abs(found.forces).max(axis=1)
+            kept = active & (largest > share * largest.max(initial=0.0))[:, None]
+            found = self._ray(found.forces.ravel(), kept, labels)
+        return found
+
+    def _ray(self, forces: Floats, active: Bools, labels: Bits) -> State:
+        """Project forces (q·m,) that are zero but where `active` (m, q) on A R + b_λ = 0, and measure them."""
+        mask, live = active.ravel().astype(float), self.template.live
+        forces, left, error = _balanced(self._of_forces(mask), forces * mask, -live, 3)
         table = forces.reshape(self._everything.shape)
-        return State(table, 1.0, float(sets.recession_slack(table, labels).min()), _trusted(error, left, forces))
+        # what elements that bear nothing show is the last digit of the factors
+        table[abs(table).max(axis=1) <= _LAST_DIGIT * abs(table).max(initial=0.0)] = 0.0
+        forces = table.ravel()
+        left = self.template.matrix @ forces + live
+        largest = abs(table).max(axis=1)
+        slack = self.template.yield_set.recession_slack(table, labels)
+        slack = np.where(largest > 0.0, slack / np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0), slack)
+        met = self._magnitudes @ abs(forces) + abs(live)
+        # element by element: a moment that is zero may be rounding of forces times arms
+        met = np.minimum(_of_elements(met, table.shape[1]).max(axis=1, initial=0.0), 1.0)
+        gone = _of_elements(abs(left), table.shape[1]).max(axis=1, initial=0.0)
+        share = float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
+        return State(table, 1.0, float(slack.min()), max(_trusted(error, left, forces), share))
 
     def _nothing(self) -> State:
         """Return the state that proves no bound."""
@@ -386,6 +421,14 @@ class Prover:
                 return mixed
             share *= 2.0
         return mixed
+
+
+def _of_elements(rows: Floats, freedoms: int) -> Floats:
+    """Rows of equilibrium by element, (free, q); further rows of a template, such as a settlement's, each alone."""
+    whole = len(rows) // freedoms * freedoms
+    more = np.zeros((len(rows) - whole, freedoms))
+    more[:, 0] = rows[whole:]
+    return np.concatenate([rows[:whole].reshape(-1, freedoms), more])
 
 
 def _balanced(projector: Projector, vector: Floats, target: Floats, passes: int) -> tuple[Floats, Floats, float]:

@@ -39,10 +39,16 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: f
     if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
         least = tolerances.FIXED_POINT
         return f"effective areas did not settle: they still change by {areas['fixed_point']:.1e} (asked {least:.0e})"
+    if "effective_area" in extra and areas is None:
+        return (
+            "effective areas: with whole faces no forces are in balance at any λ, so that there are none to begin from"
+        )
     if not low and not high:
         return f"{lower}; {upper}"
     if not low:
         return lower
+    if not high and isinstance(areas, dict):
+        return f"{upper}, nor forces that grow without end within the effective areas they ask for"
     if not high:
         return upper
     if isinstance(areas, dict) and gap <= asked:

@@ -19,7 +19,7 @@ from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.errors import InputError
 from jld_core.geometry import rectangle_torsion_length
-from jld_core.limit import LimitAnalysis, Proof, Prover, State, Status, number, relative_width
+from jld_core.limit import LimitAnalysis, Motion, Proof, Prover, State, Status, number, relative_width
 from jld_core.mechanics import EffectiveAreas, PrescribedFriction
 from jld_core.program import Template
 from jld_core.solvers import ClarabelSolver
@@ -35,6 +35,15 @@ _SLACK = 1e-8
 
 _NARROW = 1e-6
 """Least side of an effective rectangle, relative to the side of the face."""
+
+_RAYS = 8
+"""Number of rays tried, each under the effective areas of the one before."""
+
+_OPENINGS = (1e-9, 1e-6, 1e-3)
+"""Shares of an opening motion that are added to an instability, relative to its largest velocity."""
+
+_SAME = 1e-12
+"""Largest change of the effective areas that the last projection of a ray may cause, relative."""
 
 HOLD: Final = 30.0
 """Weight of the proximal term that holds the forces while effective areas converge."""
@@ -161,12 +170,17 @@ def prove_effective_area(
     remaining change. The bracket is that of the problem with those areas frozen. A change above 1e-8 leaves the
     result uncertified.
 
+    Locked needs a ray within the effective areas that result from the ray itself: as λ grows, the areas approach those.
+
     Raise InputError for planar scenes, without any dry rectangle, or with cohesion on a dry face.
     """
     start = time.perf_counter()
     require_rectangles(analysis.assembly, labels)
     plain = analysis.prove(labels, stands=stands)
     if plain.state is None or plain.status is Status.UNSTABLE:
+        falling = plain.collapse_below_zero or plain.motion
+        if plain.status is Status.UNSTABLE and not (falling and _falls(analysis, labels, falling)):
+            plain = replace(plain, status=Status.UNCERTIFIED, collapse_below_zero=None, motion=None, stands=None)
         return replace(plain, extra={**plain.extra, "effective_area": None})
     state, proof, moved, solves = _iterate(analysis, labels, plain.state.forces.ravel(), most, weight)
     if state.admissible and moved <= tolerances.FIXED_POINT:
@@ -176,6 +190,13 @@ def prove_effective_area(
         narrow = False
     if proof.status is Status.COLLAPSE and not narrow:
         proof.status = Status.UNCERTIFIED
+    if proof.status is Status.UNSTABLE:
+        # without forces there is no fixed point: other areas may hold what the last ones do not
+        proof.status, proof.collapse_below_zero = Status.UNCERTIFIED, None
+    if proof.status is Status.LOCKED:
+        settled = state.admissible and moved <= tolerances.FIXED_POINT
+        proof.ray = ray_under_own_areas(analysis, labels, proof.ray) if settled else None
+        proof.status = Status.UNCERTIFIED if proof.ray is None else Status.LOCKED
     return replace(
         proof,
         notes=[*proof.notes, *_notes(analysis, labels, plain, proof)],
@@ -188,6 +209,67 @@ def prove_effective_area(
             "load_factor_whole_faces": number(plain.load_factor * analysis.template.scaling.load),
         },
     )
+
+
+def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
+    """Is there an instability whatever areas are pressed: a motion, or that and a little opening of all joints?"""
+    opening = analysis.repair.opening()
+    for share in (0.0, *_OPENINGS):
+        tried = motion
+        if share:
+            if opening is None:
+                return False
+            size = float(abs(motion.velocity).max()) / float(abs(opening.velocity).max())
+            velocity = motion.velocity + share * size * opening.velocity
+            tried = analysis.prover.motion(velocity, labels, normalise=False)
+        gains = tried.margin >= 0.0 and tried.work >= min(0.0, motion.work)
+        if (
+            gains
+            and tried.bound < -max(tolerances.ROUNDING, tried.noise)
+            and falls_for_any_areas(analysis, labels, tried)
+        ):
+            return True
+    return False
+
+
+def falls_for_any_areas(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
+    """Return True if the jumps of a motion have finite dissipation wherever dry rectangles are pressed.
+
+    With N at x a face opens by δ + θ·x and slips by s + ω × x there, and no effective area twists about more than c_T:
+    δ_x ≥ μ max(|s_x|, c_T |ω|) is convex in x and holds everywhere if it holds at the corners. Faces that crush count
+    as they do under whole areas only if they do not twist.
+    """
+    faces, jumps = analysis.assembly.interfaces, motion.jumps
+    friction = analysis.template.yield_set.associative.friction_of(labels)
+    turned = np.abs(jumps[:, 5])
+    crushes = np.isfinite(analysis.assembly.strengths.crush_dry)
+    concerned = labels & faces.rectangle & (turned > 0.0)
+    for one in (-1.0, 1.0):
+        for two in (-1.0, 1.0):
+            opening = jumps[:, 0] + two * jumps[:, 3] - one * jumps[:, 4]
+            first = jumps[:, 1] - two * 0.5 * faces.l2 / faces.c_t * jumps[:, 5]
+            second = jumps[:, 2] + one * 0.5 * faces.l1 / faces.c_t * jumps[:, 5]
+            lacks = opening < friction * np.maximum(np.hypot(first, second), turned)
+            if np.any(concerned & (lacks | crushes)):
+                return False
+    return True
+
+
+def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None) -> State | None:
+    """Find forces that carry ever more live load within the effective areas they ask for; None if none is found.
+
+    analysis: of whole faces. labels: (m,) True dry. ray: to begin with, under any areas.
+    """
+    for _ in range(_RAYS):
+        if ray is None:
+            return None
+        areas = areas_under(analysis.assembly, ray.forces, labels)
+        frozen = analysis.under(frozen_areas(analysis.template, areas), labels)
+        own = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
+        if own.to_rounding and change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME:
+            return own
+        ray = frozen.repair.ray(labels)
+    return None
 
 
 def _notes(analysis: LimitAnalysis, labels: Bits, plain: Proof, proof: Proof) -> list[str]:

@@ -46,6 +46,9 @@ _NEARER: Final = 0.1
 _FAINT: Final = 1e-4
 """Rate relative to λ/p below which no kink is reported for programs with cones, which are solved to 1e-10."""
 
+_DOUBT: Final = 1e-3
+"""Difference of the rates by multipliers and by steps, over λ/p, below which the first are taken."""
+
 _SLACK: Final = 1e-7
 """Row tolerance of the programs for one-sided rates, as optimal points are known only to rounding."""
 
@@ -63,7 +66,7 @@ class Sensitivity:
     Parameters
     ----------
     derivative : float
-        Two-sided rate, NaN where the two sides differ: λ then has a kink at the value in the scene.
+        Two-sided rate, NaN where λ has a kink, or where the rate is not known well enough.
     left : float
         Rate for a decrease of the parameter, NaN where unknown.
     right : float
@@ -203,49 +206,58 @@ class _Base:
         scale = self._template.scaling.load
         value = scale * float(self.dual @ (rhs - matrix @ self.point))
         if self.program.structure.cones:
-            left, right, bent = self._by_steps(change)
+            left, right, bent, noise = self._by_steps(change)
         else:
             right, left = -self._side(matrix, rhs), self._side(-matrix, -rhs)
-            bent = abs(right - left)
-        left, right, bent = scale * left, scale * right, scale * bent
+            bent, noise = abs(right - left), 0.0
+        left, right, bent, noise = scale * left, scale * right, scale * bent, scale * noise
         # Rates too small to change λ by more than rounding count as zero.
         cones = bool(self.program.structure.cones)
         faint = _FAINT if cones else tolerances.GAP
         least = faint * scale * max(abs(float(self.point[-1])), 1.0) / change.size
         largest = max(abs(left), abs(right), abs(value), least)
         if math.isnan(left) or math.isnan(right):
-            return Sensitivity(value, left, right, unit)
+            # with cones a side without end, beyond which the scene is locked, leaves multipliers without one too
+            return Sensitivity(math.nan if cones else value, left, right, unit)
         if bent > (_BENT if cones else _ALIKE) * largest:
             return Sensitivity(math.nan, left, right, unit)
-        return Sensitivity(value, value, value, unit) if cones else Sensitivity(value, left, right, unit)
+        if not cones:
+            return Sensitivity(value, left, right, unit)
+        # at friction of 45° multipliers are not unique, and chords are known to few digits: neither is to be believed
+        doubt = max(_BENT * largest, _DOUBT / _FAINT * least, noise)
+        unknown = abs(value - 0.5 * (left + right)) > doubt
+        return Sensitivity(math.nan, left, right, unit) if unknown else Sensitivity(value, value, value, unit)
 
     def _moved(self, change: _Change, step: float) -> ConicProgram:
         """Build the program with the parameter changed by a step, in the original scaling."""
         assembly = change.of(self._template.assembly, step)
         return Template(assembly, self._template.scaling).program(self._labels)
 
-    def _by_steps(self, change: _Change) -> tuple[float, float, float]:
-        """Compute left and right rates from chords at two steps, and the size of the kink.
+    def _by_steps(self, change: _Change) -> tuple[float, float, float, float]:
+        """Compute left and right rates from chords at two steps, the size of the kink, and the rounding.
 
         The size of the kink excludes curvature, which vanishes as steps shrink, and rounding, which is estimated from
         the difference of primal and dual values.
         """
         here, noise = self._value(self.program)
-        chords, kinks = [], []
+        chords, kinks, noises = [], [], []
         for step in (_FAR * change.size, _NEARER * _FAR * change.size):
             (below, low), (above, high) = (self._value(self._moved(change, by)) for by in (-step, step))
             left, right = (here - below) / step, (above - here) / step
             chords.append((left, right))
-            kinks.append(abs(right - left) - (2.0 * noise + low + high) / step)
+            noises.append((2.0 * noise + low + high) / step)
+            kinks.append(abs(right - left) - noises[-1])
         (far_left, far_right), (left, right) = chords
         # f(x + h) = f + f' h + f'' h²/2: chords differ from f' by a share of h
         share = _NEARER / (1.0 - _NEARER)
         bent = max(0.0, min(kinks[0], kinks[1] + share * (kinks[1] - kinks[0])))
-        return left + share * (left - far_left), right + share * (right - far_right), bent
+        return left + share * (left - far_left), right + share * (right - far_right), bent, min(noises)
 
     def _value(self, program: ConicProgram) -> tuple[float, float]:
-        """Solve a program; return the mean and the difference of its primal and dual λ."""
+        """Solve a program; return its λ, and the difference of its primal and dual λ; NaN if it has none."""
         raw = self._solver.solve(program)
+        if raw.status not in (RawStatus.OPTIMAL, RawStatus.ALMOST):
+            return math.nan, math.nan
         primal, dual = float(raw.point[-1]), float(program.rhs @ raw.dual)
         return 0.5 * (primal + dual), abs(primal - dual)
 

@@ -27,6 +27,7 @@ LETTERS: Final = 24
 STOPPED: Final = {
     "exhausted": "nothing left to evaluate",
     "proven": "the best proven",
+    "unproven": "the proof did not pass its check",
     "budget": "budget used up",
     "time": "time limit",
     "interrupted": "interrupted",
@@ -108,6 +109,8 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     spared = {"certificates of other solves": facts["settled"], "a bound": facts["pruned"]}
     ways = " and ".join(f"{number} by {how}" for how, number in spared.items() if number)
     ended = STOPPED[facts["stop_reason"]]
+    # those of the assembly were printed when the search began
+    proof = [line for line in facts.get("warnings", []) if line not in done.assembly.warnings]
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
@@ -121,6 +124,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         **nominal,
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
+        **({"warning": "; ".join(proof)} if proof else {}),
     }
 
 
