@@ -110,7 +110,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
     ways = " and ".join(f"{number} by {how}" for how, number in spared.items() if number)
     ended = STOPPED[facts["stop_reason"]]
     # those of the assembly were printed when the search began
-    proof = [line for line in facts.get("warnings", []) if line not in done.assembly.warnings]
+    complaints = [line for line in facts.get("warnings", []) if line not in done.assembly.warnings]
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
@@ -124,7 +124,7 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         **nominal,
         **carried,
         **({"next": facts["next"]} if facts.get("next") else {}),
-        **({"warning": "; ".join(proof)} if proof else {}),
+        **({"warning": "; ".join(complaints)} if complaints else {}),
     }
 
 
