@@ -10,8 +10,8 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 HERE = Path(__file__).parent
-LANES = Path("src") / "jld_core" / "lanes"
-KNOWN = runpy.run_path(str(HERE / LANES / "build.py"), run_name="build")
+BATCH = Path("src") / "jld_core" / "batch"
+KNOWN = runpy.run_path(str(HERE / BATCH / "build.py"), run_name="build")
 
 
 class Build(build_ext):
@@ -22,7 +22,7 @@ class Build(build_ext):
 
 
 def extension(variant: str) -> Extension:
-    source = LANES / "source"
+    source = BATCH / "source"
     return Extension(
         f"jld_core.batch._{variant}",
         sources=[str(source / "kernel.cpp")],

@@ -250,10 +250,10 @@ def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
         while run.poll() is None and not (journal.exists() and journal.stat().st_size > before + more):
             time.sleep(0.01)
 
-    await_conflicts(100_000)
+    await_conflicts(30_000)
     helpers = psutil.Process(run.pid).children(recursive=True)
     os.kill(next(one.pid for one in helpers if "popen_loky" in " ".join(one.cmdline())), signal.SIGKILL)
-    await_conflicts(50_000)
+    await_conflicts(10_000)
     helpers += psutil.Process(run.pid).children(recursive=True)
     os.kill(run.pid, signal.SIGKILL)
     run.wait()

@@ -1,7 +1,7 @@
 """Limit analysis of labelled assemblies: proven bounds on λ, results and relaxations.
 
-- `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
 - `FALLBACKS`: solution methods that `LimitAnalysis.prove` tries by default, in order
+- `FLOOR_SECONDS`: default processor time for the lower bound on λ over all non-dilatant solutions, seconds
 - `AnyBlockRelaxation`: block relaxation of one load or of several load cases
 - `AnyRelaxation`: relaxation of partial labellings under one load or several load cases
 - `Asked`: arguments of `BlockRelaxation.choose`: allowed blocks, threshold and upper bound on λ
@@ -11,24 +11,24 @@
 - `CaseBlockRelaxation`: block relaxation under several load cases
 - `CaseRelaxation`: upper bounds on the governing factor of partial labellings under several load cases
 - `Choice`: result of the block relaxation for one set of allowed blocks
-- `ProofAttempt`: mutable state while fallbacks are tried for one labelling
 - `Condense`: when blocks are modelled as rigid: auto, on or off
 - `Contacts`: contact model of dry faces: convex or concave
 - `DualBound`: mechanism that refutes a λ for every labelling with the same decided faces
-- `MinimizedConflict`: result of minimising the conflict of a labelling or of one of its neighbours
+- `Fallback`: one named solution method with the condition under which it is tried
 - `Friction`: friction model: associative or zero-dilation
 - `Governing`: status and bounds of the governing factor
 - `Known`: status and bounds of one load case
 - `LimitAnalysis`: limit analysis of one assembly, reusable for many labellings
 - `LimitAnalysisResult`: λ with its bracket, status, forces and mechanism
+- `MinimizedConflict`: result of minimising the conflict of a labelling or of one of its neighbours
 - `Motion`: velocities with their jumps, margin and upper bound on λ
 - `Movement`: kind of movement of a face in a mechanism
 - `Movements`: computes how far each face moves in the mechanisms of many labellings
 - `Proof`: bounds, status and solve log of one labelling
+- `ProofAttempt`: mutable state while fallbacks are tried for one labelling
 - `Prover`: turns raw solver points and multipliers into checked bounds
 - `Relaxation`: upper bounds on λ of partial labellings, where some faces are undecided
 - `Repair`: auxiliary programs that make a solver's answer admissible
-- `Fallback`: one named solution method with the condition under which it is tried
 - `Settled`: range of thrust after a support movement
 - `SolveOptions`: model and solver options, as on the command line
 - `State`: forces and λ with their slack and equilibrium error

@@ -43,6 +43,8 @@ _COUNTING: Final = Lock()
 class DualBound:
     """Mechanism that refutes a λ for every labelling that agrees on the decided faces.
 
+    It is the dual certificate of a relaxation, with the work balance that it proves.
+
     Attributes
     ----------
     excess : float
