@@ -231,7 +231,7 @@ PROVE = """
 import sys
 sys.path[:0] = {paths!r}
 from pathlib import Path
-from test_crew import prove
+from test_cube_workers import prove
 from jld_core.scene import load_scene
 prove(load_scene(Path(sys.argv[1]) / "scene.json"), Path(sys.argv[1]) / "out")
 """
@@ -250,10 +250,10 @@ def test_a_kill_loses_nothing_proven(tmp_path: Path) -> None:
         while run.poll() is None and not (journal.exists() and journal.stat().st_size > before + more):
             time.sleep(0.01)
 
-    await_conflicts(30_000)
+    await_conflicts(100_000)
     helpers = psutil.Process(run.pid).children(recursive=True)
     os.kill(next(one.pid for one in helpers if "popen_loky" in " ".join(one.cmdline())), signal.SIGKILL)
-    await_conflicts(10_000)
+    await_conflicts(50_000)
     helpers += psutil.Process(run.pid).children(recursive=True)
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
