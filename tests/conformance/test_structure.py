@@ -36,6 +36,7 @@ ORDER = [
     ["jld_core.solvers", "jld_core.batch"],
     ["jld_core.program"],
     ["jld_core.refinement"],
+    ["jld_core.fields"],
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
     ["jld_core.scene", "jld_core.assembly"],
@@ -133,7 +134,7 @@ def test_no_circle_of_files() -> None:
         done |= free
 
 
-PROVING = ("limit", "models", "program", "mechanics", "drivers", "evaluation", "space", "study", "report")
+PROVING = ("fields", "limit", "models", "program", "mechanics", "drivers", "evaluation", "space", "study", "report")
 
 
 @pytest.mark.parametrize("path", [p for p in MODULES if MODULES[p].split(".")[1] in PROVING], ids=lambda p: MODULES[p])

@@ -1,0 +1,302 @@
+"""Loads of cells as body forces and tractions, statically equivalent to forces and moments of the scene.
+
+Rules: docs/method.md (9.5). Self-weight and body loads are uniform in each cell. A force on a free face of its
+cell is a traction on that face or on a patch of it. All other forces and moments are body forces that are constant
+in each triangle of the coarsest mesh, so that refinement never changes the load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from jld_core import tolerances
+from jld_core.arrays import Floats
+from jld_core.assembly import Assembly
+from jld_core.errors import InputError
+from jld_core.fields.mesh import Mesh, coarse_mesh
+from jld_core.fields.outlines import FREE, Outlines, outlines_of
+
+_LEAST_PATCH = 0.02
+"""Shortest patch over the free face it lies on: a shorter one stands at an end of the face."""
+
+
+_COVER = 1e-5
+"""Relative difference of the length of an interface and that of its edges, above which it does not fit the mesh."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Part of a free face with a linear live traction.
+
+    cell: element. ends: (2, 2) places, the cell on the left. traction: (2, 2) stress vectors at both ends.
+    """
+
+    cell: int
+    ends: Floats
+    traction: Floats
+
+
+@dataclass(frozen=True)
+class FieldLoads:
+    """Loads over the coarsest mesh, scene units.
+
+    dead, live: (r, 2) force per volume in each root triangle. segments: free faces with live traction.
+    """
+
+    dead: Floats
+    live: Floats
+    segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True)
+class _FreeFace:
+    """Straight run of free outline edges: cell, start, unit direction, length."""
+
+    cell: int
+    start: Floats
+    along: Floats
+    length: float
+
+
+def thickness_of(assembly: Assembly) -> float:
+    """Return the thickness of a planar assembly, length."""
+    return float(assembly.interfaces.l2[0])
+
+
+def loaded_mesh(assembly: Assembly, patch: float | None = None) -> tuple[Mesh, FieldLoads]:
+    """Return the coarsest mesh of an assembly with its loads.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar assembly with one load case.
+    patch : float, optional
+        Length of the patch that each live force on a free face is spread on, centred at its place. By default all
+        forces on one face become one linear traction: over the whole face where the resultant lies within its middle
+        third, else uniform over the largest part of the face that is centred at the resultant.
+
+    Returns
+    -------
+    mesh : Mesh
+        Edges of interfaces and of loaded segments are tagged.
+    loads : FieldLoads
+        Forces per volume and tractions.
+
+    Raises
+    ------
+    InputError
+        A force on the outline of its cell without a free face, or without room for its patch.
+    """
+    plain = outlines_of(assembly)
+    faces = [face for cell in range(len(plain.cells)) for face in _free_faces(plain, cell)]
+    chosen: dict[int, list[tuple[float, Floats]]] = {}
+    taken = np.zeros_like(assembly.live)
+    for place, vector in zip(*_points(assembly), strict=True):
+        found = _face_of(assembly, faces, place, vector, taken)
+        if found is None:
+            continue
+        face = faces[found]
+        chosen.setdefault(found, []).append((float((place - face.start) @ face.along), vector))
+        arm = place - assembly.elements.centroid[face.cell]
+        taken[face.cell] += (*vector, arm[0] * vector[1] - arm[1] * vector[0])
+    segments: list[Segment] = []
+    for index, forces in chosen.items():
+        segments += _segments(assembly, faces[index], forces, patch)
+    ends = np.array([end for segment in segments for end in segment.ends]).reshape(-1, 2)
+    coarse = coarse_mesh(outlines_of(assembly, ends))
+    _require_cover(assembly, coarse)
+    mesh = _tagged(coarse, segments, len(assembly.interfaces))
+    rest = assembly.live - taken
+    gross = abs(assembly.live) + abs(taken)
+    gross[:, 2] += gross[:, :2].sum(axis=1) * assembly.size
+    rest[abs(rest) <= tolerances.ROUNDING * gross] = 0.0
+    return mesh, FieldLoads(_body(assembly, mesh, assembly.dead), _body(assembly, mesh, rest), tuple(segments))
+
+
+def _require_cover(assembly: Assembly, mesh: Mesh) -> None:
+    """Raise InputError where an interface does not lie on the outlines of both of its cells, or a triangle is flat."""
+    flat = np.flatnonzero(mesh.area <= 0.0)
+    if flat.size:
+        name = assembly.elements.ids[int(mesh.cell[flat[0]])]
+        raise InputError(f"element {name!r}", "its outline cannot be filled with triangles", "a plainer outline")
+    faces, e, support = assembly.interfaces, mesh.edges, assembly.elements.support
+    joined = (e.tag >= 0) & (e.tag < len(faces))
+    paired = (e.b >= 0) | (support[faces.a] | support[faces.b])[np.where(joined, e.tag, 0)]
+    length = np.bincount(e.tag[joined & paired], e.length[joined & paired], minlength=len(faces))
+    off = np.flatnonzero(abs(length - faces.l1) > _COVER * faces.l1)
+    if off.size or not paired[joined].all():
+        face = int(off[0]) if off.size else int(e.tag[joined & ~paired][0])
+        raise InputError(
+            f"interface {assembly.pair(face)}",
+            "it does not lie on the outlines of both elements",
+            "interfaces found from the elements, without stated ones",
+        )
+
+
+def _points(assembly: Assembly) -> tuple[Floats, Floats]:
+    """Places (k, 2) and vectors (k, 2) of live point forces, those at one place added up."""
+    if not assembly.live_points:
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    places = np.array([place for place, _ in assembly.live_points], dtype=float)
+    vectors = np.array([vector for _, vector in assembly.live_points], dtype=float)
+    return places, vectors
+
+
+def _free_faces(outlines: Outlines, index: int) -> list[_FreeFace]:
+    """Straight runs of free edges of one outline."""
+    ring, tags = outlines.rings[index], outlines.tags[index]
+    places = outlines.points[ring]
+    step = np.roll(places, -1, axis=0) - places
+    along = step / np.hypot(*step.T)[:, None]
+    count = len(ring)
+    joined = [
+        tags[k] == FREE and tags[k - 1] == FREE and along[k] @ along[k - 1] > 1.0 - tolerances.CONTACT
+        for k in range(count)
+    ]
+    faces = []
+    for k in range(count):
+        if tags[k] != FREE or joined[k]:
+            continue
+        end = k + 1
+        while joined[end % count]:
+            end += 1
+        run = places[end % count] - places[k]
+        length = float(np.hypot(*run))
+        faces.append(_FreeFace(int(outlines.cells[index]), places[k], run / length, length))
+    return faces
+
+
+def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: Floats, taken: Floats) -> int | None:
+    """Free face that a live force acts on; None for a force inside its cell or beside all of them."""
+    reach = 10.0 * tolerances.CONTACT * assembly.size
+    loaded = [int(cell) for cell in assembly.elements.free if assembly.live[cell].any()]
+    point = shapely.Point(*place)
+    near = [cell for cell in loaded if shapely.Polygon(assembly.elements.shape[cell]).distance(point) <= reach]
+    if not near:
+        return None
+    for cell in near:
+        if shapely.Polygon(assembly.elements.shape[cell]).exterior.distance(point) > reach:
+            return None
+
+    def misfit(cell: int) -> float:
+        return float(np.hypot(*(assembly.live[cell, :2] - taken[cell, :2] - vector)))
+
+    def push(face: _FreeFace) -> float:
+        return float(abs(vector[0] * face.along[1] - vector[1] * face.along[0]))
+
+    best: tuple[float, float, int] | None = None
+    for index, face in enumerate(faces):
+        away = place - face.start
+        off, at = abs(away[0] * face.along[1] - away[1] * face.along[0]), float(away @ face.along)
+        if face.cell in near and off <= reach and -reach <= at <= face.length + reach:
+            key = (misfit(face.cell), -push(face), index)
+            best = key if best is None or key < best else best
+    if best is None:
+        raise InputError(
+            f"element {assembly.elements.ids[near[0]]!r}",
+            f"a live force acts on its outline at ({place[0]:g}, {place[1]:g}), where it has no free face",
+            "a force on a free face or inside the element",
+        )
+    return best[2]
+
+
+def _segments(
+    assembly: Assembly, face: _FreeFace, forces: list[tuple[float, Floats]], patch: float | None
+) -> list[Segment]:
+    """Loaded segments of one free face under forces at distances from its start."""
+    thickness = thickness_of(assembly)
+    if patch is not None:
+        return _stated(assembly, face, forces, patch)
+    normal = np.array([face.along[1], -face.along[0]])
+    total = np.sum([vector for _, vector in forces], axis=0)
+    push = [float(vector @ normal) for _, vector in forces]
+    moment = sum(p * (at - 0.5 * face.length) for p, (at, _) in zip(push, forces, strict=True))
+    gross = float(np.sum(np.abs(push)))
+    one_sign = gross > 0.0 and abs(sum(push)) >= gross * (1.0 - tolerances.ROUNDING)
+    offset = moment / sum(push) if one_sign else 0.0
+    if one_sign and abs(offset) > face.length * (1.0 / 6.0 + tolerances.CONTACT):
+        half = 0.5 * face.length - abs(offset)
+        if 2.0 * half < _LEAST_PATCH * face.length:
+            raise _no_room(assembly, face, 0.5 * face.length + offset)
+        return [_segment(face, 0.5 * face.length + offset, half, total / (2.0 * half * thickness))]
+    mean = total / (face.length * thickness)
+    lean = 6.0 * moment / (face.length**2 * thickness) * normal
+    ends = np.array([face.start, face.start + face.length * face.along])
+    return [Segment(face.cell, ends, np.array([mean - lean, mean + lean]))]
+
+
+def _stated(assembly: Assembly, face: _FreeFace, forces: list[tuple[float, Floats]], patch: float) -> list[Segment]:
+    """Uniform patches of a given length, those that overlap added up."""
+    thickness, reach = thickness_of(assembly), 10.0 * tolerances.CONTACT * assembly.size
+    cuts: list[float] = []
+    for at, _ in forces:
+        if at - 0.5 * patch < -reach or at + 0.5 * patch > face.length + reach:
+            raise _no_room(assembly, face, at)
+        cuts += [max(0.0, at - 0.5 * patch), min(face.length, at + 0.5 * patch)]
+    cuts.sort()
+    segments = []
+    for low, high in pairwise(cuts):
+        inside = [vector for at, vector in forces if abs(at - 0.5 * (low + high)) <= 0.5 * patch]
+        if high - low > reach and inside:
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            segments.append(_segment(face, middle, half, np.sum(inside, axis=0) / (patch * thickness)))
+    return segments
+
+
+def _segment(face: _FreeFace, middle: float, half: float, traction: Floats) -> Segment:
+    ends = np.array([face.start + (middle - half) * face.along, face.start + (middle + half) * face.along])
+    return Segment(face.cell, ends, np.array([traction, traction]))
+
+
+def _no_room(assembly: Assembly, face: _FreeFace, at: float) -> InputError:
+    place = face.start + at * face.along
+    return InputError(
+        f"element {assembly.elements.ids[face.cell]!r}",
+        f"the free face of {face.length:g} has no room for the patch of the live force at ({place[0]:g}, {place[1]:g})",
+        "a force farther from the ends of the face, or a shorter patch",
+    )
+
+
+def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
+    """Mesh whose outline edges on loaded segments have tags of their own."""
+    unique, number = mesh.sides
+    pairs, tags = [mesh.tagged], [mesh.tag]
+    for index, segment in enumerate(segments):
+        along = segment.ends[1] - segment.ends[0]
+        length = float(np.hypot(*along))
+        for t, k in np.argwhere((mesh.side_tags[number] == FREE) & (mesh.cell == segment.cell)[:, None]).tolist():
+            edge = unique[number[t, k]]
+            middle = mesh.points[edge].mean(axis=0) - segment.ends[0]
+            off = abs(middle[0] * along[1] - middle[1] * along[0]) / length
+            if off <= 1e-6 * length and 0.0 < middle @ along < length * length:
+                pairs.append(edge[None])
+                tags.append(np.array([faces + index]))
+    return Mesh(
+        mesh.points, mesh.triangles, mesh.cell, mesh.root, np.concatenate(pairs), np.concatenate(tags).astype(np.int64)
+    )
+
+
+def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
+    """Forces per volume (t, 2) in root triangles, equivalent to forces and moments (n, 3) about centroids."""
+    thickness = thickness_of(assembly)
+    middle = mesh.corners.mean(axis=1)
+    body = np.zeros((len(mesh), 2))
+    for cell in np.unique(mesh.cell).tolist():
+        if not loads[cell].any():
+            continue
+        own = np.flatnonzero(mesh.cell == cell)
+        area = mesh.area[own]
+        centroid = area @ middle[own] / area.sum()
+        force = loads[cell, :2]
+        arm = assembly.elements.centroid[cell] - centroid
+        moment = loads[cell, 2] + arm[0] * force[1] - arm[1] * force[0]
+        body[own] = force / (area.sum() * thickness)
+        away = middle[own] - centroid
+        if abs(moment) > tolerances.ROUNDING * np.hypot(*force) * np.sqrt(area.sum()):
+            spin = moment / (thickness * float(area @ (away**2).sum(axis=1)))
+            body[own] += spin * np.column_stack([-away[:, 1], away[:, 0]])
+    return body

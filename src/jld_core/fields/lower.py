@@ -1,0 +1,233 @@
+"""Lower bound: stress fields that are linear in each triangle, in equilibrium and within yield everywhere.
+
+Formulas: docs/method.md (9.6) to (9.9). The solver proposes a field; what counts is computed here: its projection onto
+equilibrium, and the room to every yield condition.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats, Ints
+from jld_core.fields.conic import Answer, ConeProgram, Rows
+from jld_core.fields.problem import Problem
+
+_MARGIN = 1e-7
+"""Room that the solver keeps to yield, scaled stress: more than its residual, so that the projected field has room."""
+
+_INTERIOR = (1e-3, 1e-5)
+"""Room of fields that those are blended with which still violate yield."""
+
+_REGULAR = 1e-10
+"""Added to the diagonal of E Eᵀ, whose rows depend on each other around nodes; refinement steps undo it."""
+
+_STEPS = 6
+"""Most steps of that refinement."""
+
+
+@dataclass(frozen=True)
+class StressField:
+    """Certified stress field.
+
+    factor: λ that it carries, scaled. stress: (t, 3, 3) stresses (m, d, s) at the corners, scaled. room: least room
+    to a yield condition, after what is missing from exact equilibrium was charged. rate: (t, 3) what λ gains by
+    stronger material at each corner, by the multipliers of the solver: it steers refinement and proves nothing.
+    """
+
+    factor: float
+    stress: Floats
+    room: float
+    rate: Floats
+
+
+class LowerBound:
+    """Lower bounds of one problem under many labellings."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._triangles = len(problem.mesh)
+        self._width = 12 * self._triangles + 1
+        self._programs: dict[float, tuple[ConeProgram, Ints]] = {}
+        self.status = ""
+
+    def bound(self, labels: Bits) -> StressField | None:
+        """Return the best certified stress field of a labelling (m,), None where none was found."""
+        answer = self.propose(labels, _MARGIN)
+        self.status = answer.status
+        if not answer.usable:
+            return None
+        proposed = answer.point[: 9 * self._triangles], float(answer.point[-1])
+        found = self.certify(*proposed, labels) or self._blend(*proposed, labels)
+        return replace(found, rate=self._rate(answer.dual)) if found is not None else None
+
+    def _blend(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
+        """Certify a mean of a proposed field that violates yield and one with ample room: room is concave."""
+        for margin in _INTERIOR:
+            inner = self.propose(labels, margin)
+            if not inner.usable:
+                continue
+            rooms = []
+            for point, load in ((stress, factor), (inner.point[: 9 * self._triangles], float(inner.point[-1]))):
+                field, rest = self._project(point, load)
+                rooms.append(self.room(field.reshape(-1, 3, 3), labels) - 2.0 * rest)
+            if rooms[1] > 0.0:
+                share = min(1.0, 1.01 * max(-rooms[0], 0.0) / (rooms[1] - min(rooms[0], 0.0)))
+                point = (1.0 - share) * stress + share * inner.point[: 9 * self._triangles]
+                load = (1.0 - share) * factor + share * float(inner.point[-1])
+                found = self.certify(point, load, labels)
+                if found is not None:
+                    return found
+        return None
+
+    def propose(self, labels: Bits, margin: float) -> Answer:
+        """Return what the solver proposes, with a margin to every yield condition."""
+        if margin not in self._programs:
+            self._programs[margin] = self._program(margin)
+        program, owner = self._programs[margin]
+        dry = self.problem.is_dry(labels)
+        off = np.zeros(len(owner), dtype=bool)
+        off[owner >= 0] = ~dry[owner[owner >= 0]]
+        return program.solve(off)
+
+    def certify(self, stress: Floats, factor: float, labels: Bits) -> StressField | None:
+        """Project a proposed field (9t,) onto equilibrium; None where the result violates yield."""
+        projected, rest = self._project(stress, factor)
+        field = projected.reshape(-1, 3, 3)
+        room = self.room(field, labels) - rest
+        return StressField(factor, field, room, np.zeros((self._triangles, 3))) if room >= 0.0 else None
+
+    def _rate(self, dual: Floats) -> Floats:
+        """Multipliers of yield times strengths at the corners (t, 3)."""
+        lines = self.problem.material.lines
+        start, count = len(self.equilibrium[1]), 3 * self._triangles
+        shares = dual[start : start + len(lines) * count].reshape(len(lines), count)
+        return np.asarray((lines[:, :1] * shares).sum(axis=0).reshape(-1, 3))
+
+    def room(self, stress: Floats, labels: Bits) -> float:
+        """Return the least room of stresses (t, 3, 3) to any yield condition, scaled stress."""
+        p = self.problem
+        least = [float(p.material.slack(stress).min())]
+        rows = np.flatnonzero(p.is_dry(labels))
+        if rows.size:
+            normal, shear = self.tractions(stress, rows)
+            face = p.face[rows]
+            mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+            least += [float(-normal.max()), float((c - mu * normal - abs(shear)).min()), float((crush + normal).min())]
+        return min(least)
+
+    def tractions(self, stress: Floats, rows: Ints) -> tuple[Floats, Floats]:
+        """Return normal (tension positive) and shear tractions (k, 2) at both ends of some edges."""
+        e = self.problem.edges
+        own = stress[e.a[rows][:, None], e.corner_a[rows]]
+        nx, ny = e.normal[rows, 0][:, None], e.normal[rows, 1][:, None]
+        m, d, s = own[..., 0], own[..., 1], own[..., 2]
+        return m + d * (nx**2 - ny**2) + 2.0 * s * nx * ny, -2.0 * d * nx * ny + s * (nx**2 - ny**2)
+
+    @cached_property
+    def equilibrium(self) -> tuple[sp.csr_array, Floats]:
+        """E and f of E x = f over stresses and λ (9t + 1,): equilibrium of triangles and tractions of edges."""
+        p, count = self.problem, self._triangles
+        rows, last = Rows(), 9 * count
+        size = np.sqrt(2.0 * p.mesh.area)
+        gradient = p.mesh.gradient * size[:, None, None]
+        base = 9 * np.arange(count)[:, None] + 3 * np.arange(3)
+        gx, gy = gradient[..., 0], gradient[..., 1]
+        for axis, parts in enumerate(((gx, gx, gy), (gy, -gy, gx))):
+            entries = [(base + k, part) for k, part in enumerate(parts)]
+            load = (np.full(count, last), size * p.live[:, axis])
+            rows.add([*entries, load], -size * p.dead[:, axis], count)
+        for end in (0, 1):
+            for axis in (0, 1):
+                two = p.joined
+                entries = self._traction(two, end, axis, 1.0) + self._traction(two, end, axis, -1.0)
+                rows.add(entries, 0.0, len(two))
+                one = p.outer
+                pull = (np.full(len(one), last), -p.pull[one, end, axis])
+                rows.add([*self._traction(one, end, axis, 1.0), pull], 0.0, len(one))
+        return rows.matrix(last + 1), rows.right
+
+    def _traction(self, rows: Ints, end: int, axis: int, sign: float) -> list[tuple[Ints, Floats]]:
+        """Entries of the traction σ n of triangle a (sign 1) or b (sign −1) at one end of some edges."""
+        e = self.problem.edges
+        triangle, corner = (e.a, e.corner_a) if sign > 0.0 else (e.b, e.corner_b)
+        base = 9 * triangle[rows] + 3 * corner[rows, end]
+        nx, ny = sign * e.normal[rows, 0], sign * e.normal[rows, 1]
+        return [(base + k, part) for k, part in enumerate((nx, nx, ny) if axis == 0 else (ny, -ny, nx))]
+
+    @cached_property
+    def _factor(self) -> tuple[sp.csr_array, object]:
+        """E over stresses alone, and a factor of E Eᵀ: the column of λ would fill it."""
+        matrix = sp.csr_array(self.equilibrium[0][:, :-1])
+        square = sp.csc_matrix(matrix @ matrix.T + _REGULAR * sp.eye_array(matrix.shape[0]))
+        return matrix, splu(square, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+    def _project(self, stress: Floats, factor: float) -> tuple[Floats, float]:
+        """Nearest stresses (9t,) in equilibrium under λ, and the stress that is charged for what is missing from it.
+
+        Charged are twice the next correction and the largest residual; beyond rounding the charge is infinite, since no
+        correction mends equations that contradict each other.
+        """
+        matrix, solver = self._factor
+        whole, rhs = self.equilibrium
+        rhs = rhs - factor * whole[:, [-1]].toarray().ravel()
+        last, size = np.inf, np.inf
+        for _ in range(_STEPS):
+            step = matrix.T @ solver.solve(rhs - matrix @ stress)  # type: ignore[attr-defined]
+            size = float(abs(step).max())
+            if size >= 0.25 * last:
+                break
+            stress, last = stress + step, size
+        residual = float(abs(rhs - matrix @ stress).max())
+        terms = float((abs(matrix) @ abs(stress) + abs(rhs)).max())
+        # corrections contract from step to step, so that all further ones together change less than twice this one
+        rest = 2.0 * size + residual
+        return stress, rest if residual <= tolerances.ROUNDING * terms else np.inf
+
+    def _program(self, margin: float) -> tuple[ConeProgram, Ints]:
+        """Maximise λ: equilibrium, yield at all corners through radii r ≥ R, joints; owner: edge of each row."""
+        p, count = self.problem, self._triangles
+        matrix, rhs = self.equilibrium
+        every = np.arange(3 * count)
+        radius = 9 * count + every
+        linear = Rows()
+        for a, b in p.material.lines:
+            linear.add([(radius, 1.0), (3 * every, -b)], a - margin, len(every))
+        yields = linear.count
+        owner = [np.full(yields, -1, dtype=np.int64)]
+        rows = p.on_faces
+        face = p.face[rows]
+        e = p.edges
+        nx, ny = e.normal[rows, 0], e.normal[rows, 1]
+        one = np.ones(len(rows))
+        normal = (one, nx**2 - ny**2, 2.0 * nx * ny)
+        shear = (0.0 * one, -2.0 * nx * ny, nx**2 - ny**2)
+        mu, c = p.joints.friction[face], p.joints.cohesion[face]
+        size = np.maximum(1.0, mu)
+        for end in (0, 1):
+            base = 9 * e.a[rows] + 3 * e.corner_a[rows, end]
+            linear.add([(base + k, normal[k]) for k in range(3)], -margin, len(rows))
+            for sign in (1.0, -1.0):
+                entries = [(base + k, (mu * normal[k] + sign * shear[k]) / size) for k in range(3)]
+                linear.add(entries, (c - margin) / size, len(rows))
+            owner += [rows] * 3
+            some = np.flatnonzero(np.isfinite(p.joints.crushing[face]))
+            crush = p.joints.crushing[face[some]]
+            linear.add([(base[some] + k, -normal[k][some]) for k in range(3)], crush - margin, len(some))
+            owner.append(rows[some])
+        cones = Rows()
+        cones.add([(np.stack([radius, 3 * every + 1, 3 * every + 2], axis=1).reshape(-1), -1.0)], 0.0, 3 * len(every))
+        wide = sp.hstack([matrix[:, :-1], sp.csr_array((matrix.shape[0], 3 * count)), matrix[:, -1:]])
+        whole = sp.vstack([wide, linear.matrix(self._width), cones.matrix(self._width)])
+        right = np.concatenate([rhs, linear.right, cones.right])
+        objective = np.zeros(self._width)
+        objective[-1] = -1.0
+        owners = np.full(len(right), -1, dtype=np.int64)
+        owners[len(rhs) : len(rhs) + linear.count] = np.concatenate(owner)
+        sizes = (len(rhs), linear.count, len(every))
+        return ConeProgram(objective, sp.csr_array(whole), right, sizes), owners

@@ -1,0 +1,98 @@
+"""Outlines of free cells with common nodes: corners, ends of interfaces, ends of load patches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
+from jld_core.assembly import Assembly
+from jld_core.linalg import components
+
+FREE = -1
+"""Tag of an outline edge that belongs to no interface."""
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """Outlines of all free cells over common nodes.
+
+    points: (p, 2) nodes. cells: (c,) element index of each outline. rings: per outline the nodes counter-clockwise.
+    tags: per outline the interface of each edge (node k to k + 1), or FREE.
+    """
+
+    points: Floats
+    cells: Ints
+    rings: tuple[Ints, ...]
+    tags: tuple[Ints, ...]
+
+
+def outlines_of(assembly: Assembly, extra: Floats | None = None) -> Outlines:
+    """Return the outlines of the free cells, with a node at every end of an interface.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Planar assembly.
+    extra : (k, 2) array, optional
+        Further points on outlines that become nodes, scene units.
+
+    Returns
+    -------
+    Outlines
+        Corners and ends closer than the contact tolerance are one node.
+    """
+    cells = assembly.elements.free
+    shapes = [assembly.elements.shape[cell] for cell in cells]
+    ends = np.concatenate([np.asarray(ends, dtype=float) for ends in assembly.interfaces.polygon])
+    corners = np.concatenate(shapes)
+    every = np.concatenate([ends, corners, np.zeros((0, 2)) if extra is None else extra])
+    reach = 10.0 * tolerances.CONTACT * assembly.size
+    pairs = cKDTree(every).query_pairs(reach, output_type="ndarray")
+    group = components(len(every), pairs[:, 0], pairs[:, 1])
+    _, first, number = np.unique(group, return_index=True, return_inverse=True)
+    points = every[first]
+    rings, start = [], len(ends)
+    for shape in shapes:
+        rings.append(_ring(points, number[start : start + len(shape)], reach))
+        start += len(shape)
+    face_ends = number[: len(ends)].reshape(-1, 2)
+    tags = [_tags(assembly, points, int(cell), ring, face_ends, reach) for cell, ring in zip(cells, rings, strict=True)]
+    return Outlines(points, cells, tuple(rings), tuple(tags))
+
+
+def _ring(points: Floats, corners: Ints, reach: float) -> Ints:
+    """Nodes of an outline: its corners, and all nodes that lie on its edges, in order."""
+    corners = corners[corners != np.roll(corners, 1)]
+    nodes: list[int] = []
+    for a, b in zip(corners.tolist(), np.roll(corners, -1).tolist(), strict=True):
+        along = points[b] - points[a]
+        length = float(np.hypot(*along))
+        along = along / length
+        away = points - points[a]
+        place = away @ along
+        off = abs(away[:, 0] * along[1] - away[:, 1] * along[0])
+        between = np.flatnonzero((off <= reach) & (place > reach) & (place < length - reach))
+        nodes += [a, *between[np.argsort(place[between])].tolist()]
+    return np.array(nodes, dtype=np.int64)
+
+
+def _tags(assembly: Assembly, points: Floats, cell: int, ring: Ints, face_ends: Ints, reach: float) -> Ints:
+    """Interface that covers each edge of an outline."""
+    faces = assembly.interfaces
+    own = np.flatnonzero((faces.a == cell) | (faces.b == cell))
+    tags = np.full(len(ring), FREE, dtype=np.int64)
+    middle = 0.5 * (points[ring] + points[np.roll(ring, -1)])
+    for face in own.tolist():
+        a, b = points[face_ends[face]]
+        along = b - a
+        length = float(np.hypot(*along))
+        along = along / length
+        away = middle - a
+        place = away @ along
+        off = abs(away[:, 0] * along[1] - away[:, 1] * along[0])
+        tags[(off <= reach) & (place > 0.0) & (place < length)] = face
+    return tags

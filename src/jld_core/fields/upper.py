@@ -1,0 +1,195 @@
+"""Upper bound: velocity fields that are linear in each triangle, with jumps on every edge.
+
+Formulas: docs/method.md (9.10) and (9.11). The solver proposes velocities; what counts is computed here: velocities are
+opened until every flow rule holds, then their dissipation and work are recomputed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jld_core import tolerances
+from jld_core.arrays import Bits, Floats
+from jld_core.fields.conic import Answer
+from jld_core.fields.opening import opening_motion
+from jld_core.fields.problem import Problem
+from jld_core.fields.settled import settled
+from jld_core.fields.velocity_program import VelocityProgram
+
+_RAY = -1.0
+"""Scaled bound that stands for all below it, where the program is unbounded."""
+
+
+@dataclass(frozen=True)
+class VelocityField:
+    """Certified velocity field.
+
+    factor: λ that it bounds, scaled. velocity: (t, 3, 2) at the corners, live work one. dissipation: (t,) power of each
+    triangle with half of that of its edges, scaled. opened: share of the opening motion that was added.
+    """
+
+    factor: float
+    velocity: Floats
+    dissipation: Floats
+    opened: float
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Strain rates and jumps of a velocity field.
+
+    trace, shear: (t,) e and g of the triangles. opening, slip: (e, 2) δn and δs at both ends of the edges.
+    """
+
+    trace: Floats
+    shear: Floats
+    opening: Floats
+    slip: Floats
+
+
+class UpperBound:
+    """Upper bounds of one problem under many labellings."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._triangles = len(problem.mesh)
+        self._program: VelocityProgram | None = None
+        self._motion: Floats | None = None
+        self._tried = False
+        self.status = ""
+        p = problem
+        # strain rates are velocities over heights of triangles
+        self._steep = max(1.0, float(abs(p.mesh.gradient).max()))
+        corner = p.mesh.area[:, None, None] / 3.0
+        self.live = np.repeat(p.live[:, None, :] * corner, 3, axis=1) + self._pulled()
+        self.dead = np.repeat(p.dead[:, None, :] * corner, 3, axis=1)
+
+    def _pulled(self) -> Floats:
+        """Nodal forces (t, 3, 2) of the live tractions: a linear traction on a linear velocity."""
+        p, e = self.problem, self.problem.edges
+        forces = np.zeros((self._triangles, 3, 2))
+        rows = np.flatnonzero(p.pull.any(axis=(1, 2)))
+        for end in (0, 1):
+            share = (2.0 * p.pull[rows, end] + p.pull[rows, 1 - end]) * (e.length[rows] / 6.0)[:, None]
+            np.add.at(forces, (e.a[rows], e.corner_a[rows, end]), share)
+        return forces
+
+    def bound(self, labels: Bits) -> VelocityField | None:
+        """Return a certified velocity field of a labelling (m,), None where none was found."""
+        answer = self.propose(labels)
+        self.status = answer.status
+        # a ray of an unbounded program is a mechanism too: the blocks are too weak for their dead load
+        if not (answer.usable or answer.status == "DualInfeasible"):
+            return None
+        found = self.certify(answer.point[: 6 * self._triangles].reshape(-1, 3, 2), labels)
+        if found is not None and not answer.usable:
+            # how far below zero a ray leads is chance; any larger bound holds as well
+            return replace(found, factor=max(found.factor, _RAY))
+        return found
+
+    def propose(self, labels: Bits) -> Answer:
+        """Return what the solver proposes."""
+        if self._program is None:
+            self._program = VelocityProgram(self.problem, self.live, self.dead)
+        return self._program.solve(self.problem.is_dry(labels))
+
+    def certify(self, velocity: Floats, labels: Bits) -> VelocityField | None:
+        """Open a proposed field (t, 3, 2) until every flow rule holds, and compute the λ that it bounds.
+
+        Settling may lead away from a field whose active flow rules contradict each other; the lower of the bounds of
+        both fields stands.
+        """
+        near = settled(self.problem, velocity, self.problem.is_dry(labels))
+        found = [self._opened(field, labels) for field in (near, velocity)]
+        return min((one for one in found if one is not None), key=lambda one: one.factor, default=None)
+
+    def _opened(self, velocity: Floats, labels: Bits) -> VelocityField | None:
+        """Open one field until every flow rule holds, and compute the λ that it bounds."""
+        rates = self.rates(velocity)
+        worst, share, allowance = self._worst(rates, labels), 0.0, 0.0
+        if worst > 0.0:
+            motion = self._opening()
+            if motion is not None:
+                # the room of the motion is at least one in every flow rule, and flow rules are concave
+                share = worst * (1.0 + 1e-9)
+                velocity = velocity + share * motion
+                rates = self.rates(velocity)
+            # what is left is zero by construction and shows in floating point only
+            allowance = tolerances.ROUNDING * float(abs(velocity).max()) * self._steep
+            if self._worst(rates, labels) > allowance:
+                return None
+        work = float((self.live * velocity).sum())
+        if not work > 0.0:
+            return None
+        power = self.power(rates, labels, allowance)
+        dead = self.dead * velocity
+        # sums in another order round differently
+        slack = tolerances.SUMMATION * (float(power.sum()) + float(abs(dead).sum()))
+        factor = (float(power.sum()) - float(dead.sum()) + slack) / work
+        return VelocityField(factor, velocity / work, power / work, share) if np.isfinite(factor) else None
+
+    def _worst(self, rates: Rates, labels: Bits) -> float:
+        return max(float(part.max(initial=-np.inf)) for part in self.lacking(rates, labels))
+
+    def _opening(self) -> Floats | None:
+        if not self._tried:
+            self._tried = True
+            motion = opening_motion(self.problem)
+            if motion is not None:
+                rates, every = self.rates(motion), np.ones(len(self.problem.supported), dtype=bool)
+                least = min(
+                    -float(part.max(initial=-np.inf)) for b in (every, ~every) for part in self.lacking(rates, b)
+                )
+                self._motion = motion / least if least > 0.0 else None
+        return self._motion
+
+    def rates(self, velocity: Floats) -> Rates:
+        """Return strain rates and jumps of velocities (t, 3, 2)."""
+        p, e = self.problem, self.problem.edges
+        slope = np.einsum("tki,tkj->tij", velocity, p.mesh.gradient)
+        shear = np.hypot(slope[:, 0, 0] - slope[:, 1, 1], slope[:, 0, 1] + slope[:, 1, 0])
+        jump = -velocity[e.a[:, None], e.corner_a]
+        both = e.b >= 0
+        jump[both] += velocity[e.b[both][:, None], e.corner_b[both]]
+        opening = np.einsum("eki,ei->ek", jump, e.normal)
+        slip = jump[..., 1] * e.normal[:, :1] - jump[..., 0] * e.normal[:, 1:]
+        return Rates(slope[:, 0, 0] + slope[:, 1, 1], shear, opening, slip)
+
+    def lacking(self, rates: Rates, labels: Bits) -> tuple[Floats, Floats, Floats]:
+        """Return what the flow rules lack in opening: of triangles, of edges in the material, of dry edges."""
+        p = self.problem
+        dry = p.is_dry(labels)
+        cut = np.flatnonzero(~dry & ((p.edges.b >= 0) | (p.face >= 0)))
+        joint = np.flatnonzero(dry)
+        opening, slip = rates.opening[joint], abs(rates.slip[joint])
+        face = p.face[joint]
+        lack = p.joints.friction[face][:, None] * slip - opening
+        return (
+            p.material.missing(rates.trace, rates.shear),
+            p.material.missing(rates.opening[cut], np.hypot(rates.opening[cut], rates.slip[cut])),
+            np.where(np.isinf(p.joints.crushing[face])[:, None], lack, -np.inf),
+        )
+
+    def power(self, rates: Rates, labels: Bits, allowance: float = 0.0) -> Floats:
+        """Return the power (t,) that is dissipated in each triangle with half of its edges; trapezoids of both ends.
+
+        allowance: opening that flow rules may lack and that counts as rounding.
+        """
+        p, e = self.problem, self.problem.edges
+        power = p.mesh.area * p.material.dissipation(rates.trace, rates.shear, allowance)
+        dry = p.is_dry(labels)
+        ends = p.material.dissipation(rates.opening, np.hypot(rates.opening, rates.slip), allowance)
+        face = p.face[dry]
+        slip, opening = abs(rates.slip[dry]), rates.opening[dry]
+        mu, c, crush = (v[face][:, None] for v in (p.joints.friction, p.joints.cohesion, p.joints.crushing))
+        lack = mu * slip - opening
+        with np.errstate(invalid="ignore"):
+            ends[dry] = c * slip + np.where(lack > np.where(np.isinf(crush), allowance, 0.0), crush * lack, 0.0)
+        ends[p.outer] = 0.0
+        total = 0.5 * e.length * ends.sum(axis=1)
+        both = e.b >= 0
+        np.add.at(power, e.a, np.where(both, 0.5, 1.0) * total)
+        np.add.at(power, e.b[both], 0.5 * total[both])
+        return power

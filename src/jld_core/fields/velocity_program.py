@@ -1,0 +1,163 @@
+"""The cone program of the upper bound: least dissipation less dead work at live work one."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from jld_core.arrays import Bools, Floats, Ints
+from jld_core.fields.conic import Answer, ConeProgram, Rows
+from jld_core.fields.problem import Problem
+
+Entries = list[tuple[Ints, Floats]]
+
+
+def jump_entries(problem: Problem, rows: Ints, end: int, along: Floats) -> Entries:
+    """Return columns and values of the jump at one end of edges (k,) along directions (k, 2).
+
+    Where there is no triangle b, a support stands still.
+    """
+    e = problem.edges
+    a = 6 * e.a[rows] + 2 * e.corner_a[rows, end]
+    there = e.b[rows] >= 0
+    b = np.where(there, 6 * e.b[rows] + 2 * e.corner_b[rows, end], a)
+    entries: Entries = [(a + axis, -along[:, axis]) for axis in (0, 1)]
+    return entries + [(b + axis, np.where(there, along[:, axis], 0.0)) for axis in (0, 1)]
+
+
+def strain_entries(problem: Problem, rows: Ints, size: Floats) -> tuple[Entries, Entries, Entries]:
+    """Return columns and values of εx + εy, εx − εy and γ of triangles (k,), times a factor (k,)."""
+    base = 6 * rows
+    slope = problem.mesh.gradient[rows] * size[:, None, None]
+    places = [(k, axis) for k in range(3) for axis in (0, 1)]
+    trace: Entries = [(base + 2 * k + axis, slope[:, k, axis]) for k, axis in places]
+    stretch: Entries = [(base + 2 * k + axis, (1.0 - 2.0 * axis) * slope[:, k, axis]) for k, axis in places]
+    shear: Entries = [(base + 2 * k + axis, slope[:, k, 1 - axis]) for k, axis in places]
+    return trace, stretch, shear
+
+
+class VelocityProgram:
+    """Program over velocities and multipliers of the yield conditions; labels switch rows and costs.
+
+    Columns: velocities (6t,), then one multiplier y1 of Mohr–Coulomb, and one y3 of crushing where the material
+    crushes, per triangle and per end of each edge in the material; then slips and crushings of interface ends.
+    With e and g of a triangle or jump, y2 = e − sin φ y1 + y3 ≥ 0 and g ≤ y1 + y2 + y3, docs/method.md (9.3).
+    """
+
+    def __init__(self, problem: Problem, live: Floats, dead: Floats) -> None:
+        self.problem = problem
+        self._linear, self._cones = Rows(), Rows()
+        self._owner: tuple[list[Ints], list[Ints]] = ([], [])
+        self._when_dry: tuple[list[Bools], list[Bools]] = ([], [])
+        self._columns = live.size
+        self._costs: list[Floats] = []
+        self._base = -dead.ravel().astype(float)
+        e = problem.edges
+        self._edge_costs: list[tuple[Ints, Ints, Floats]] = []
+        self._triangles()
+        material = np.flatnonzero((e.b >= 0) | (problem.face >= 0))
+        for end in (0, 1):
+            self._material_ends(material, end)
+            self._dry_ends(problem.on_faces, end)
+        work = Rows()
+        work.add([(np.arange(live.size), live.ravel())], 1.0, 1)
+        parts = (work, self._linear, self._cones)
+        matrix = sp.csr_array(sp.vstack([part.matrix(self._columns) for part in parts]))
+        self._off_owner = np.concatenate([np.array([-1]), *self._owner[0], *self._owner[1]])
+        self._off_dry = np.concatenate([np.array([False]), *self._when_dry[0], *self._when_dry[1]])
+        self._fixed = np.concatenate([self._base, *self._costs])
+        rhs = np.concatenate([part.right for part in parts])
+        sizes = (1, self._linear.count, self._cones.count // 3)
+        self._program = ConeProgram(self._fixed, matrix, rhs, sizes)
+
+    def solve(self, dry: Bools) -> Answer:
+        """Solve with some edges (e,) dry."""
+        off = (self._off_owner >= 0) & (dry[self._off_owner] != self._off_dry)
+        objective = self._fixed.copy()
+        for edge, column, cost in self._edge_costs:
+            np.add.at(objective, column, np.where(dry[edge], 0.0, cost))
+        return self._program.solve(off, objective)
+
+    def _new(self, cost: Floats) -> Ints:
+        """Columns (k,) of further variables with the given costs."""
+        columns = self._columns + np.arange(len(cost))
+        self._columns += len(cost)
+        self._costs.append(cost)
+        return columns
+
+    def _rows(self, entries: Entries, rhs: float, count: int, owner: Ints | None, when_dry: bool, cone: bool) -> None:
+        """Append rows of one kind; owner: edges (count,) whose labels switch them, None where they always hold."""
+        (self._cones if cone else self._linear).add(entries, rhs, count)
+        self._owner[cone].append(np.full(count, -1) if owner is None else owner)
+        self._when_dry[cone].append(np.full(count, when_dry))
+
+    def _power(self, trace: Entries, shear: tuple[Entries, Entries], size: Floats, owner: Ints | None) -> None:
+        """Conditions and costs of the support function: trace e, the two components of g, area or length over two."""
+        material, count = self.problem.material, len(size)
+        first = self._new(size * (material.intercept - material.tension * material.sine))
+        one = np.ones(count)
+        second: Entries = [*trace, (first, -material.sine * one)]
+        head: Entries = [*trace, (first, (1.0 - material.sine) * one)]
+        positive = [first]
+        if np.isfinite(material.crushing):
+            third = self._new(size * (material.tension + material.crushing))
+            second.append((third, one))
+            head.append((third, 2.0 * one))
+            positive.append(third)
+        for column in positive:
+            self._rows([(column, -one)], 0.0, count, None, False, False)
+        self._rows([(column, -value) for column, value in second], 0.0, count, owner, False, False)
+        stacked = [head, *shear]
+        # the three rows of a cone stand together
+        entries: Entries = []
+        for place, part in enumerate(stacked):
+            for column, value in part:
+                wide = np.zeros((count, 3))
+                wide[:, place] = -value
+                keep = np.repeat(column[:, None], 3, axis=1)
+                entries.append((keep.ravel(), wide.ravel()))
+        owners = None if owner is None else np.repeat(owner, 3)
+        self._rows(entries, 0.0, 3 * count, owners, False, True)
+
+    def _triangles(self) -> None:
+        mesh, material = self.problem.mesh, self.problem.material
+        count = len(mesh)
+        size = np.sqrt(mesh.area)
+        trace, stretch, shear = strain_entries(self.problem, np.arange(count), size)
+        for column, value in trace:
+            np.add.at(self._base, column, size * material.tension * value)
+        self._power(trace, (stretch, shear), size, None)
+
+    def _material_ends(self, rows: Ints, end: int) -> None:
+        e, material = self.problem.edges, self.problem.material
+        normal = e.normal[rows]
+        opening = jump_entries(self.problem, rows, end, normal)
+        slip = jump_entries(self.problem, rows, end, np.column_stack([-normal[:, 1], normal[:, 0]]))
+        half = 0.5 * e.length[rows]
+        for column, value in opening:
+            self._edge_costs.append((rows, column, half * material.tension * value))
+        self._power(opening, (opening, slip), half, rows)
+
+    def _dry_ends(self, rows: Ints, end: int) -> None:
+        """δn + q ≥ μ|δs|, q ≥ 0, p ≥ |δs|: cost of q crushing, of p cohesion."""
+        p, e = self.problem, self.problem.edges
+        face, normal, half = p.face[rows], e.normal[rows], 0.5 * e.length[rows]
+        opening = jump_entries(self.problem, rows, end, normal)
+        slip = jump_entries(self.problem, rows, end, np.column_stack([-normal[:, 1], normal[:, 0]]))
+        mu, cohesion, crush = p.joints.friction[face], p.joints.cohesion[face], p.joints.crushing[face]
+        one = np.ones(len(rows))
+        extra: Entries = []
+        if np.isfinite(crush).any():
+            crushed = self._new(np.where(np.isfinite(crush), half * crush, 0.0))
+            extra = [(crushed, np.where(np.isfinite(crush), -one, 0.0))]
+            self._rows([(crushed, -one)], 0.0, len(rows), None, False, False)
+        size = np.maximum(1.0, mu)
+        for sign in (1.0, -1.0):
+            entries = [(c, -v / size) for c, v in opening] + [(c, sign * mu * v / size) for c, v in slip]
+            self._rows(entries + [(c, v / size) for c, v in extra], 0.0, len(rows), rows, True, False)
+        if cohesion.any():
+            stuck = self._new(half * cohesion)
+            self._rows([(stuck, -one)], 0.0, len(rows), None, False, False)
+            for sign in (1.0, -1.0):
+                entries = [(c, sign * v) for c, v in slip] + [(stuck, -one)]
+                self._rows(entries, 0.0, len(rows), rows, True, False)
