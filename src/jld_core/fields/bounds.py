@@ -52,7 +52,17 @@ class FieldStatus(StrEnum):
 
 @dataclass(frozen=True)
 class FieldStep:
-    """One mesh: triangles, both bounds on it, seconds since the start. Bounds that were not found are infinite."""
+    """Bounds on one mesh.
+
+    Attributes
+    ----------
+    triangles : int
+        Number of triangles.
+    lower, upper : float
+        Bounds on λ from this mesh alone, infinite where none was found.
+    seconds : float
+        Processor time since the start, s.
+    """
 
     triangles: int
     lower: float
@@ -62,7 +72,15 @@ class FieldStep:
 
 @dataclass(frozen=True)
 class Stresses:
-    """Certified stress field in scene units: mesh, and (t, 3, 3) stresses (σx, σy, τxy) at the corners."""
+    """Certified stress field, linear in each triangle.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Triangles.
+    stress : (t, 3, 3) float array
+        Stresses (σx, σy, τxy) at the three corners of each triangle, scene units.
+    """
 
     mesh: Mesh
     stress: Floats
@@ -70,7 +88,17 @@ class Stresses:
 
 @dataclass(frozen=True)
 class Velocities:
-    """Certified velocity field at live work one: mesh, (t, 3, 2) velocities at the corners, (t,) dissipation."""
+    """Certified velocity field, linear in each triangle, for which the live load does one unit of work.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Triangles.
+    velocity : (t, 3, 2) float array
+        Velocities at the three corners of each triangle, scene units.
+    dissipation : (t,) float array
+        Dissipation in each triangle, scene units.
+    """
 
     mesh: Mesh
     velocity: Floats
@@ -81,9 +109,24 @@ class Velocities:
 class FieldBounds:
     """Two-sided bound on λ of blocks that may fail in any way.
 
-    lower: λ that a certified stress field carries, −inf where none was found. upper: λ that a certified velocity
-    field allows, inf where none was found. status: how it ended. triangles: of the last mesh. seconds: of processing.
-    history: one entry for each mesh. stresses, velocities: the fields of the best bounds.
+    Attributes
+    ----------
+    lower : float
+        λ that a certified stress field carries, −inf where none was found.
+    upper : float
+        λ that a certified velocity field allows, inf where none was found.
+    status : FieldStatus
+        Why the refinement ended.
+    triangles : int
+        Number of triangles of the last mesh.
+    seconds : float
+        Processor time, s.
+    history : tuple of FieldStep
+        One entry for each mesh.
+    stresses : Stresses or None
+        Field of the best lower bound.
+    velocities : Velocities or None
+        Field of the best upper bound.
     """
 
     lower: float

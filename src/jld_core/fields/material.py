@@ -22,7 +22,16 @@ from jld_core.errors import InputError
 class Material:
     """Mohr–Coulomb material with tension cut-off in plane stress.
 
-    tension, cohesion: σt and τ, stress. friction: μi = tan φ. crushing: σc, stress, inf where none is given.
+    Parameters
+    ----------
+    tension : float
+        Tensile strength σt, a stress.
+    cohesion : float
+        Shear strength τ without normal stress, a stress.
+    friction : float
+        Friction μi = tan φ of crack planes.
+    crushing : float
+        Compressive strength σc, a stress; inf where none is given.
     """
 
     tension: float

@@ -41,9 +41,20 @@ class Edges:
 class Mesh:
     """Triangles over common nodes.
 
-    points: (p, 2). triangles: (t, 3) nodes, counter-clockwise. cell: (t,) element of each. root: (t,) triangle
-    of the coarsest mesh that holds it. tagged: (k, 2) nodes of edges on interfaces and load patches, the smaller first.
-    tag: (k,) their tags: an interface, or the number of interfaces plus that of a load patch.
+    Parameters
+    ----------
+    points : (p, 2) float array
+        Nodes, scene units.
+    triangles : (t, 3) int array
+        Nodes of each triangle, counter-clockwise.
+    cell : (t,) int array
+        Element of each triangle.
+    root : (t,) int array
+        Triangle of the coarsest mesh that contains it.
+    tagged : (k, 2) int array
+        Nodes of the edges on interfaces and load patches, the smaller first.
+    tag : (k,) int array
+        Tag of each of these edges: an interface, or the number of interfaces plus that of a load patch.
     """
 
     points: Floats
