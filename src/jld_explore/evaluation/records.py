@@ -66,7 +66,7 @@ _PATIENCE: Final = 5.0
 _TOGETHER: Final = 1 << 15
 """Number of rows read at a time, which limits temporary memory."""
 
-_FORMAT: Final = 3
+_FORMAT: Final = 4
 """Version of the file format; a record of another version cannot be resumed."""
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
 """Prefix of a conflict's checksum by the kind of its proof (`Evidence` of the exact driver)."""
