@@ -127,9 +127,9 @@ class Proof:
 
     @property
     def bracket(self) -> tuple[float, float]:
-        """Return the bounds on λ, scaled.
+        """Return the proven lower and upper bound on λ, scaled.
 
-        NaN where unproven, infinite, or where no λ exists by proof.
+        A bound is NaN if it is unproven or infinite, or if it is proven that no λ exists.
         """
         low = self.low if math.isfinite(self.low) else math.nan
         high = self.high if math.isfinite(self.high) else math.nan

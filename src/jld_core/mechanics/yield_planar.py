@@ -159,9 +159,9 @@ class PlanarYield(Frictional):
         return Hull(hull_rows(self, freedoms=3, shear=1, parabolas=True), np.asarray(either))
 
     def bow(self, *, undecided: bool) -> ParabolicBending | None:
-        """Return the sets of faces that crush: |m| ≤ N − N²/N_c, |V| ≤ c + μN.
+        """Return the yield sets of faces with finite crushing strength: |m| ≤ N − N²/N_c, |V| ≤ c + μN.
 
-        With `undecided`, return sets that enclose either label, or None if an inner set reaches beyond them.
+        With `undecided`, return sets that contain the yield sets of both labels, or None if no such set is known.
         """
         crushed = np.flatnonzero(np.isfinite(self.crush_dry))
         one = np.ones(len(crushed))

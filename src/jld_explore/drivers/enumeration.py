@@ -189,7 +189,7 @@ class Enumeration(Driver):
 
     @property
     def working(self) -> bool:
-        """Whether classes are left; see `Driver.working`."""
+        """Whether symmetry classes of labellings are left to propose; see `Driver.working`."""
         return not self._ended
 
     @property

@@ -251,7 +251,7 @@ def least_change(rows: Any, share: Floats) -> Any:
     solved = _factor(normal, _SHIFT * float(normal.diagonal().max(initial=1.0)))
 
     def solve(target: Floats) -> Floats:
-        """Return the refined change for one target."""
+        """Solve for the change of the multipliers that meets one target, by iterative refinement."""
         change, left = np.zeros(len(share)), target
         for _ in range(_REFINED):
             more = share * (weighted @ solved(left))

@@ -71,7 +71,7 @@ class _Bounds:
 
 
 class FloorSearch:
-    """Lower-bound search of one planar labelling."""
+    """Search for a lower bound on λ without dilation, for one labelling of a planar assembly."""
 
     def __init__(self, analysis: LimitAnalysis, labels: Bits, modes: Modes, ceiling: LowerBoundProblem) -> None:
         self.analysis, self.labels, self.modes, self.ceiling = analysis, labels, modes, ceiling

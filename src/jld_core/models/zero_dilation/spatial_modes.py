@@ -290,7 +290,7 @@ def _forms(entries: list[_Entries]) -> Forms:
 
 
 def unit_direction(way: Floats) -> Floats:
-    """Return a direction (2,) with |d| ≤ 1 in its exact digits, and nearly 1."""
+    """Normalise a direction (2,); its length, computed exactly from the floats, is at most 1 and nearly 1."""
     return np.asarray(np.trunc(way / np.hypot(*way) * _DIGITS) / _DIGITS * (1.0 - 4.0 / _DIGITS))
 
 

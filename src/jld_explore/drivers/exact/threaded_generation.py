@@ -136,10 +136,10 @@ class ThreadedGenerator:
             self._chase = None
 
     def step(self, threshold: float) -> bool:
-        """Wait a short time for results; return whether no labelling is left.
+        """Wait briefly for results; return True once no labelling is left that may exceed the threshold.
 
-        `threshold` is a scaled λ, at least that of the call before with the same target. An exception of a thread is
-        raised here.
+        `threshold` is a scaled λ that must not decrease between calls for the same target, which `begin` sets. An
+        exception of a thread is raised here.
         """
         with self._heard:
             if self._chase is None:
