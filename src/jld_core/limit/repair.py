@@ -30,7 +30,6 @@ from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
 _DENSE = 4000  # Number of velocities up to which equations are solved by dense algebra.
-_ROUNDED = 1e-9  # Allowed rounding of jumps per unit of live work, relative to the largest live load (unused here).
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
 _TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
 # Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried. Force 0:
