@@ -39,6 +39,7 @@ ORDER = [
     ["jld_core.fields"],
     ["jld_core.mechanics", "jld_core.build"],
     ["jld_core.geometry", "jld_core.samples"],
+    ["jld_core.sub_assembly"],
     ["jld_core.scene", "jld_core.assembly"],
     ["jld_core.linalg"],
     [

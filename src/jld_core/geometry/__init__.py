@@ -54,6 +54,7 @@ from __future__ import annotations
 from jld_core.geometry.congruence import Kinds, shape_numbers
 from jld_core.geometry.misfits import words_of
 from jld_core.geometry.outlines import Outline, Outlines, reach_of
+from jld_core.geometry.overlapping_solids import check_overlaps
 from jld_core.geometry.overlay import area_of
 from jld_core.geometry.planar_contacts import (
     PlanarContact,
@@ -64,7 +65,7 @@ from jld_core.geometry.planar_contacts import (
     without_repeats,
 )
 from jld_core.geometry.polygons import rectangle_torsion_length
-from jld_core.geometry.polyhedra import Faces, Facets, check_overlaps, facets_of, solids
+from jld_core.geometry.polyhedra import Faces, Facets, facets_of, solids
 from jld_core.geometry.snapping import Snapped, merge_points, snap_paths, snap_polygons, straight
 from jld_core.geometry.snapping_solids import snap_solids
 from jld_core.geometry.spatial_contacts import (

@@ -10,8 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from jld_core.arrays import Bits, Floats
-from jld_core.assembly import Assembly, without
+from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline
+from jld_core.sub_assembly import without
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings

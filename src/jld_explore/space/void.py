@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 
 from jld_core.arrays import Bits, Bools, Floats, Ints
-from jld_core.assembly import DRY, Assembly, LoadCase, Strengths, without
+from jld_core.assembly import DRY, Assembly, LoadCase, Strengths
 from jld_core.errors import InputError
 from jld_core.scene import PointLoad, Scene
+from jld_core.sub_assembly import without
 from jld_explore.space.labelling import INNER_LETTER, LETTERS, from_string, to_strings
 
 LETTER: Final = "v"

@@ -1,0 +1,49 @@
+"""Remove elements from an assembly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from jld_core.arrays import Bools, Ints
+from jld_core.assembly import Assembly
+
+
+def without(assembly: Assembly, gone: Bools) -> tuple[Assembly, Ints]:
+    """Remove elements from an assembly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Assembly to reduce.
+    gone : (n,) bool array
+        True for the elements to remove.
+
+    Returns
+    -------
+    assembly : Assembly
+        Assembly of the remaining elements, without a sink.
+    faces : (k,) int array
+        Indices of the remaining faces.
+    """
+    rows = np.flatnonzero(~gone)
+    place = np.cumsum(~gone) - 1
+    faces = assembly.interfaces
+    kept = np.flatnonzero(~(gone[faces.a] | gone[faces.b]))
+    rest = faces.take(kept)
+    cases = tuple(replace(case, dead=case.dead[rows], live=case.live[rows]) for case in assembly.cases)
+    left = replace(
+        assembly,
+        elements=assembly.elements.take(rows),
+        interfaces=replace(rest, a=place[rest.a], b=place[rest.b]),
+        strengths=assembly.strengths.take(kept),
+        nominal=None if assembly.nominal is None else assembly.nominal.take(kept),
+        dead=assembly.dead[rows],
+        live=assembly.live[rows],
+        labels=assembly.labels[kept],
+        cases=cases,
+        touching=tuple((int(place[a]), int(place[b])) for a, b in assembly.touching),
+        sink=-1,
+    )
+    return left, kept
