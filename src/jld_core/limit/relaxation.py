@@ -224,7 +224,8 @@ class Relaxation:
             Mechanism that refutes each threshold; None where no proof is found.
         """
         count = len(labellings)
-        self.solves += count
+        with _COUNTING:
+            self.solves += count
         found: list[DualBound | None] = [None] * count
         left = np.arange(count)
         if self._batch is not None:
