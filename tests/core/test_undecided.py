@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -207,3 +209,59 @@ def test_what_is_kept_of_shrunk_labellings_does_not_keep_workspaces() -> None:
         pytest.skip("no kernel")
     assert kept > 1000
     assert grown < 20e6
+
+
+class _Slow(Relaxation):
+    """A relaxation between whose reading and writing of `solves` other threads have their turn."""
+
+    solved = 0
+
+    @property
+    def solves(self) -> int:
+        found = self.solved
+        time.sleep(0.005)
+        return found
+
+    @solves.setter
+    def solves(self, count: int) -> None:
+        self.solved = count
+
+
+def _in_threads(work: Callable[[], object], threads: int = 3, times: int = 4) -> None:
+    def repeated() -> None:
+        for _ in range(times):
+            work()
+
+    with ThreadPoolExecutor(threads) as pool:
+        for done in [pool.submit(repeated) for _ in range(threads)]:
+            done.result()
+
+
+def test_no_solve_of_several_threads_is_lost() -> None:
+    relaxation = _Slow(LimitAnalysis(assemblies()["wall"]))
+    m = len(relaxation.template.assembly.interfaces)
+    labels, undecided = np.ones((2, m), dtype=bool), np.zeros((2, m), dtype=bool)
+    _in_threads(lambda: relaxation.refute_all(labels, undecided, np.full(2, 1e6)))
+    assert relaxation.solved == 3 * 4 * 2
+
+
+def test_threads_take_turns_at_the_conic_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each relaxation, whoever calls it; two relaxations do not wait for one another."""
+    monkeypatch.setenv("JLD_KERNEL", "off")
+    relaxation = Relaxation(LimitAnalysis(assemblies()["wall"]))
+    m = len(relaxation.template.assembly.interfaces)
+    route, inside, most = relaxation._route, [], []
+
+    def watched(program: Any) -> Any:
+        inside.append(1)
+        most.append(len(inside))
+        time.sleep(0.002)
+        found = solve(program)
+        inside.pop()
+        return found
+
+    solve = route.solve
+    monkeypatch.setattr(route, "solve", watched)
+    _in_threads(lambda: relaxation.refute(np.ones(m, dtype=bool), np.zeros(m, dtype=bool), 1e6))
+    assert len(most) == 12
+    assert max(most) == 1

@@ -14,8 +14,11 @@ import numpy as np
 import pytest
 
 from cases import grid_document
+from cases_spatial import box
+from cases_spatial import scene as spatial_scene
 from command import call
 from jld_core import InputError, Scene, build_assembly, load_scene, parse_scene, samples, solve
+from jld_core.build import build_robust
 from jld_core.exchange import FORMATS, ImportOptions, Layout, blocks_csv, export, import_file
 from jld_core.geometry import extrude, union_outlines
 from jld_core.geometry.congruence import alike
@@ -161,6 +164,38 @@ def test_there_and_back_is_the_same_assembly(kind: str, cells: bool, name: str, 
     # λ itself is known to the widths of both brackets
     width = 1e-9 * abs(made.result.load_factor) + sum(hi - lo for lo, hi in (result.bracket, made.result.bracket))
     assert result.load_factor == pytest.approx(made.result.load_factor, abs=width, nan_ok=True)
+
+
+def test_strengths_of_one_face_come_back_from_compas(tmp_path: Path) -> None:
+    """All of them, friction as an angle and values with a spread too; faces beside it keep those of the materials."""
+    cells = [(i, k) for i in (0, 1) for k in (0, 1)]
+    boxes = [box(f"{i}{k}", [i, 0, k], [i + 1, 1, k + 1]) for i, k in cells]
+    document = spatial_scene([box("ground", [0, 0, -1], [2, 1, 0], support=True), *boxes])
+    own: list[dict[str, Any]] = [
+        {"compressive_strength": 3e6, "cohesion": 2e4, "inner_friction_coefficient": 0.25},
+        {"friction_angle": 20.0, "tensile_strength": {"nominal": 2e5, "low": 1e5}, "shear_strength": 3e5},
+        {"inner_friction_angle": 10.0},
+    ]
+    plain = build_assembly(parse_scene(document))
+    faces, ids = plain.interfaces, plain.elements.ids
+    document["interfaces"] = [
+        {"elements": [ids[a], ids[b]], "polygon": polygon.tolist(), "label": "dry", **extra}
+        for a, b, polygon, extra in zip(faces.a, faces.b, faces.polygon, [*own, *[{}] * len(faces)], strict=False)
+    ]
+    scene = parse_scene(document)
+    there = layout(scene)
+    path = export(there, "compas", tmp_path / "there.json", cells=True)
+    found = parse_scene(import_file(path).document)
+    back = build_assembly(found)
+    names = {frozenset((ids[a], ids[b])): k for k, (a, b) in enumerate(zip(faces.a, faces.b, strict=True))}
+    pairs = zip(back.interfaces.a, back.interfaces.b, strict=True)
+    order = [names[frozenset((back.elements.ids[a], back.elements.ids[b]))] for a, b in pairs]
+    assert sorted(order) == list(range(len(faces)))
+    for field, values in vars(there.assembly.strengths).items():
+        np.testing.assert_array_equal(getattr(back.strengths, field), values[order], err_msg=field)
+    assert len(np.unique(back.strengths.cohesion)) == 2
+    low = build_robust(found)
+    np.testing.assert_array_equal(low.strengths.tension, build_robust(scene).strengths.tension[order])
 
 
 @pytest.mark.parametrize(("kind", "name"), [("obj", "cross"), ("stl", "dome"), ("ply", "dome"), ("dxf", "dome")])

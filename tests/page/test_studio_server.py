@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import http.client
 import json
 import signal
@@ -26,7 +27,7 @@ uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not install
 
 from jld_explore.studio import guard, server  # noqa: E402
 from jld_explore.studio.app import Api, build_app  # noqa: E402
-from jld_explore.studio.jobs import Jobs  # noqa: E402
+from jld_explore.studio.jobs import MOST, ORDERS, Jobs  # noqa: E402
 from jld_explore.studio.session import StudioSession  # noqa: E402
 
 TOKEN = "t0ken-of-this-test"
@@ -275,6 +276,66 @@ def test_a_worker_that_says_much_comes_to_its_end(tmp_path: Path, monkeypatch: p
     while job.state == "running" and time.monotonic() < until:
         time.sleep(0.02)
     assert (job.state, job.error, job.progress["done"]) == ("failed", "the last", 7)
+
+
+def test_a_search_that_cannot_start_takes_no_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that cannot be run, and a full disk: nothing half-written stays, and no place is taken for ever."""
+    jobs = Jobs(tmp_path / "studio")
+    with monkeypatch.context() as patch:
+        patch.setattr("jld_explore.studio.jobs.sys.executable", str(tmp_path / "missing"))
+        for _ in range(MOST + 1):
+            with pytest.raises(FileNotFoundError):
+                jobs.start("explore", small_scene(), {"seconds": 1.0})
+
+    def full(path: Path, text: str) -> None:
+        path.write_text(text[:3])
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("jld_explore.studio.jobs.write_text", full)
+    with pytest.raises(OSError, match="No space left"):
+        jobs.start("explore", small_scene(), {"seconds": 1.0})
+    assert jobs.listed() == []
+    assert list((tmp_path / "studio").iterdir()) == []
+
+
+def test_a_full_disk_at_the_end_of_a_search_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    worker = tmp_path / "worker"
+    worker.write_text("#!/bin/sh\nread line\nexit 0")
+    worker.chmod(0o755)
+    monkeypatch.setattr("jld_explore.studio.jobs.sys.executable", str(worker))
+    written = []
+
+    def full(path: Path, text: str) -> None:
+        written.append(path.name)
+        if len(written) > 2:  # the scene and the settings at the start still fit
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("jld_explore.studio.jobs.write_text", full)
+    job = Jobs(tmp_path / "studio").start("explore", small_scene(), {"seconds": 1.0})
+    until = time.monotonic() + 30.0
+    while "No space left" not in job.error and time.monotonic() < until:
+        time.sleep(0.02)
+    assert job.state == "done"
+    assert job.error.startswith(str(tmp_path / "studio" / "explore-1" / ORDERS))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"kind": "bake", "orders": {}}', "[" * 100_000])
+def test_damaged_settings_of_a_search_are_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "explore-1").mkdir()
+    (tmp_path / "explore-1" / ORDERS).write_text(text)
+    with pytest.raises(InputError, match=r"order\.json: it is damaged .*; expected the file as it was"):
+        Jobs(tmp_path)
+
+
+def test_a_damaged_summary_does_not_hide_other_searches(tmp_path: Path) -> None:
+    for number in (1, 2):
+        results = tmp_path / f"explore-{number}" / "results"
+        results.mkdir(parents=True)
+        (results.parent / ORDERS).write_text(json.dumps({"kind": "explore", "orders": {}, "done": True}))
+        (results / "summary.json").write_text('{"best": 1.5}' if number == 1 else '{"best":')
+    one, two = (job.told() for job in Jobs(tmp_path).listed())
+    assert (one["summary"]["best"], one["error"]) == (1.5, "")
+    assert "summary.json: it is damaged" in two["error"]
 
 
 def test_a_studio_that_is_terminated_stops_its_searches(tmp_path: Path) -> None:

@@ -7,16 +7,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from jld_core.assembly import Assembly
+from jld_core.build import build_geometry
 from jld_core.errors import InputError
 from jld_core.exchange.layout import Layout
 from jld_core.exchange.options import rounded
+from jld_core.scene import Scene
 
 _SCENE: Final = ("name", "units", "materials", "source", "notes")
 """Scene keys that are stored unchanged."""
 
 _ELEMENT: Final = ("density", "weight", "volume", "centroid", "block")
 """Element keys that are stored unchanged."""
+
+_PLACE: Final = {"elements", "polygon", "label"}
+"""Keys of an interface that are written anew; all others are values that override the materials."""
 
 
 def document_of(layout: Layout) -> dict[str, Any]:
@@ -98,30 +102,32 @@ def element_keys(layout: Layout) -> dict[str, dict[str, Any]]:
 
 
 def interfaces_of(layout: Layout) -> list[dict[str, Any]]:
-    """Return all interfaces with label, and with strengths that differ from the usual ones."""
+    """Return all interfaces with label, and with the strengths and friction that the scene states for them alone."""
     assembly = layout.assembly
     faces, ids = assembly.interfaces, assembly.elements.ids
-    rows = _overrides(assembly)
+    stated = _stated_values(layout.scene)
     return [
         {
             "elements": [ids[a], ids[b]],
             "polygon": rounded(polygon, assembly.size),
             "label": "dry" if dry else "inner",
-            **rows[k],
+            **stated.get((ids[a], ids[b], origin.tobytes()), {}),
         }
-        for k, (a, b, polygon, dry) in enumerate(zip(faces.a, faces.b, faces.polygon, layout.labels, strict=True))
+        for a, b, polygon, origin, dry in zip(faces.a, faces.b, faces.polygon, faces.origin, layout.labels, strict=True)
     ]
 
 
-def _overrides(assembly: Assembly) -> list[dict[str, float]]:
-    """Return the strengths of each interface that differ from the median."""
-    strengths = assembly.strengths
-    names = {"friction": "friction_coefficient", "tension": "tensile_strength", "shear": "shear_strength"}
-    rows: list[dict[str, float]] = [{} for _ in assembly.labels]
-    for field, key in names.items():
-        values = getattr(strengths, field)
-        usual = float(np.median(values)) if len(values) and np.isfinite(values).all() else None
-        for row, value in zip(rows, values.tolist(), strict=True):
-            if usual is not None and value != usual:
-                row[key] = value
-    return rows
+def _stated_values(scene: Scene) -> dict[tuple[str, str, bytes], dict[str, Any]]:
+    """Return the values of each stated interface that override the materials, by its elements and its origin.
+
+    They are taken from the scene, because an assembly holds neither low values of a spread nor which key was given.
+    """
+    if not scene.interfaces:
+        return {}
+    geometry = build_geometry(scene)
+    faces, ids = geometry.interfaces, geometry.elements.ids
+    return {
+        (ids[a], ids[b], origin.tobytes()): contact.model_dump(mode="json", exclude_defaults=True, exclude=_PLACE)
+        for a, b, origin, contact in zip(faces.a, faces.b, faces.origin, geometry.given, strict=True)
+        if contact is not None
+    }

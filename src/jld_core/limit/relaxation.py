@@ -35,9 +35,6 @@ _ANY: Final = 1e12
 _RESIDUAL: Final = 1e-10
 """Residual requested from the solver; bounds are computed from its answer, so it need not be exact."""
 
-_COUNTING: Final = Lock()
-"""Lock for `solves`, since several threads may minimise conflicts at the same time."""
-
 
 @dataclass(frozen=True)
 class DualBound:
@@ -148,6 +145,9 @@ class Relaxation:
         self._route = make_solver("clarabel", tolerance=max(_RESIDUAL, self.template.precision.residual))
         self._margin = max(_RESIDUAL, self.template.precision.margin)
         self.solves = 0
+        # Several threads may refute labellings at the same time. The batch solver needs no lock; `solves` does, and the
+        # conic solver updates its program in place.
+        self._counting, self._solving = Lock(), Lock()
 
     def program(self, labels: Bits, undecided: Bools) -> ConicProgram:
         """Return the program of a partial labelling.
@@ -224,7 +224,8 @@ class Relaxation:
             Mechanism that refutes each threshold; None where no proof is found.
         """
         count = len(labellings)
-        self.solves += count
+        with self._counting:
+            self.solves += count
         found: list[DualBound | None] = [None] * count
         left = np.arange(count)
         if self._batch is not None:
@@ -263,7 +264,7 @@ class Relaxation:
         """
         assert self._batch is not None
         raw = self._batch.minimize_conflicts(asked)
-        with _COUNTING:
+        with self._counting:
             self.solves += int(raw.relaxations.sum())
         begun = np.flatnonzero(raw.relaxations)
         of = raw.labelling[begun]
@@ -392,7 +393,8 @@ class Relaxation:
         rows, found = self.template.matrix.shape[0], []
         for pair in zip(labellings, undecided, strict=True):
             checkpoint()
-            found.append(self._route.solve(self.program(*pair)).dual[:rows])
+            with self._solving:
+                found.append(self._route.solve(self.program(*pair)).dual[:rows])
         answers: list[DualBound | None] = [None] * len(labellings)
         self._weigh_all(np.array(found), np.arange(len(labellings)), labellings, undecided, thresholds, answers)
         return answers

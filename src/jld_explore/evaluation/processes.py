@@ -11,10 +11,10 @@ import os
 import signal
 import threading
 import time
-import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import AbstractContextManager, ExitStack
 from typing import Any, Final
 
 from joblib.externals.loky import get_reusable_executor
@@ -22,6 +22,7 @@ from joblib.externals.loky.process_executor import ShutdownExecutorError, Termin
 
 from jld_core.deadline import Deadline
 from jld_explore.evaluation.deferred_signals import deferred_signals
+from jld_explore.evaluation.process_settings import ignored_warning
 
 DEATHS: Final = (TerminatedWorkerError, ShutdownExecutorError, TimeoutError)
 """Exceptions raised when a worker died or hung."""
@@ -35,6 +36,11 @@ _AHEAD: Final = 2
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 SINGLE_THREADED: Final = {f"{name}_NUM_THREADS": "1" for name in _THREADS}
 """Environment of a worker: one BLAS thread, since matrices are small and the jobs use the cores."""
+
+
+def stopping_on_purpose() -> AbstractContextManager[None]:
+    """Ignore the warning that loky's own thread gives when workers are terminated (context manager)."""
+    return ignored_warning("A worker stopped while some jobs", UserWarning)
 
 
 class Processes:
@@ -51,11 +57,12 @@ class Processes:
     def __init__(self, jobs: int, hang: float) -> None:
         self.jobs, self.hang = jobs, hang
         self._executor: Any = None
-        # Workers are stopped on purpose; loky warns about it from a thread of its own.
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
+        self._settings = ExitStack()
 
     def submit(self, work: Callable[..., Any], arguments: tuple[Any, ...]) -> Future[Any]:
         """Submit a task and return its future."""
+        if self._executor is None:
+            self._settings.enter_context(stopping_on_purpose())
         with deferred_signals():
             self._executor = get_reusable_executor(
                 max_workers=self.jobs,
@@ -69,12 +76,13 @@ class Processes:
     def close(self) -> None:
         """Terminate all processes at once, including those with unfinished tasks."""
         executor, self._executor = self._executor, None
-        if executor is None:
-            return
-        # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
-        for process in list((executor._processes or {}).values()):
-            process.terminate()
-        executor.shutdown(wait=True)
+        with self._settings:
+            if executor is None:
+                return
+            # shutdown(kill_workers=True) would let loky's thread print errors about tasks that still wait.
+            for process in list((executor._processes or {}).values()):
+                process.terminate()
+            executor.shutdown(wait=True)
 
 
 class Flight:

@@ -12,17 +12,16 @@ import os
 import sys
 import time
 import uuid
-import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any, Final
 
 from joblib.externals.loky import ProcessPoolExecutor, process_executor
 
 from jld_explore.evaluation.cluster import client_of_cluster
 from jld_explore.evaluation.deferred_signals import deferred_signals
-from jld_explore.evaluation.processes import SINGLE_THREADED, worker_init
+from jld_explore.evaluation.processes import SINGLE_THREADED, stopping_on_purpose, worker_init
 
 _LIVES: Final = 10
 """Number of local processes that may replace dead ones; more deaths than this are not accidental."""
@@ -81,8 +80,8 @@ class WorkerPool:
         self._jobs, self._left = jobs, jobs + _LIVES
         self._looked = -math.inf
         self._seats: list[PoolWorker] = []
-        # Workers are stopped on purpose; loky warns about it from a thread of its own.
-        warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
+        self._settings = ExitStack()
+        self._settings.enter_context(stopping_on_purpose())
 
     def __iter__(self) -> Iterator[PoolWorker]:
         """Iterate over the workers."""
@@ -129,8 +128,9 @@ class WorkerPool:
 
     def close(self) -> None:
         """Remove and close all workers."""
-        for seat in list(self._seats):
-            self.lose(seat)
+        with self._settings:
+            for seat in list(self._seats):
+                self.lose(seat)
 
 
 def _process() -> ProcessPoolExecutor:

@@ -15,9 +15,9 @@ import pickle
 import signal
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -35,6 +35,7 @@ from jld_core.threads import one_thread
 from jld_explore.evaluation.cases import evaluator_of
 from jld_explore.evaluation.evaluation import FAILED, Evaluation
 from jld_explore.evaluation.evaluator import EvaluatorSettings
+from jld_explore.evaluation.process_settings import ignored_warning, switch_interval
 from jld_explore.evaluation.processes import DEATHS, Flight, Processes
 
 HANG: Final = 600.0
@@ -228,13 +229,13 @@ class Workers:
         self.begun: list[Run] = []
         self.threads = min(jobs, _THREADS) if self.here else 0
         self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
-        self._turn = sys.getswitchinterval()
+        self._settings = ExitStack()
         if self._threads is not None:
-            sys.setswitchinterval(min(_TURN, self._turn))
+            self._settings.enter_context(switch_interval(_TURN))
         self.processes = Processes(jobs, hang)
         if self.outside:
             # Tasks abandoned at the end of a run are expected.
-            warnings.filterwarnings("ignore", message=r"\d+ tasks (which were|have been)", module="joblib")
+            self._settings.enter_context(ignored_warning(r"\d+ tasks (which were|have been)", module="joblib"))
 
     def run(
         self,
@@ -298,15 +299,19 @@ class Workers:
         }
         return iter(joblib.Parallel(**how)(tasks))
 
-    def close(self) -> None:
-        """Terminate all local workers at once; workers of a cluster are not stopped."""
+    def abandon(self) -> None:
+        """Stop all runs and terminate the local processes, which start again on demand."""
         for run in self.begun:
             run.stop()
         self.begun = []
-        if self._threads is not None:
-            self._threads.shutdown(cancel_futures=True)
-            sys.setswitchinterval(self._turn)
         self.processes.close()
+
+    def close(self) -> None:
+        """Terminate all local workers at once; workers of a cluster are not stopped."""
+        with self._settings:
+            self.abandon()
+            if self._threads is not None:
+                self._threads.shutdown(cancel_futures=True)
 
 
 class Run:
@@ -424,12 +429,12 @@ class Run:
                     low = self._slices[number].start
                     yield slice(low, low + len(evaluations)), evaluations
                 if isinstance(self._results, Flight) and self._results.late:
-                    workers.close()
+                    workers.abandon()
                     return
                 self._results = None
             except _deaths():
                 workers.deaths += 1
-                workers.close()
+                workers.abandon()
                 for number in self._sent:
                     if number in self._done:
                         continue

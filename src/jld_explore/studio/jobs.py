@@ -6,6 +6,7 @@ A search therefore continues after its browser tab is closed.
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Final, Literal
+from typing import IO, Any, Final, Literal, get_args
 
 from jld_core.errors import InputError
 from jld_explore.report import write_text
@@ -31,6 +32,9 @@ ORDERS: Final = "order.json"
 
 MOST: Final = 4
 """Largest number of searches that may run at a time."""
+
+_UNDAMAGED: Final = "the file as it was written, or the folder removed"
+"""Remedy in error messages about a damaged file of a search."""
 
 
 @dataclass
@@ -75,14 +79,18 @@ class Job:
         """Return the facts that a page shows about the search."""
         summary = self.results / "summary.json"
         found: dict[str, Any] = {}
+        problem = self.error
         if self.state not in ("running", "stopping") and summary.exists():
-            found = json.loads(summary.read_text(encoding="utf-8"))
+            try:
+                found = _read_object(summary)
+            except InputError as error:
+                problem = problem or str(error)  # one damaged folder must not hide the other searches
         return {
             "name": self.name,
             "kind": self.kind,
             "state": self.state,
             "progress": self.progress,
-            "error": self.error,
+            "error": problem,
             "summary": {key: found.get(key) for key in ("best", "bound", "gap", "proven", "stop_reason", "evaluated")},
         }
 
@@ -105,9 +113,12 @@ class Jobs:
         if study is not None:
             self.all["study"] = Job("study", "study", study, _orders_of(study), state="done")
         for place in sorted(root.glob("*/" + ORDERS)):
-            told = json.loads(place.read_text(encoding="utf-8"))
+            told = _read_object(place)
+            kind, orders = told.get("kind"), told.get("orders")
+            if kind not in get_args(Kind) or not isinstance(orders, dict):
+                raise InputError(str(place), "it is damaged (no kind or no settings)", _UNDAMAGED)
             state: State = "done" if told.get("done") else "stopped"
-            self.all[place.parent.name] = Job(place.parent.name, told["kind"], place.parent, told["orders"], state)
+            self.all[place.parent.name] = Job(place.parent.name, kind, place.parent, orders, state)
 
     def start(self, kind: Kind, scene: Mapping[str, Any], orders: Mapping[str, Any]) -> Job:
         """Start a search of a scene; raise InputError if too many are running."""
@@ -117,10 +128,16 @@ class Jobs:
             while (self.root / f"{kind}-{number}").exists():
                 number += 1
             folder = self.root / f"{kind}-{number}"
-            folder.mkdir(parents=True)
-            write_text(folder / "scene.json", json.dumps(scene, indent=1))
-            job = self.all[folder.name] = Job(folder.name, kind, folder, dict(orders))
-            self._launch(job)
+            job = Job(folder.name, kind, folder, dict(orders))
+            try:
+                folder.mkdir(parents=True)
+                write_text(folder / "scene.json", json.dumps(scene, indent=1))
+                self._launch(job)
+            except OSError:
+                # Leave nothing half-written, for example on a full disk.
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
+            self.all[folder.name] = job
             return job
 
     def resume(self, name: str) -> Job:
@@ -149,9 +166,10 @@ class Jobs:
 
     def find(self, name: str) -> Job:
         """Return a search by its name; raise InputError if there is none."""
-        if name not in self.all:
-            raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
-        return self.all[name]
+        with self._turn:
+            if name not in self.all:
+                raise InputError("job", f"there is none named {name[:60]!r}", "one of the list")
+            return self.all[name]
 
     def close(self) -> None:
         """Stop all running searches and wait for their processes; kill them after 10 s."""
@@ -179,12 +197,22 @@ class Jobs:
             write_text(job.folder / ORDERS, json.dumps(told))
         orders = json.dumps({**job.orders, "resume": resume})
         command = [sys.executable, "-m", "jld_explore.studio.worker", str(scene), str(job.results), orders]
-        job.state, job.error = "running", ""
         # Use a file for stderr: a pipe that is not read fills up and blocks the worker.
         words = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115 – the listener closes it
-        job.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, encoding="utf-8", errors="replace"
-        )
+        try:
+            job.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=words,
+                encoding="utf-8",
+                errors="replace",
+            )
+        except OSError:
+            words.close()
+            raise
+        # Only a job with a process is running; a job that could not start would otherwise occupy a place for ever.
+        job.state, job.error = "running", ""
         threading.Thread(target=self._listen, args=(job, job.process, words, told), daemon=True).start()
 
     def _listen(self, job: Job, process: subprocess.Popen[str], words: IO[str], told: dict[str, Any]) -> None:
@@ -202,7 +230,23 @@ class Jobs:
             job.error = last[0][:300] if code not in (0, 3) and last else ""
             job.state = "done" if code == 0 else "stopped" if code == 3 else "failed"
         if job.kind != "study":
-            write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+            try:
+                write_text(job.folder / ORDERS, json.dumps({**told, "done": code == 0}))
+            except OSError as error:
+                with self._turn:
+                    problem = f"{job.folder / ORDERS}: {error.strerror or error}; expected room to write it"
+                    job.error = job.error or problem
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file; raise InputError if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(str(path), f"it is damaged ({error})", _UNDAMAGED) from None
+    if not isinstance(found, dict):
+        raise InputError(str(path), "it is damaged (no JSON object)", _UNDAMAGED)
+    return found
 
 
 def _progress_of(line: str) -> dict[str, Any] | None:
@@ -216,7 +260,7 @@ def _progress_of(line: str) -> dict[str, Any] | None:
 
 def _orders_of(study: Path) -> dict[str, Any]:
     """Return the settings of a study begun elsewhere, as far as its summary contains them."""
-    summary = json.loads((study / "summary.json").read_text(encoding="utf-8"))
+    summary = _read_object(study / "summary.json")
     return {"driver": summary.get("driver"), "seed": summary.get("seed", 0)}
 
 

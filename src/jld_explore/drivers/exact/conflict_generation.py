@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from threading import Lock
 from typing import Final
 
 import numpy as np
@@ -46,12 +45,6 @@ _INNER: Final = True
 
 _DRY: Final = 0.3
 """Probability that a drawn labelling prefers a face dry; long blocks are hard to refute."""
-
-_OTHER_ROUTE: Final = Lock()
-"""Lock of the conic solver, which only one thread at a time may call.
-
-Several threads may call the batch solver without a lock.
-"""
 
 
 @dataclass
@@ -201,8 +194,7 @@ class ConflictGenerator:
 
     def _minimize_one(self, labels: Bits, threshold: float, caught: ConflictBatch) -> None:
         """Minimise one labelling (m,) without the batch solver, and add the result to the batch."""
-        with _OTHER_ROUTE:
-            found = conflict_of(self._relaxation, labels, self._free, threshold)
+        found = conflict_of(self._relaxation, labels, self._free, threshold)
         if found is None:
             caught.unrefuted.append(labels)
         else:

@@ -1,0 +1,64 @@
+"""Change settings of the whole process for as long as a pool of workers needs them, and restore them."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Lock
+from typing import Any, Final
+
+_CHANGING: Final = Lock()
+"""Lock of the bookkeeping, since pools may be opened and closed by several threads."""
+
+
+class _Open:
+    """Bookkeeping of the open contexts, so that the last one to close restores the setting."""
+
+    intervals: Final[list[float]] = []
+    before: float = 0.0
+    filters: Final[Counter[Any]] = Counter()
+
+
+@contextmanager
+def switch_interval(seconds: float) -> Iterator[None]:
+    """Let threads wait at most so many seconds for the interpreter (context manager).
+
+    Contexts may overlap; the shortest interval counts, and the last context to close restores the first value.
+    """
+    with _CHANGING:
+        if not _Open.intervals:
+            _Open.before = sys.getswitchinterval()
+        _Open.intervals.append(seconds)
+        sys.setswitchinterval(min(_Open.before, *_Open.intervals))
+    try:
+        yield
+    finally:
+        with _CHANGING:
+            _Open.intervals.remove(seconds)
+            sys.setswitchinterval(min([_Open.before, *_Open.intervals]))
+
+
+@contextmanager
+def ignored_warning(message: str, category: type[Warning] = Warning, module: str = "") -> Iterator[None]:
+    """Ignore a warning in all threads (context manager).
+
+    `warnings.catch_warnings` would also drop filters that others add meanwhile, in any thread.
+    message, module: regular expressions. Contexts may overlap; the last one to close removes the filter.
+    """
+    with _CHANGING:
+        warnings.filterwarnings("ignore", message, category, module)
+        entry = warnings.filters[0]
+        _Open.filters[entry] += 1
+    try:
+        yield
+    finally:
+        with _CHANGING:
+            _Open.filters[entry] -= 1
+            if not _Open.filters[entry]:
+                del _Open.filters[entry]
+                # The filter is missing where a caller has restored its own list in the meantime.
+                with suppress(ValueError):
+                    warnings.filters.remove(entry)  # type: ignore[attr-defined]
