@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -80,13 +79,6 @@ def settings_of(kind: str) -> ExploreSettings:
 KINDS: Final = ("enumeration", "exact", "genetic")
 
 
-def pooled(document: dict[str, Any], loads: Loads) -> tuple[float, float]:
-    """Processor seconds of an enumeration under one load, plain and with certificates."""
-    scene = of(document, loads, False)
-    settings = settings_of("enumeration")
-    return timed(scene, settings)[0], timed(scene, replace(settings, certificates=True))[0]
-
-
 def main() -> None:
     """Time every kind of search on every scene, with one load and with two."""
     rows = []
@@ -111,17 +103,8 @@ def main() -> None:
                 ]
             )
     head = ["scene", "search", "layouts, one", "layouts, two", "s one", "s two", "two / one", f"≤ {MOST:g}"]
-    beside = []
-    for name, (document, loads) in scenes().items():
-        plain, pool = np.median([pooled(document, loads) for _ in range(TURNS)], axis=0)
-        beside.append(f"{name}: {plain:.2f} s without, {pool:.2f} s with")
     note = f"Processor seconds of one process, medians of {TURNS} turns; λ of every case is in the tables."
-    why = (
-        "**Why cases take no certificates.** The kernel solves a layout sooner than a pool of certificates is asked "
-        f"about it. Enumerations under one load, {'; '.join(beside)}. "
-        "With cases a pool would have to settle every one of them."
-    )
-    write("cases", f"# Two mirrored load cases beside one load\n\n{table(head, rows)}\n\n{note}\n\n{why}")
+    write("cases", f"# Two mirrored load cases beside one load\n\n{table(head, rows)}\n\n{note}")
 
 
 if __name__ == "__main__":
