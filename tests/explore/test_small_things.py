@@ -44,7 +44,7 @@ def test_help_loads_nothing() -> None:
 
 def test_commands_load_what_is_slow_when_they_need_it() -> None:
     """To check a scene needs no tables, no pictures and no solver of others; together they take as long as the rest."""
-    slow = ("pandas", "pyarrow", "scipy.optimize", "matplotlib", "cvxpy", "optuna", "pymoo", "numba")
+    slow = ("pandas", "pyarrow", "scipy.optimize", "matplotlib", "cvxpy", "optuna", "numba")
     asked = f"import sys, jld_explore.cli.command; print([name for name in {slow} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
