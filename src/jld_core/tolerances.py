@@ -37,7 +37,7 @@ class Precision:
 
 
 LINEAR: Final = Precision(residual=1e-12, margin=1e-12)
-"""Planar programs; benchmarks/tolerance.py measures the cost of other values."""
+"""Planar programs; docs/notes/tried.md has the cost of other values."""
 
 FRICTION_CONES: Final = Precision(residual=1e-11, margin=1e-10)
 """Spatial programs; the residual that solvers reach (1e-10) would exceed a smaller margin."""
