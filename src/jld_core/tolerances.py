@@ -51,11 +51,6 @@ CRUSHING_WIDTH: Final = 3e-8
 ROUNDING: Final = 1e-12
 """Largest value of a jump or force that is zero by construction, relative to its vector, in floating point."""
 
-VERTEX_ROUNDING: Final = 1e-13
-"""Largest value of a jump that counts as zero at a vertex of a linear program, relative to the largest velocity. It is
-smaller than `ROUNDING` because the equations of a vertex hold exactly.
-"""
-
 CONTACT: Final = 1e-7
 """Largest gap, offset and misalignment of two faces that touch, relative to the shorter edge."""
 

@@ -231,7 +231,7 @@ records, rows = Records(Path(sys.argv[1]), HEADER, FACES), labellings(2048)
 for n, found in enumerate(evaluations(2048)):
     if records.find(rows[n]) is None:
         records.append(rows[n : n + 1], [1], [found])
-        records.add_conflict(rows[n], rows[n], float(n))
+        records.add_conflicts(rows[n : n + 1], rows[n : n + 1], [float(n)], [0])
         print(n, flush=True)
 """
 
@@ -264,7 +264,7 @@ def test_a_conflict_and_a_bound_of_minus_zero_come_back(tmp_path: Path) -> None:
     faces = np.zeros(FACES, dtype=bool)
     records = Records(tmp_path, HEADER, FACES)
     records.append(faces[None], [1], [Evaluation(Status.COLLAPSE, 0.0, 0.0, 0.0)])
-    records.add_conflict(~faces, faces, -0.0)
+    records.add_conflicts(~faces[None], faces[None], [-0.0], [0])
     records.keep_bound(-0.0)
     records.close()
     again = Records(tmp_path, HEADER, FACES)
@@ -278,7 +278,7 @@ def test_conflicts_are_those_of_one_proof(tmp_path: Path) -> None:
     rows = labellings(9)
     assert len(records.conflicts("one scene")[0]) == 0
     records.add_conflicts(rows[:2], rows[1:3], [0.5, 1.5], [False, True])
-    records.add_conflict(rows[2], rows[3], 2.5)
+    records.add_conflicts(rows[2:3], rows[3:4], [2.5], [0])
     records.close()
     records = Records(tmp_path, HEADER, FACES)
     decided, labels, bounds, closed = records.conflicts("one scene")

@@ -292,20 +292,6 @@ class Records:
         bounds, evidence = [row[2] for row in found], [row[3] for row in found]
         return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
 
-    def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
-        """Write one conflict: no labelling that contains it has a λ above the bound.
-
-        Parameters
-        ----------
-        decided : (m,) bool array
-            Faces whose label belongs to the conflict.
-        labels : (m,) bool array
-            Labels of these faces, True = dry.
-        bound : float
-            Upper bound on λ.
-        """
-        self.add_conflicts(decided[None], labels[None], [bound], [0])
-
     def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:
         """Write conflicts in one transaction.
 
