@@ -26,7 +26,6 @@ import numpy as np
 from studies.scenes import corner
 
 from benchmarks.common import RESULTS, table, write
-from benchmarks.fronts import Anew, Apart, front_by
 from benchmarks.scenes import cubes, vault
 from jld_core import Scene, build_assembly, load_scene, parse_scene
 from jld_core.limit import BlockRelaxation, LimitAnalysis, Relaxation, applies_to
@@ -302,8 +301,6 @@ def fronts() -> list[list[str]]:
         points = facts["front"]
         proven = sum(bool(point["proven"]) for point in points)
         counts = [point["count"] for point in points]
-        alone, _ = front_by(Apart, scenes()[name][0], SECONDS)
-        before, slow = front_by(Anew, scenes()[name][0], SECONDS)
         rows.append(
             [
                 name,
@@ -313,8 +310,6 @@ def fronts() -> list[list[str]]:
                 str(facts["conflicts"]),
                 str(facts["relaxations"]),
                 f"{facts['seconds']:.1f}",
-                f"{before.conflicts}, {slow:.1f} s",
-                str(alone.conflicts + getattr(alone, "forgotten", 0)),
             ]
         )
         print(rows[-1], flush=True)
@@ -401,13 +396,11 @@ def main(seconds: float = SECONDS, long: float = LONG, *wanted: str) -> None:
         parts[HEADS["starts"]] = f"{words}\n\n{found}"
     if "fronts" in wanted:
         columns = ["scene", "dry faces", "points proven", "best λ", "conflicts", "relaxations", "s"]
-        columns += ["a formula each", "each apart"]
         found = table(columns, fronts())
         words = (
             "The best labelling for every number of dry faces at which anything stands, each with its bound. What a "
             "conflict rules out it rules out at every number that is to exceed its bound: all points share them, and "
-            "one formula with all that the solver learns; a formula each: conflicts and seconds with a new one for "
-            "every number and every λ aimed at; each apart: conflicts when points share none either."
+            "one formula with all that the solver learns."
         )
         parts[HEADS["fronts"]] = f"{words}\n\n{found}"
     if "rivals" in wanted:

@@ -1,17 +1,15 @@
 """Only what a scene needs: what each reduction removes and saves, and that λ stays.
 
 Each pair is solved both ways, set-up included, and compared; why λ cannot change stands beside. Times are processor
-times, means over runs that fill half a second (certificates: one run on the wall clock). Differences of λ are relative;
+times, means over runs that fill half a second. Differences of λ are relative;
 brackets on either side overlap unless it says otherwise.
 """
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -247,38 +245,6 @@ def zero_dilation_skipped(count: int = 60) -> Reduction:
     )
 
 
-def certificates() -> Reduction:
-    """A whole enumeration with the pool of what past solves prove."""
-    from jld_explore import ExploreSettings, explore
-
-    scene = grid(
-        ["aaaa"] * 3 + ["####"], inner={"tensile_strength": 2e4, "shear_strength": 2e4}, search={"block_cells": [2, 4]}
-    )
-
-    def run(pool: bool) -> tuple[Any, int, float]:
-        with tempfile.TemporaryDirectory() as folder:
-            settings = ExploreSettings(driver="enumeration", jobs=1, certificates=pool)
-            done = explore(scene, Path(folder) / "out", settings)
-        summary = done.summary
-        return done.results.set_index("labelling").sort_index(), int(summary["solved"]), float(summary["seconds"])
-
-    plain, every, slow = run(False)
-    pooled, solved, quick = run(True)
-    one, other = (frame["load_factor"].to_numpy(float) for frame in (pooled, plain))
-    known = np.isfinite(other)
-    assert (pooled["status"] == plain["status"]).all()
-    return Reduction(
-        "certificates",
-        f"all {len(plain)} classes of 4 × 3 cells, blocks of 2 to 4",
-        "labellings solved",
-        (every, solved),
-        (slow, quick),
-        float((abs(one - other)[known] / abs(other[known])).max()),
-        "forces and mechanisms of other labellings are checked on each that they settle (docs/method.md (6.1))",
-        "`--certificates`; saves solves, and time where a solve is dear",
-    )
-
-
 def measured(small: bool = False) -> list[Reduction]:
     """All of them; small: on the smallest scenes, for a test."""
     bricks = build_assembly(brick_wall(4, 2, "in plane", 1) if small else brick_wall(10, 5, "in plane", 1))
@@ -296,7 +262,7 @@ def measured(small: bool = False) -> list[Reduction]:
         zero_dilation_skipped(8 if small else 60),
     ]
     if not small:
-        found += [condensed(2025), certificates()]
+        found += [condensed(2025)]
     return sorted(found, key=lambda one: one.name)
 
 

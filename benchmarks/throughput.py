@@ -8,13 +8,17 @@ core. Shares come from a second study with methods wrapped from outside, on the 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 import time
 import warnings
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
+from unittest.mock import patch
 
 import clarabel
 import highspy
@@ -25,7 +29,6 @@ from matplotlib.figure import Figure
 from benchmarks.common import RESULTS, ROOT, about, table, write
 from benchmarks.scenes import GRIDS, cubes, grid
 from benchmarks.stated import stated
-from benchmarks.stopwatch import Stopwatch
 from jld_core import Assembly, Scene, Status, build_assembly, load_scene
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Prover, Repair
@@ -43,6 +46,54 @@ PROOF: Final = {
     Repair: ("state", "edge_state", "ray", "opening", "reduced"),
 }
 """Methods whose time, less that of solvers within, is proof."""
+
+
+@dataclass
+class Stopwatch:
+    """Seconds by part; time in a wrapped call made by another wrapped call counts for the inner one."""
+
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    _parts: list[str] = field(default_factory=list)
+    _since: float = 0.0
+
+    def _charge(self) -> None:
+        now = time.perf_counter()
+        if self._parts:
+            self.seconds[self._parts[-1]] += now - self._since
+        self._since = now
+
+    @contextlib.contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Charge what runs inside to a part."""
+        self._charge()
+        self._parts.append(name)
+        try:
+            yield
+        finally:
+            self._charge()
+            self._parts.pop()
+
+    def wrapped(self, call: Callable[..., Any], name: str) -> Callable[..., Any]:
+        """The same call, charged to a part."""
+
+        def run(*positional: Any, **keys: Any) -> Any:
+            with self.part(name):
+                return call(*positional, **keys)
+
+        return run
+
+    @contextlib.contextmanager
+    def watching(self, targets: Sequence[tuple[Any, str, str]]) -> Iterator[None]:
+        """Wrap (owner, attribute, part) while inside. AttributeError for an attribute that is not there."""
+        with contextlib.ExitStack() as stack:
+            for owner, attribute, name in targets:
+                stack.enter_context(patch.object(owner, attribute, self.wrapped(getattr(owner, attribute), name)))
+            yield
+
+    def shares(self) -> dict[str, float]:
+        """Part of the whole, by part."""
+        total = sum(self.seconds.values())
+        return {name: spent / total for name, spent in self.seconds.items()}
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def gallery(out: Path) -> str:
     lines = [
         "# Studies",
         "",
-        "Written by `make studies`; every study also runs alone, as `python -m studies.NAME`. Each says where its "
+        "Written by `make studies`; every study also runs alone, as `python -m studies NAME`. Each says where its "
         "numbers come from, what agrees with the source and what does not. Vector pictures (SVG) are written beside "
         "the PNGs and not kept in the repository.",
         "",

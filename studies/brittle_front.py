@@ -20,7 +20,7 @@ from jld_core.views.figures import draw_assembly
 from jld_experiment import Joints, run_experiment
 from jld_explore import ExploreSettings, explore
 from jld_explore.space import from_string
-from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, without_legend, write
 
 NAME: Final = "brittle_front"
 MOST: Final = 200
@@ -166,7 +166,3 @@ def _layout(ax: Axes, assembly: Assembly, labelling: str, name: str, row: pd.Ser
     without_legend(ax, f"{name}: λ = {row['load_factor']:.2f}, carries {row['experiment']:.2f}")
     ax.set_xlabel("x [m]", fontsize=8)
     ax.set_ylabel("y [m]", fontsize=8)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -27,7 +27,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -185,7 +184,3 @@ def _courses(ax: Axes, table: pd.DataFrame) -> None:
     ax.set_ylabel("λ, pushed outward [–]", fontsize=9)
     ax.set_title("By number of courses and model of contact", fontsize=10)
     ax.legend(frameon=False, fontsize=7.5, loc="lower left")
-
-
-if __name__ == "__main__":
-    main(run, NAME)

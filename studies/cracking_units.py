@@ -26,7 +26,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     without_legend,
     write,
 )
@@ -211,7 +210,3 @@ def _mechanism(ax: Axes, result: LimitAnalysisResult, strength: float) -> None:
     without_legend(ax, f"σt = {strength:g} ρgH, cohesive: {value}")
     ax.set_xlabel("x [m]", fontsize=8)
     ax.set_ylabel("y [m]", fontsize=8)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

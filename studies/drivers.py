@@ -31,7 +31,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -217,7 +216,3 @@ def _curves(ax: Axes, runs: list[Run], exact: Run, column: int) -> None:
     steps = exact.steps
     end = {"marker": marker, "ms": 11.0, "mec": "#1B1B1B", "mew": 0.6, "markevery": [len(steps) - 1]}
     ax.plot(steps[:, column], steps[:, 2], color=colour, ls=dash, lw=1.8, drawstyle="steps-post", zorder=3.0, **end)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -14,7 +14,7 @@ import pandas as pd
 from jld_core import Scene, parse_scene
 from jld_explore import ExploreSettings
 from jld_explore.report.pictures_of_three import plot_three
-from studies.report import SCENES, Report, main, searched, write
+from studies.report import SCENES, Report, searched, write
 
 NAME: Final = "few_shapes"
 AXES: Final = (("blocks", "max"), ("shapes", "min"))
@@ -78,7 +78,3 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     figure = plot_three(done.results, done.front, done.assembly, axes=AXES)
     write(out, report, table, {"": figure})
     return table
-
-
-if __name__ == "__main__":
-    main(run, NAME)

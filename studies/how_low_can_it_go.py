@@ -29,7 +29,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     without_legend,
     write,
 )
@@ -206,7 +205,3 @@ def _path(ax: Axes, case: Case, row: pd.Series, path: SolutionPath | None) -> No
     ax.set_ylabel(unit, fontsize=9)
     ax.set_title(case.name, fontsize=10)
     ax.legend(frameon=False, fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.1))
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -21,7 +21,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -120,7 +119,3 @@ def _picture(table: pd.DataFrame, assembly: Assembly, best: dict[str, str]) -> F
         without_legend(drawing, f"{name}: λ = {result.load_factor:.5g} N")
     legend_at(figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "crack"), 5.6, 0.1, 6)
     return figure
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -13,7 +13,7 @@ import pandas as pd
 from jld_core import Scene, parse_scene
 from jld_explore import ExploreSettings
 from jld_explore.report.pictures import plot_pareto
-from studies.report import Report, main, searched, write
+from studies.report import Report, searched, write
 
 NAME: Final = "left_out"
 MOST: Final = 0.35
@@ -79,7 +79,3 @@ def run(out: Path, quick: bool = False) -> pd.DataFrame:
     figure = plot_pareto(done.results, done.front, done.assembly, count="mass", sense="min")
     write(out, report, table, {"": figure})
     return table
-
-
-if __name__ == "__main__":
-    main(run, NAME)

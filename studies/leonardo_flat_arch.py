@@ -29,7 +29,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -274,7 +273,3 @@ def _search(ax: Axes, results: pd.DataFrame, own: float) -> None:
     ax.set_ylim(0.0, 1.25e-3 * float(ranked["load_factor"].max()))
     ax.set_title(f"{len(ranked)} classes of segmentations that stand", fontsize=9)
     ax.legend(frameon=False, fontsize=8, loc="upper right")
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -29,7 +29,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     without_legend,
     write,
 )
@@ -230,7 +229,3 @@ def _curves(ax: Axes, table: pd.DataFrame, name: str, curves: dict[str, Curve]) 
     ax.set_ylabel("λ per force [N]", fontsize=9)
     ax.legend(frameon=False, fontsize=7.5, loc="upper left", ncols=2)
     ax.set_title("experiments", fontsize=9)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -29,7 +29,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     without_legend,
     write,
 )
@@ -327,7 +326,3 @@ def _facets(ax: Axes, table: pd.DataFrame) -> None:
     ax.set_ylim(0.48, 0.74)
     ax.legend(frameon=False, fontsize=8, ncols=2)
     ax.set_title("two osteomorphic blocks on a base", fontsize=9)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -20,7 +20,7 @@ from jld_core import LimitAnalysisResult, build_assembly, solve
 from jld_core.arrays import Floats
 from jld_core.limit import Movement, face_motions
 from jld_core.views.figures import draw_mechanism
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, main, without_legend, write
+from studies.report import GREY, PAIRED, Report, axes_at, figure_of, fill_region, without_legend, write
 from studies.scenes import stacked_cubes
 
 NAME: Final = "one_block_two_cubes"
@@ -259,7 +259,3 @@ def _map(ax: Axes, tension: float, table: pd.DataFrame) -> None:
     ax.text(
         1.0, -0.155, "every cell is one solve", transform=ax.transAxes, ha="right", va="top", fontsize=8, color=GREY
     )
-
-
-if __name__ == "__main__":
-    main(run, NAME)

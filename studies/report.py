@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import tempfile
 import textwrap
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -108,7 +106,7 @@ def _page(report: Report, table: pd.DataFrame, figures: dict[str, Figure]) -> st
     lines += [f"- {line}" for line in report.agrees]
     lines += ["", "**What does not, or is not known**", ""]
     lines += [f"- {line}" for line in report.differs]
-    lines += ["", markdown_table(table), "", f"Run: `python -m studies.{report.name}` · [table]({report.name}.csv)", ""]
+    lines += ["", markdown_table(table), "", f"Run: `python -m studies {report.name}` · [table]({report.name}.csv)", ""]
     return "\n".join(lines)
 
 
@@ -129,17 +127,6 @@ def searched(scene: Scene, settings: ExploreSettings, **options: Any) -> Explora
     """What a search finds, its folder thrown away; options: of `explore`."""
     with tempfile.TemporaryDirectory() as folder:
         return explore(scene, Path(folder) / "search", settings, **options)
-
-
-def main(run: Callable[[Path, bool], pd.DataFrame], name: str) -> None:
-    """Command line of one study: run it, write its files, print its caption. name: its stem."""
-    parser = argparse.ArgumentParser(description=f"Study {name}: table, pictures and page.")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder to write into")
-    parser.add_argument("--quick", action="store_true", help="coarser, for tests")
-    given = parser.parse_args()
-    table = run(given.out, given.quick)
-    print(f"{name}: {len(table)} rows, written to {given.out}")
-    print((given.out / f"{name}.md").read_text("utf-8"))
 
 
 def figure_of(width: float, height: float) -> Figure:

@@ -31,7 +31,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -318,7 +317,3 @@ def _segmentations(ax: Axes, one: Freed) -> None:
     ax.set_ylim(bottom=0.0)
     ax.set_title(f"Every segmentation, {one.load} load", fontsize=10)
     ax.legend(frameon=False, fontsize=8, loc="upper right", handletextpad=0.2)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

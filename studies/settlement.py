@@ -20,7 +20,7 @@ from jld_core.limit import Settled, Thrust, settle
 from jld_core.views.figures import draw_forces, draw_mechanism
 from jld_core.views.settled import without_live_load
 from studies.families import semicircular_arch
-from studies.report import GREY, PAIRED, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import GREY, PAIRED, Report, axes_at, figure_of, without_legend, write
 
 NAME: Final = "settlement"
 LEAST_THICKNESS: Final = 0.107426
@@ -154,7 +154,3 @@ def _range(ax: Axes, table: pd.DataFrame) -> None:
     ax.set_xlabel("thickness t/R [–]", fontsize=9)
     ax.set_ylabel("thrust over weight of half the ring, H/W [–]", fontsize=9)
     ax.legend(frameon=False, fontsize=8, loc="upper left")
-
-
-if __name__ == "__main__":
-    main(run, NAME)

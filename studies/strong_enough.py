@@ -25,7 +25,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -132,7 +131,3 @@ def _picture(table: pd.DataFrame, assembly: Assembly, shares: dict[str, float]) 
     legend_at(figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "crack"), 5.4, 0.1, 6)
     figure.suptitle("Strong enough", fontsize=12, y=0.99)
     return figure
-
-
-if __name__ == "__main__":
-    main(run, NAME)

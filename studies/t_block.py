@@ -26,7 +26,6 @@ from studies.report import (
     figure_of,
     fill_region,
     legend_at,
-    main,
     without_legend,
     write,
 )
@@ -252,7 +251,3 @@ def _map(ax: Axes, load: str, table: pd.DataFrame, whole: float) -> None:
         axis.set_major_formatter(lambda value, _: f"{value:g}")
     name = "force on the tip of the arm" if load == "arm" else "horizontal force at the top"
     ax.set_title(f"What gives way: {name}", fontsize=10)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -20,7 +20,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -94,7 +93,3 @@ def _picture(table: pd.DataFrame, assembly: Assembly) -> Figure:
     legend_at(figure, drawing_handles("dry face", "inner face", "hinge", "slide", "open", "crack"), 1.4, 0.1, 6)
     figure.suptitle("One load and two", fontsize=12, y=0.99)
     return figure
-
-
-if __name__ == "__main__":
-    main(run, NAME)

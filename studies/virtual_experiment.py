@@ -21,7 +21,7 @@ from jld_core.views.figures import draw_assembly
 from jld_experiment import Curve, Joints, Settings, run_experiment
 from jld_explore.drivers import Enumeration
 from jld_explore.space import search_space
-from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, main, without_legend, write
+from studies.report import GREY, PAIRED, SCENES, Report, axes_at, figure_of, without_legend, write
 from studies.scenes import leonardo_flat_arch
 
 NAME: Final = "virtual_experiment"
@@ -299,7 +299,3 @@ def _sweep(ax: Axes, turned: pd.DataFrame) -> None:
     ax.set_ylim(0.0, 1.25 * float(part[["brittle_with", "brittle_without"]].to_numpy().max()))
     ax.legend(frameon=False, fontsize=8, loc="lower left")
     ax.set_title("the same layout by the stiffness of its inner faces", fontsize=9)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -25,7 +25,6 @@ from studies.report import (
     drawing_handles,
     figure_of,
     legend_at,
-    main,
     searched,
     without_legend,
     write,
@@ -158,7 +157,3 @@ def _front(
     ax.set_xlabel("dry faces between blocks [–]", fontsize=9)
     ax.set_ylabel("load factor λ, horizontal over weight [–]", fontsize=9)
     ax.legend(frameon=False, fontsize=8.5, loc="lower left")
-
-
-if __name__ == "__main__":
-    main(run, NAME)

@@ -29,7 +29,6 @@ from studies.report import (
     axes_at,
     drawing_handles,
     figure_of,
-    main,
     without_legend,
     write,
 )
@@ -194,7 +193,3 @@ def _range(ax: Axes, wall: int, table: pd.DataFrame) -> None:
     ax.ticklabel_format(axis="x", useOffset=False)
     ax.set_xlabel("load factor λ [–]", fontsize=9)
     ax.set_title(f"wall {wall}: {len(certified)} solutions without dilation", fontsize=9)
-
-
-if __name__ == "__main__":
-    main(run, NAME)

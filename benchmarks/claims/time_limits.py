@@ -137,9 +137,7 @@ def _options(rng: np.random.Generator, driver: str) -> list[str]:
         options += ["--objective", "zero-dilation"]
     elif draw < 0.15:
         options += ["--objective", "zero-dilation-floor"]
-    elif draw < 0.2 and driver not in ("exact", ""):
-        options += ["--certificates"]
-    elif draw < 0.3 and driver == "exact":
+    elif 0.2 <= draw < 0.3 and driver == "exact":
         options += ["--aim", "front"]
     return options
 

@@ -37,7 +37,7 @@ class Precision:
 
 
 LINEAR: Final = Precision(residual=1e-12, margin=1e-12)
-"""Planar programs; benchmarks/tolerance.py measures the cost of other values."""
+"""Planar programs; docs/notes/tried.md has the cost of other values."""
 
 FRICTION_CONES: Final = Precision(residual=1e-11, margin=1e-10)
 """Spatial programs; the residual that solvers reach (1e-10) would exceed a smaller margin."""
@@ -50,11 +50,6 @@ CRUSHING_WIDTH: Final = 3e-8
 
 ROUNDING: Final = 1e-12
 """Largest value of a jump or force that is zero by construction, relative to its vector, in floating point."""
-
-VERTEX_ROUNDING: Final = 1e-13
-"""Largest value of a jump that counts as zero at a vertex of a linear program, relative to the largest velocity. It is
-smaller than `ROUNDING` because the equations of a vertex hold exactly.
-"""
 
 CONTACT: Final = 1e-7
 """Largest gap, offset and misalignment of two faces that touch, relative to the shorter edge."""

@@ -196,10 +196,6 @@ def _space_of(scene: Scene, assembly: Assembly, driver: str | Driver | None) -> 
 
 def _refuse_together(settings: ExploreSettings, assembly: Assembly) -> None:
     """Raise InputError for settings that exclude each other or do not support the loads."""
-    if assembly.cases and settings.certificates:
-        raise InputError("--certificates", "they speak of one load, and the scene has cases", "a search without them")
-    if settings.robust and settings.certificates:
-        raise InputError("--certificates", "they speak of one strength, not of a low and a nominal one", "one of both")
     if settings.certificate is not None and settings.robust:
         raise InputError("--certificate", "it speaks of one value of each strength", "a search without --robust")
     if settings.certificate is not None and settings.by_experiment:
@@ -314,7 +310,6 @@ def _bound_all(study: Study, *, sure: bool) -> None:
 def _refuse_beside_void(settings: ExploreSettings, driver: Driver) -> None:
     """Raise InputError for options that need a single structure if cells may be left out."""
     for option, asked in (
-        ("--certificates", settings.certificates),
         ("--experiment", settings.experiment is not None or settings.by_experiment),
         ("--driver", driver.modular),
     ):

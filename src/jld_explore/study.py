@@ -8,9 +8,10 @@ A study resumes by replay: the driver runs again from its seed and receives reco
 from __future__ import annotations
 
 import platform
+import warnings
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -25,27 +26,25 @@ from jld_core.batch import chosen
 from jld_core.deadline import Deadline, DeadlinePassed
 from jld_core.limit import SolveOptions, Status, exceeds, load_scale, relative_width
 from jld_core.models import cost_estimate
-from jld_core.program import Template
 from jld_core.scene import Scene
 from jld_explore.drivers import Driver, first_layout
 from jld_explore.evaluation import (
     HANG,
-    CertificateEvaluator,
-    Evaluating,
     Evaluation,
     EvaluatorSettings,
     IncumbentFront,
     MakeEvaluator,
-    Pool,
     RecordedEvaluator,
     Records,
     Sent,
     Workers,
     WorkerSpec,
     evaluator_of,
-    is_small,
 )
 from jld_explore.space import SearchSpace, unpack
+
+NO_CERTIFICATES: Final = "certificates has no effect and will be refused in version 0.4; leave it out"
+"""Warning about the former setting `certificates`, by which past solves settled further labellings."""
 
 _ROW: Final = 4e-5
 """Seconds per recorded labelling that are reserved from a time limit for tables and page."""
@@ -143,8 +142,6 @@ class ExploreSettings:
         Seed of the random numbers.
     resume : bool
         Continue the study in the folder.
-    certificates : bool
-        Settle labellings by bounds from past solves, if the model supports such bounds.
     experiment : int or None
         Number of best layouts by λ that are tested in the virtual experiment at the end.
     by_experiment : bool
@@ -165,6 +162,8 @@ class ExploreSettings:
         URL of a dask scheduler whose workers evaluate.
     options : dict
         Options of a named driver.
+    certificates : bool
+        No effect; accepted with a warning until version 0.4.
     """
 
     driver: str | Driver | None = None
@@ -174,7 +173,6 @@ class ExploreSettings:
     jobs: int = 1
     seed: int = 0
     resume: bool = False
-    certificates: bool = False
     experiment: int | None = None
     by_experiment: bool = False
     pictures: bool = True
@@ -184,6 +182,12 @@ class ExploreSettings:
     certificate: Path | None = None
     cluster: str | None = None
     options: dict[str, Any] = field(default_factory=dict)
+    certificates: InitVar[bool] = False
+
+    def __post_init__(self, certificates: bool) -> None:
+        """Warn about an argument without effect."""
+        if certificates:
+            warnings.warn(NO_CERTIFICATES, FutureWarning, stacklevel=3)
 
 
 class Study:
@@ -226,7 +230,6 @@ class Study:
         self.scene, self.assembly, self.space, self.driver, self.folder = scene, assembly, space, driver, folder
         self.settings, self.total, self.report = settings or ExploreSettings(), total, report
         self._make = make
-        self.certificates = self.settings.certificates and self.settings.model.modular
         self.deadline = Deadline(self.settings.seconds) if deadline is None else deadline
         self._end, self._cut = self.deadline.end, False
         self.evaluated = self.asked = self.solved = 0
@@ -245,7 +248,6 @@ class Study:
             "objective": model.pop("friction") + ("-floor" if self.settings.model.by_floor else ""),
             "bracket width": model.pop("gap"),
             **model,
-            "certificates": self.certificates,
             **({"robust": True} if self.assembly.nominal is not None else {}),
             "versions": versions(),
         }
@@ -315,15 +317,13 @@ class Study:
             If a signal arrives; the record is closed first.
         """
         faces, budget, driver = len(self.assembly.interfaces), self.settings.budget, self.driver
-        template = Template(self.assembly) if self.certificates else None
-        settings = EvaluatorSettings(self.settings.model, prove=self.certificates)
+        settings = EvaluatorSettings(self.settings.model)
         recipe = WorkerSpec.of(self.assembly, settings, self._make)
         workers = Workers(
             recipe,
             self.settings.jobs,
             faces,
             hang=max(HANG, _HANGS * cost_estimate(self.assembly).seconds),
-            quick=template is not None and is_small(template),
             batch=self._make is evaluator_of and settings.batched and recipe.evaluator().settles,
         )
         front = IncumbentFront(self.space) if self.settings.model.friction == "zero-dilation" else None
@@ -333,13 +333,8 @@ class Study:
             self.space.group,
             deadline=self.deadline,
             front=front,
-            proofs=self.certificates,
             report=self._count,
         )
-        evaluator: Evaluating = recorded
-        if template is not None:
-            pool = Pool(faces, self.space.group)
-            evaluator = CertificateEvaluator(recorded, pool, template, self.settings.model.gap)
         waiting: deque[Sent] = deque()
         dry = False
         try:
@@ -364,11 +359,11 @@ class Study:
                     dry = self._cut or len(labellings) == 0
                     if len(labellings):
                         self.asked += len(labellings)
-                        waiting.append(evaluator.send(labellings))
+                        waiting.append(recorded.send(labellings))
                 if not waiting:
                     return self._reason(dry)
                 sent = waiting.popleft()
-                evaluations = evaluator.take(sent)
+                evaluations = recorded.take(sent)
                 self.solved = recorded.solved
                 if evaluations is None:
                     return StopReason.TIME

@@ -240,21 +240,6 @@ def test_data_that_is_not_understood_is_said(visit: Open, tmp_path: Path, study:
         assert words in found.text("#facts")
 
 
-def test_the_page_demands_what_the_schema_demands(visit: Open, tmp_path: Path) -> None:
-    """One contract, stated for both sides: the keys that contract.js requires are those of the schema."""
-    (tmp_path / "x.html").write_text("<!doctype html><title>x</title><link rel=icon href='data:,'>", encoding="utf-8")
-    found = visit(tmp_path / "x.html", ready=False)
-    script = joined.linked("data.js")
-    required = found.run(f'() => {{ {script}; return $modules["contract.js"].REQUIRED; }}')
-    schema = json.loads(joined.asset("page.schema.json"))
-    defined = {**schema["$defs"], "PageData": schema}
-    assert {name: sorted(keys) for name, keys in required.items()} == {
-        name: sorted(defined[name]["required"]) for name in required
-    }
-    objects = {name for name, part in defined.items() if part.get("type") == "object"}
-    assert objects - set(required) == {"Edge"}
-
-
 def test_blocks_and_tints_are_those_of_the_pictures(visit: Open, tmp_path: Path) -> None:
     """The page numbers and colours blocks by itself, for layouts by the thousand: by the rule of jld_core."""
     scene = parse_scene(small_scene(rows=["abcde", "fghij", "klmno", "##.##"]))

@@ -78,7 +78,7 @@ class Table:
         return Evaluation(Status.COLLAPSE, value, value, value)
 
     def evaluate_all(
-        self, labellings: Bits, floors: object = None, waiting: object = None, deadline: Deadline | None = None
+        self, labellings: Bits, floors: object = None, deadline: Deadline | None = None
     ) -> list[Evaluation]:
         """One after the other, up to the deadline."""
         found = []

@@ -317,7 +317,7 @@ def test_conflicts_are_taken_back_at_the_threshold_they_were_made_at(tmp_path: P
         Exact(space, search=0).start(None, lambda: None, records)
         driver = Exact(space, search=0)
         driver.restore(known, [Evaluation(Status.COLLAPSE, best, best, best)])
-        records.add_conflict(decided, values, driver.least(None) / scale)
+        records.add_conflicts(decided[None], values[None], [driver.least(None) / scale], [0])
         driver.start(None, lambda: None, records)
         row = driver.ask()
         assert len(row) == 1

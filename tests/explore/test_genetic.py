@@ -9,7 +9,7 @@ from jld_core.build import build_assembly
 from jld_core.limit import Status
 from jld_core.scene import load_scene
 from jld_explore.drivers import Genetic
-from jld_explore.drivers.genetic import _levels, crowding_of
+from jld_explore.drivers.nondominated import crowding_of, fronts_of
 from jld_explore.evaluation import FAILED, ORDER, Evaluation, Evaluator, EvaluatorSettings, objectives, places, standing
 from jld_explore.space import search_space
 from paths import SCENES
@@ -36,29 +36,69 @@ def test_best_of_the_flagship_within_500() -> None:
     assert reached >= 2
 
 
-def test_crowding_is_the_library_s_on_every_front_at_once() -> None:
-    from pymoo.operators.survival.rank_and_crowding.metrics import calc_crowding_distance
+# Deb 2001, Multi-Objective Optimization using Evolutionary Algorithms, table 20: parents 1 to 6, offspring a to f.
+PUBLISHED = {
+    "1": (0.31, 6.10), "2": (0.43, 6.79), "3": (0.22, 7.09), "4": (0.59, 7.85), "5": (0.66, 3.65), "6": (0.83, 4.23),
+    "a": (0.21, 5.90), "b": (0.79, 3.97), "c": (0.51, 6.51), "d": (0.27, 6.93), "e": (0.58, 4.52), "f": (0.24, 8.54),
+}  # fmt: skip
 
+
+def test_fronts_of_a_published_example() -> None:
+    names, values = list(PUBLISHED), np.array(list(PUBLISHED.values()))
+    found = [{names[n] for n in front} for front in fronts_of(values, len(values))]
+    assert found == [{"5", "a", "e"}, {"1", "3", "b", "d"}, {"2", "6", "c", "f"}, {"4"}]
+    assert [len(front) for front in fronts_of(values, 4)] == [3, 4]  # 7 rows are enough
+
+
+@pytest.mark.parametrize("objectives", [1, 2, 3])
+def test_fronts_are_those_of_the_definition(objectives: int) -> None:
+    """A front holds the rows that no other row left dominates, with ties, in ascending order."""
+    rng = np.random.default_rng(objectives)
+    for count, different, enough in ((1, 1, 5), (40, 40, 12), (90, 7, 33), (60, 25, 60), (30, 1, 4)):
+        values = rng.integers(different, size=(count, objectives)).astype(float)
+        left, known = list(range(count)), []
+        while left and sum(map(len, known)) < enough:
+            front = [
+                n
+                for n in left
+                if not any((values[k] <= values[n]).all() and (values[k] < values[n]).any() for k in left)
+            ]
+            known.append(front)
+            left = [n for n in left if n not in front]
+        assert [front.tolist() for front in fronts_of(values, enough)] == known
+
+
+def test_fronts_of_two_objectives_are_those_of_three() -> None:
+    """The sort for two objectives and the count for more, with a third objective that is the same for all."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        values = rng.normal(size=(80, 2)).round(1)
+        third = np.column_stack([values, np.ones(80)])
+        assert list(map(list, fronts_of(values, 50))) == list(map(list, fronts_of(third, 50)))
+
+
+def test_crowding_is_that_of_the_definition() -> None:
+    """Mean over the objectives of the distance between both neighbours on the front, in widths of the front."""
     rng = np.random.default_rng(0)
-    values = np.column_stack([rng.normal(size=60).round(1), rng.integers(5, size=60), np.ones(60)])
+    values = np.column_stack([rng.normal(size=60), rng.permutation(60).astype(float), np.ones(60)])
     front = rng.integers(6, size=60).astype(float)
     found = crowding_of(values, front)
-    for name in np.unique(front):
-        own = front == name
-        expected = calc_crowding_distance(values[own])
-        # which of several that are equal counts as the end of a front is anybody's
-        assert np.sort(found[own]) == pytest.approx(np.sort(expected))
+    for one in range(60):
+        own = values[front == front[one]]
+        expected = 0.0
+        for column in (0, 1):
+            order = np.sort(own[:, column])
+            place = int(np.searchsorted(order, values[one, column]))
+            inside = 0 < place < len(order) - 1
+            gap = order[place + 1] - order[place - 1] if inside else np.inf
+            expected += gap / (order[-1] - order[0]) if len(order) > 1 else np.inf
+        assert found[one] == pytest.approx(expected / 3)
     assert crowding_of(values[:0], front[:0]).shape == (0,)
-
-
-def test_fronts_of_one_objective_are_the_library_s() -> None:
-    from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
-
-    rng = np.random.default_rng(0)
-    for count, different, wanted in ((1, 1, 5), (40, 40, 12), (90, 7, 33), (60, 25, 60), (30, 1, 4)):
-        values = rng.integers(different, size=(count, 1)).astype(float)
-        known = NonDominatedSorting().do(values, n_stop_if_ranked=wanted)
-        assert [front.tolist() for front in _levels(values, wanted)] == [sorted(front.tolist()) for front in known]
+    # Deb 2001, section 6.2.2: on the second front of the example, with its ends, d is more crowded than 1.
+    second = np.array([PUBLISHED[name] for name in "31bd"])
+    distances = dict(zip("31bd", crowding_of(second, np.zeros(4)), strict=True))
+    assert distances["3"] == distances["b"] == np.inf
+    assert 0.0 < distances["d"] < distances["1"] < np.inf
 
 
 def test_what_has_no_number_ranks_below_all_that_have() -> None:

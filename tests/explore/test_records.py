@@ -19,7 +19,7 @@ from jld_core.build import build_assembly
 from jld_core.errors import InputError
 from jld_core.limit import Status
 from jld_core.scene import load_scene, parse_scene
-from jld_explore.evaluation import CERTIFICATE, RECORDS_FILE, Evaluation, Forces, Mechanism, Proofs, Records
+from jld_explore.evaluation import BOUND, RECORDS_FILE, Evaluation, Records
 from jld_explore.evaluation.rows import record_type, rows_of
 from jld_explore.report import tables
 from jld_explore.space import block_sizes, blocks_of, connectivity, counts, search_space, unpack
@@ -38,7 +38,7 @@ def evaluations(count: int) -> list[Evaluation]:
     kinds = [
         lambda n: Evaluation(Status.COLLAPSE, n - 0.5, n + 0.5, float(n), seconds=0.001),
         lambda n: Evaluation(Status.LOCKED, float(n), nan, nan),
-        lambda n: Evaluation(Status.UNSTABLE, nan, nan, nan, settled=CERTIFICATE),
+        lambda n: Evaluation(Status.UNSTABLE, nan, nan, nan, settled=BOUND),
         lambda n: Evaluation(Status.COLLAPSE, nan, float("inf"), n + 1.0, zero_dilation=float(n)),
     ]
     return [kinds[n % 4](n) for n in range(count)]
@@ -80,7 +80,7 @@ def test_anybody_can_read_it(tmp_path: Path) -> None:
     assert rows == [
         ("0000", "collapse", -0.5, "solve"),
         ("8000", "locked", 1.0, "solve"),
-        ("4000", "unstable", None, "certificate"),
+        ("4000", "unstable", None, "bound"),
     ]
     assert dict(file.execute("SELECT key, value FROM meta"))["seed"] == "1"
     file.close()
@@ -154,7 +154,7 @@ def test_cut_anywhere_or_full_of_garbage(tmp_path: Path) -> None:
         "UPDATE evaluations SET labelling = 'text' WHERE id = 2",
         "UPDATE evaluations SET multiplicity = -1",
         "UPDATE evaluations SET labelling = (SELECT labelling FROM evaluations WHERE id = 1)",
-        "DROP TABLE proofs",
+        "DROP TABLE conflicts",
     ],
 )
 def test_forged_records_are_refused(statement: str, tmp_path: Path) -> None:
@@ -226,20 +226,18 @@ import sys
 from pathlib import Path
 sys.path[:0] = {paths!r}
 from test_records import FACES, HEADER, evaluations, labellings
-from jld_explore.evaluation import Proofs, Forces, Records
-from dataclasses import replace
+from jld_explore.evaluation import Records
 records, rows = Records(Path(sys.argv[1]), HEADER, FACES), labellings(2048)
 for n, found in enumerate(evaluations(2048)):
-    proofs = Proofs((Forces(float(n), rows[n], ~rows[n]),))
     if records.find(rows[n]) is None:
-        records.append(rows[n : n + 1], [1], [replace(found, proofs=proofs)])
-        records.add_conflict(rows[n], rows[n], float(n))
+        records.append(rows[n : n + 1], [1], [found])
+        records.add_conflicts(rows[n : n + 1], rows[n : n + 1], [float(n)], [0])
         print(n, flush=True)
 """
 
 
 def test_a_kill_loses_nothing_that_was_finished(tmp_path: Path) -> None:
-    """Every labelling that was told to be finished is on record with its proofs, and none without."""
+    """Every labelling that was told to be finished is on record as it was told."""
     rng, rows = np.random.default_rng(2), labellings(2048)
     told = 0
     for wait in rng.integers(1, 120, 6).tolist():
@@ -258,50 +256,19 @@ def test_a_kill_loses_nothing_that_was_finished(tmp_path: Path) -> None:
         assert count in (told, told + 1, told + 2)
         for n in range(count):
             assert repr(records.find(rows[n])) == repr(evaluations(n + 1)[n])
-            assert records.proofs(rows[n]).forces[0].load == float(n)
         records.close()
 
 
-def test_proofs_come_back(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    labels = rng.random((3, FACES)) < 0.5
-    proofs = [
-        Proofs(),
-        Proofs((Forces(1.5, labels[0], ~labels[0]),)),
-        Proofs((), (Mechanism(-2.0, np.full(FACES, np.inf), np.arange(FACES, dtype=float), True),)),
-    ]
-    records = Records(tmp_path, HEADER, FACES)
-    made = [Evaluation(Status.COLLAPSE, 1.0, 1.0, 1.0, proofs=proof) for proof in proofs]
-    records.append(labels, [1, 1, 1], made)
-    records.close()
-    records = Records(tmp_path, HEADER, FACES)
-    for row, proof in zip(labels, proofs, strict=True):
-        back = records.proofs(row)
-        assert len(back.forces) == len(proof.forces)
-        for one, other in zip(back.forces + back.mechanisms, proof.forces + proof.mechanisms, strict=True):
-            for name, value in vars(other).items():
-                assert np.array_equal(getattr(one, name), value)
-    records.close()
-    change(tmp_path / RECORDS_FILE, "UPDATE proofs SET value = 1.25 WHERE kind = 'forces'")
-    records = Records(tmp_path, HEADER, FACES)
-    with pytest.raises(InputError, match="it is damaged"):
-        records.proofs(labels[1])
-    records.close()
-
-
-def test_a_proof_of_minus_zero_comes_back(tmp_path: Path) -> None:
+def test_a_conflict_and_a_bound_of_minus_zero_come_back(tmp_path: Path) -> None:
     """SQLite keeps no sign of a zero, and the checksum must not tell the two apart."""
     faces = np.zeros(FACES, dtype=bool)
-    costs = np.full(FACES, -0.0)
-    proofs = Proofs((Forces(-0.0, ~faces, faces),), (Mechanism(-0.0, costs, costs, falls=False),))
     records = Records(tmp_path, HEADER, FACES)
-    records.append(faces[None], [1], [Evaluation(Status.COLLAPSE, 0.0, 0.0, 0.0, proofs=proofs)])
-    records.add_conflict(~faces, faces, -0.0)
+    records.append(faces[None], [1], [Evaluation(Status.COLLAPSE, 0.0, 0.0, 0.0)])
+    records.add_conflicts(~faces[None], faces[None], [-0.0], [0])
     records.keep_bound(-0.0)
     records.close()
     again = Records(tmp_path, HEADER, FACES)
-    found = again.proofs(faces)
-    assert (found.forces[0].load, found.mechanisms[0].constant, again.bound) == (0.0, 0.0, 0.0)
+    assert again.bound == 0.0
     again.conflicts("key")
     again.close()
 
@@ -311,7 +278,7 @@ def test_conflicts_are_those_of_one_proof(tmp_path: Path) -> None:
     rows = labellings(9)
     assert len(records.conflicts("one scene")[0]) == 0
     records.add_conflicts(rows[:2], rows[1:3], [0.5, 1.5], [False, True])
-    records.add_conflict(rows[2], rows[3], 2.5)
+    records.add_conflicts(rows[2:3], rows[3:4], [2.5], [0])
     records.close()
     records = Records(tmp_path, HEADER, FACES)
     decided, labels, bounds, closed = records.conflicts("one scene")
@@ -336,7 +303,7 @@ def test_counts_agree_with_the_blocks() -> None:
 
 
 def test_many_rows(tmp_path: Path) -> None:
-    """Opened, and its table and front made, in seconds: a fifth of a million here, a million in benchmarks/records."""
+    """Opened, and its table and front made, in seconds: a fifth of a million here, a million in benchmarks/million."""
     scene = load_scene(SCENES / "flat_beam_arch.json")
     assembly = build_assembly(scene)
     space, faces, count = search_space(scene, assembly), len(assembly.interfaces), 200_000

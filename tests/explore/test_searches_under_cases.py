@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cases import grid_document
-from jld_core import InputError, SolveOptions, Status, build_assembly, parse_scene, solve
+from jld_core import SolveOptions, Status, build_assembly, parse_scene, solve
 from jld_explore import ExploreSettings, explore, search_space
 from jld_explore.drivers import Enumeration
 from jld_explore.drivers.exact import Exact
@@ -145,8 +145,3 @@ def test_without_dilation_the_least_case_governs(tmp_path: Path) -> None:
         each = [row["load_factor[left]"], row["load_factor[right]"]]
         assert row["load_factor"] == pytest.approx(min(each), rel=1e-6)
         assert row["load_factor"] <= row["load_factor_associative"] * (1.0 + 1e-6)
-
-
-def test_certificates_speak_of_one_load(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="the scene has cases"):
-        explore(scene_of("two winds"), tmp_path / "out", ExploreSettings(certificates=True))

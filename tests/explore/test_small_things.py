@@ -44,7 +44,7 @@ def test_help_loads_nothing() -> None:
 
 def test_commands_load_what_is_slow_when_they_need_it() -> None:
     """To check a scene needs no tables, no pictures and no solver of others; together they take as long as the rest."""
-    slow = ("pandas", "pyarrow", "scipy.optimize", "matplotlib", "cvxpy", "optuna", "pymoo", "numba")
+    slow = ("pandas", "pyarrow", "scipy.optimize", "matplotlib", "cvxpy", "optuna", "numba")
     asked = f"import sys, jld_explore.cli.command; print([name for name in {slow} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
@@ -162,3 +162,19 @@ def test_progress_shows_incumbent_bound_and_gap(tmp_path: Path) -> None:
     assert shown.endswith("%")
     assert ", gap " in shown
     assert 0.0 <= seen[-1].gap <= seen[0].gap or np.isnan(seen[0].gap)
+
+
+def test_past_solves_settle_nothing_any_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The former option warns in one line, in Python and on the command line, and changes nothing."""
+    with pytest.warns(FutureWarning, match="certificates has no effect"):
+        settings = ExploreSettings(budget=2, pictures=False, driver="random", certificates=True)
+    assert settings == ExploreSettings(budget=2, pictures=False, driver="random")
+    options = ("--budget", 2, "--driver", "random", "--jobs", 1, "--json")
+    folder = tmp_path / "out"
+    done = call(monkeypatch, capsys, "explore", SCENE, "--out", folder, *options, "--certificates")
+    assert done.code == 0
+    assert done.err == "jld: --certificates has no effect and will be refused in version 0.4; leave it out\n"
+    results = read_folder(folder).results
+    assert set(results["settled"]) == {"solve"}

@@ -49,7 +49,7 @@ def scene(first: str = "a") -> dict[str, Any]:
 @pytest.mark.parametrize(
     "settings",
     [
-        ExploreSettings(driver="enumeration", jobs=1, certificates=True),
+        ExploreSettings(driver="enumeration", jobs=1),
         ExploreSettings(driver="exact", jobs=1),
         ExploreSettings(driver="optuna", jobs=1, budget=3),
     ],

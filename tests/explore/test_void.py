@@ -180,7 +180,6 @@ def test_bad_input(
     ("settings", "words"),
     [
         (ExploreSettings(driver="exact"), "exact proves nothing where cells may be left out"),
-        (ExploreSettings(certificates=True), "--certificates: it speaks of one structure"),
         (ExploreSettings(experiment=1), "--experiment: it speaks of one structure"),
     ],
 )

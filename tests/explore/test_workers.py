@@ -63,8 +63,8 @@ def test_one_job_and_two_agree() -> None:
 
 def test_threads_give_what_one_gives() -> None:
     assembly, _, rows = wall()
-    recipe = WorkerSpec.of(assembly, EvaluatorSettings(prove=True))
-    pool = Workers(recipe, 2, rows.shape[1], quick=True)
+    recipe = WorkerSpec.of(assembly, EvaluatorSettings(many=False))
+    pool = Workers(recipe, 2, rows.shape[1], batch=True)
     try:
         for some in (rows, rows[:1], rows[:3]):
             assert values(everything(pool, some)) == values(everything(Workers(recipe, 1, rows.shape[1]), some))
@@ -76,7 +76,7 @@ def test_threads_give_what_one_gives() -> None:
 def test_a_deadline_is_kept_inside_batches(jobs: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JLD_KERNEL", "off")  # it would be done by then
     assembly, _, rows = wall()
-    workers = Workers(WorkerSpec.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], quick=jobs > 1)
+    workers = Workers(WorkerSpec.of(assembly, EvaluatorSettings()), jobs, rows.shape[1], batch=jobs > 1)
     try:
         assert [part for part, found in workers.run(rows, Deadline(-1.0)) if found] == []
         past = Deadline(0.05)

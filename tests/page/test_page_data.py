@@ -13,18 +13,21 @@ import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
+from tools.page_contract import FILE
+from tools.page_contract import joined as with_contract
 
 from jld_core import build_assembly, load_scene, parse_scene, solve
 from jld_core.views import quantities
 from jld_explore import ExploreSettings, explore, read_folder
 from jld_explore.report import page as joined
 from jld_explore.report import page_of_study, page_table, scene_page, study_page
+from jld_explore.report.page_contract import page_schema
 from jld_explore.report.page_data import page_data, rounded, solution_of, structure_of
 from jld_explore.space import from_string
 from paths import SCENES
 from scenes_of_pages import HOSTILE, scene_of_cases, small_scene, spatial_scene
 
-SCHEMA = json.loads(joined.asset("page.schema.json"))
+SCHEMA = page_schema()
 
 
 def check(data: dict[str, Any]) -> None:
@@ -44,6 +47,13 @@ def embedded(html: str) -> dict[str, Any]:
     text = re.search(r'<script type="text/plain" id="data">([A-Za-z0-9+/=]*)</script>', html)
     assert text is not None
     return dict(json.loads(gzip.decompress(base64.b64decode(text[1]))))
+
+
+def test_the_page_reads_what_is_stated() -> None:
+    """Types and keys of contract.js are those of the contract: else run `python -m tools.page_contract`."""
+    content = FILE.read_text(encoding="utf-8")
+    assert with_contract(content) == content
+    assert with_contract(content.replace('"touching"', '"touches"')) == content
 
 
 def test_the_schema_is_one_and_strict() -> None:

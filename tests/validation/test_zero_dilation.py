@@ -10,7 +10,7 @@ import json
 
 import numpy as np
 import pytest
-from benchmarks.gilbert import Smoothing, smoothed
+from benchmarks.zero_dilation import Smoothing, smoothed
 from studies.by_scheme import solve_zero_dilation, zero_dilation
 from studies.families import random_wall
 

@@ -120,12 +120,6 @@ class Fronts:
         self.entries, self.where, self.cut = order, place[order], cut
         self.diagonal = np.flatnonzero(row[order] == column[order])
 
-    @property
-    def stored(self) -> int:
-        """Number of values that a factor holds."""
-        own, passed = np.diff(self.bounds), np.array([len(p) for p in self.passed])
-        return int((own * (own + passed)).sum())
-
     def factor(self, data: Floats) -> Factor:
         """Compute the Cholesky factor of a matrix with this pattern.
 

@@ -57,7 +57,7 @@ def worth_condensing(template: Template, labels: Bits) -> bool:
 
     If strengths are of the order of the loads, most blocks fail a check and are taken apart, which costs more than
     rigid blocks save. If strengths are far above the loads, the full program is slow and badly scaled, and rigid
-    blocks are exact in the first round. Measured in benchmarks/condensation.py.
+    blocks are exact in the first round. Measurements: docs/notes/tried.md.
 
     Parameters
     ----------

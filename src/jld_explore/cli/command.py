@@ -285,7 +285,7 @@ def explore_command(
     gap: Gap = GAP,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a folder that holds a study.")] = False,
     certificates: Annotated[
-        bool, typer.Option("--certificates", help="Let past solves settle labellings without solving them.")
+        bool, typer.Option("--certificates", hidden=True, help="No effect; accepted until version 0.4.")
     ] = False,
     cluster: Annotated[
         str | None,
@@ -300,6 +300,8 @@ def explore_command(
     """Search the labellings of a scene for the strongest: ranked table, front, pictures."""
     parsed = load_scene(scene)
     most = _JOBS * (os.cpu_count() or 1)
+    if certificates:
+        warn("jld: --certificates has no effect and will be refused in version 0.4; leave it out")
     check_folder(out, resume)
     if certificate is not None:
         refuse_itself(scene, certificate)
@@ -324,7 +326,6 @@ def explore_command(
         jobs=jobs or os.cpu_count() or 1,
         seed=seed,
         resume=resume,
-        certificates=certificates,
         experiment=experiment_of,
         by_experiment=objective == "experiment",
         strict=strict,

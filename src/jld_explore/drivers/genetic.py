@@ -1,4 +1,4 @@
-"""Genetic search: library sorting into fronts, operators on blocks, and a surrogate.
+"""Genetic search: non-dominated sorting, operators on blocks, and a surrogate.
 
 With two or three objectives the algorithm is NSGA-II: λ and the counts of the front of the scene. With one objective
 only λ counts. The driver makes far more children than it evaluates. New children wait in a **pool**; the surrogate
@@ -10,8 +10,7 @@ Labellings without a number rank below all others, in the order of `ranking.ORDE
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from importlib.metadata import version
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
@@ -19,6 +18,7 @@ from pydantic import Field
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_explore.drivers.base import Aim, DriverOptions
+from jld_explore.drivers.nondominated import crowding_of, fronts_of
 from jld_explore.drivers.pool import Pool
 from jld_explore.drivers.searcher import Searcher
 from jld_explore.drivers.surrogate import Surrogate
@@ -115,11 +115,6 @@ class Genetic(Searcher):
         self.aims = 1 + counts if aim == "front" else 1
         self._generator = np.random.default_rng([seed, 1])
         self._surrogate = Surrogate(space)
-        self._sort: Callable[..., list[Ints]] = _levels
-        if self.aims > 1:
-            from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
-
-            self._sort = NonDominatedSorting().do
         self._pool = Pool(space, self._surrogate)
         self._strangers = self._none
         self._front = Envelope(counts)
@@ -140,8 +135,8 @@ class Genetic(Searcher):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Population size, aim and version of the library that sorts into fronts."""
-        return {"population": self.population, "aim": self.aim, "pymoo": version("pymoo")}
+        """Population size and aim."""
+        return {"population": self.population, "aim": self.aim}
 
     def propose(self) -> Bits:
         """Return the next generation; draw it at random while the population is empty."""
@@ -207,7 +202,7 @@ class Genetic(Searcher):
         crowding = np.zeros(len(self._place))
         good = np.flatnonzero(self._place == 0)
         values = self._values[good, : self.aims]
-        fronts = self._sort(values, n_stop_if_ranked=self.population) if len(good) else []
+        fronts = fronts_of(values, self.population) if len(good) else []
         for number, front in enumerate(fronts):
             rank[good[front]] = number
         ranked = good[np.concatenate(fronts)] if fronts else good
@@ -266,45 +261,3 @@ class Genetic(Searcher):
         less = np.where(worse[0] != 0, worse[0], worse[1])
         less = np.where(less != 0.0, less, self._crowding[second] > self._crowding[first])
         return np.asarray(np.where(less > 0.0, second, first))
-
-
-def _levels(values: Floats, n_stop_if_ranked: int) -> list[Ints]:
-    """Sort values (k, 1) of one objective into fronts of equal values until enough are ranked."""
-    order = np.argsort(values[:, 0], kind="stable")
-    begins = np.flatnonzero(np.diff(values[order, 0])) + 1
-    last = int(np.searchsorted(begins, n_stop_if_ranked)) + 1
-    return np.split(order, begins)[:last]
-
-
-def crowding_of(values: Floats, front: Floats) -> Floats:
-    """Return the crowding distance of each labelling on its front.
-
-    The distance is infinite at the ends of a front, and 0 for labellings of equal values between others. Source: Deb
-    et al. 2002, section III.B. The library handles one front per call, which takes as long as this function for all
-    fronts.
-
-    Parameters
-    ----------
-    values : (k, c) float array
-        Objective values.
-    front : (k,) float array
-        Front number of each labelling.
-
-    Returns
-    -------
-    (k,) float array
-        Crowding distances.
-    """
-    found = np.zeros(len(values))
-    for column in values.T if len(values) else ():
-        order = np.lexsort((column, front))
-        own, name = column[order], front[order]
-        begins = np.append(True, name[1:] != name[:-1])
-        first, last = np.flatnonzero(begins), np.flatnonzero(np.append(begins[1:], True))
-        gap = np.diff(own)
-        before, after = np.append(np.inf, gap), np.append(gap, np.inf)
-        before[first] = after[last] = np.inf
-        width = np.repeat(own[last] - own[first], last - first + 1)
-        found[order] += np.divide(before + after, width, out=np.zeros(len(own)), where=width > 0.0)
-    found /= max(1, values.shape[1])
-    return found

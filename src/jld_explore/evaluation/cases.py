@@ -56,7 +56,6 @@ class CasesEvaluator:
         self,
         labellings: Bits,
         floors: Floats | None = None,
-        waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings under all load cases.
@@ -69,8 +68,6 @@ class CasesEvaluator:
             Labels, True = dry.
         floors : (k,) float array, optional
             Pruning thresholds of the governing load factor (see `Evaluator.evaluate`).
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
 
@@ -80,18 +77,18 @@ class CasesEvaluator:
             Evaluations of the first labellings, all k unless the deadline passes.
         """
         if not self.settings.batched:
-            return self._one_by_one(labellings, floors, waiting, deadline)
+            return self._one_by_one(labellings, floors, deadline)
         found: list[list[Evaluation]] = []
         count = len(labellings)
         for evaluator, factor in zip(self._each, self._required, strict=True):
             # A governing λ above the threshold needs every case above the threshold times its required factor.
             own = None if floors is None else floors[:count] * factor
-            answers = evaluator.evaluate_all(labellings[:count], own, waiting, deadline)
+            answers = evaluator.evaluate_all(labellings[:count], own, deadline)
             found.append(answers)
             count = len(answers)
         return [self._together([answers[k] for answers in found]) for k in range(count)]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
         """Evaluate one labelling under all load cases.
 
         No further case is solved once a case is unstable or does not exceed the pruning threshold.
@@ -102,8 +99,6 @@ class CasesEvaluator:
             Labels, True = dry.
         floor : float
             Pruning threshold of the governing load factor.
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
 
         Returns
         -------
@@ -113,7 +108,7 @@ class CasesEvaluator:
         found = [_UNSOLVED] * len(self._each)
         for case in self._order:
             factor = self._required[case]
-            found[case] = self._each[case].evaluate(labels, floor * factor, waiting)
+            found[case] = self._each[case].evaluate(labels, floor * factor)
             if found[case].settled == BOUND or found[case].status is Status.UNSTABLE:
                 break
         return self._together(found)
@@ -133,16 +128,14 @@ class CasesEvaluator:
             worth.append(number if proof.status is Status.COLLAPSE else none)
         return sorted(range(len(worth)), key=worth.__getitem__)
 
-    def _one_by_one(
-        self, labellings: Bits, floors: Floats | None, waiting: Bits | None, deadline: Deadline | None
-    ) -> list[Evaluation]:
+    def _one_by_one(self, labellings: Bits, floors: Floats | None, deadline: Deadline | None) -> list[Evaluation]:
         """Evaluate labellings in turn until the deadline passes."""
         values = [-math.inf] * len(labellings) if floors is None else floors.tolist()
         found: list[Evaluation] = []
         for labels, floor in zip(labellings, values, strict=True):
             if deadline is not None and deadline.passed():
                 break
-            found.append(self.evaluate(labels, floor, waiting))
+            found.append(self.evaluate(labels, floor))
         return found
 
     def _together(self, cases: list[Evaluation]) -> Evaluation:
@@ -217,7 +210,6 @@ class RobustEvaluator:
         self,
         labellings: Bits,
         floors: Floats | None = None,
-        waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings at low material values, and at nominal ones if they have a λ.
@@ -231,8 +223,6 @@ class RobustEvaluator:
             Labels, True = dry.
         floors : (k,) float array, optional
             Pruning thresholds of λ at low values (see `Evaluator.evaluate`).
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
 
@@ -241,16 +231,16 @@ class RobustEvaluator:
         list of Evaluation
             Evaluations of the first labellings, all k unless the deadline passes.
         """
-        low = self._low.evaluate_all(labellings, floors, waiting, deadline)
+        low = self._low.evaluate_all(labellings, floors, deadline)
         good = [k for k, one in enumerate(low) if one.status is Status.COLLAPSE]
-        nominal = self._nominal.evaluate_all(labellings[good], None, waiting, deadline)
+        nominal = self._nominal.evaluate_all(labellings[good], None, deadline)
         known = dict(zip(good, nominal, strict=False))
         done = good[len(nominal)] if len(nominal) < len(good) else len(low)
         return [self._together(one, known.get(k)) for k, one in enumerate(low[:done])]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
         """Evaluate one labelling (m,); `floor` is the pruning threshold of λ at low values."""
-        return self.evaluate_all(labels[None], np.array([floor]), waiting)[0]
+        return self.evaluate_all(labels[None], np.array([floor]))[0]
 
     def _together(self, low: Evaluation, nominal: Evaluation | None) -> Evaluation:
         """Append λ at nominal values to the cases of an evaluation at low values."""

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from jld_core.limit import Status
-from jld_explore.evaluation.certificates import Proofs
 
 SOLVE: Final = "solve"
 """Value of `Evaluation.settled`: settled by a limit analysis of the labelling itself."""
-
-
-CERTIFICATE: Final = "certificate"
-"""Value of `Evaluation.settled`: settled by proofs of other solves."""
 
 
 BOUND: Final = "bound"
@@ -38,11 +33,9 @@ class Evaluation:
     zero_dilation : float
         λ without dilation.
     settled : str
-        `SOLVE`, `CERTIFICATE` or `BOUND`. With `BOUND` the labelling was pruned and only `high` is known.
+        `SOLVE` or `BOUND`. With `BOUND` the labelling was pruned and only `high` is known.
     seconds : float
         Time spent on the labelling, s.
-    proofs : Proofs or None
-        Bounds that the solve proves for other labellings, if requested.
     cases : tuple of float
         λ of each load case, NaN where there is none; empty without load cases.
         With nominal material values the last entry is λ at those values.
@@ -57,7 +50,6 @@ class Evaluation:
     zero_dilation: float = math.nan
     settled: str = SOLVE
     seconds: float = 0.0
-    proofs: Proofs | None = field(default=None, compare=False, repr=False)
     cases: tuple[float, ...] = ()
     governing: int = -1
 

@@ -7,18 +7,13 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final
 
 from jld_core.arrays import Bits, Floats
 from jld_core.assembly import Assembly
 from jld_core.deadline import Deadline, DeadlinePassed
-from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status, relative_width
+from jld_core.limit import Batch, LimitAnalysis, Proof, SolveOptions, Status
 from jld_core.models import limit_analysis, solve_labelling
-from jld_explore.evaluation.certificates import Proofs, proofs_of
 from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
-from jld_explore.evaluation.force_method import ForceMethod
-
-_GIVEN: Final = 0.1  # Share of the gap that a vertex may leave open, so that two vertices still give a narrow bracket.
 
 
 @dataclass(frozen=True)
@@ -29,21 +24,17 @@ class EvaluatorSettings:
     ----------
     model : SolveOptions
         Friction model, tolerances and other options of the limit analysis.
-    prove : bool
-        Also return the bounds that a solve proves for other labellings.
-        Effective only if the model supports bounds over several labellings (`SolveOptions.modular`).
     many : bool
         True if there are enough labellings to make the batch solver, which costs about ten solves.
     """
 
     model: SolveOptions = field(default_factory=SolveOptions)
-    prove: bool = False
     many: bool = True
 
     @property
     def batched(self) -> bool:
         """True if bounds on λ of many labellings suffice, so that the batch solver can be used."""
-        return self.many and self.model.modular and not self.prove
+        return self.many and self.model.modular
 
 
 class Evaluator:
@@ -64,8 +55,6 @@ class Evaluator:
 
     def __init__(self, assembly: Assembly, settings: EvaluatorSettings, like: Evaluator | None = None) -> None:
         self.assembly, self.settings = assembly, settings
-        self._prove = settings.prove and settings.model.modular
-        self._force_method: ForceMethod | None = None
         self._batch: Batch | None
         if like is not None:
             self._batch = like._batch
@@ -90,7 +79,6 @@ class Evaluator:
         self,
         labellings: Bits,
         floors: Floats | None = None,
-        waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings, in batches where the batch solver applies, else one by one.
@@ -103,8 +91,6 @@ class Evaluator:
             Labels, True = dry.
         floors : (k,) float array, optional
             Pruning thresholds of λ, scene units (see `evaluate`).
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
 
@@ -122,20 +108,18 @@ class Evaluator:
             if evaluation is None:
                 if deadline is not None and deadline.passed():
                     break
-                evaluation = self._in_time(labels, floor, waiting, deadline)
+                evaluation = self._in_time(labels, floor, deadline)
             if evaluation is None:
                 break
             found.append(evaluation)
         return found
 
-    def _in_time(
-        self, labels: Bits, floor: float, waiting: Bits | None, deadline: Deadline | None
-    ) -> Evaluation | None:
+    def _in_time(self, labels: Bits, floor: float, deadline: Deadline | None) -> Evaluation | None:
         """Evaluate one labelling, or return None if the deadline ends a search without dilation."""
         if deadline is None or self.settings.model.friction == "associative":
-            return self.evaluate(labels, floor, waiting)
+            return self.evaluate(labels, floor)
         with suppress(DeadlinePassed), deadline.enforced():
-            found = self.evaluate(labels, floor, waiting)
+            found = self.evaluate(labels, floor)
             return None if deadline.passed() else found
         return None
 
@@ -156,7 +140,7 @@ class Evaluator:
             )
         return found
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
         """Evaluate one labelling.
 
         Parameters
@@ -166,25 +150,17 @@ class Evaluator:
         floor : float
             Pruning threshold of λ, scene units.
             A labelling with associative λ at or below it is not solved without dilation.
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
 
         Returns
         -------
         Evaluation
-            Result, with `proofs` if the settings request them.
+            Result of the limit analysis, in scene units.
         """
         start = time.perf_counter()
-        if self._prove:
-            found = self._at_a_vertex(labels, waiting, start)
-            if found is not None:
-                return found
         proof = solve_labelling(self._analysis, labels, self.settings.model, floor=floor)
-        # Proofs with rigid blocks hold for their own labelling only.
-        modular = self._prove and "rigid_blocks" not in proof.extra
-        return self._evaluation(proof, proofs_of(self._analysis.template, proof, labels) if modular else None, start)
+        return self._evaluation(proof, start)
 
-    def _evaluation(self, proof: Proof, proofs: Proofs | None, start: float) -> Evaluation:
+    def _evaluation(self, proof: Proof, start: float) -> Evaluation:
         """Convert the proof of a limit analysis to an evaluation in scene units."""
         scale = self._analysis.template.scaling.load
         (low, high), load = proof.bracket, proof.load_factor
@@ -199,7 +175,6 @@ class Evaluator:
             zero_dilation=math.nan if dilates or proof.outbid else load * scale,
             settled=BOUND if proof.outbid else SOLVE,
             seconds=time.perf_counter() - start,
-            proofs=proofs,
         )
 
     def _floor(self, proof: Proof, scale: float, start: float) -> Evaluation:
@@ -217,23 +192,3 @@ class Evaluator:
             settled=BOUND if bound is None else SOLVE,
             seconds=time.perf_counter() - start,
         )
-
-    def _at_a_vertex(self, labels: Bits, waiting: Bits | None, start: float) -> Evaluation | None:
-        """Evaluate by the force method; return None if its vertex proves no narrow bracket."""
-        if self._force_method is None:
-            own = self._analysis
-            self._force_method = ForceMethod(own.template, own.prover, own.repair)
-        if not self._force_method.usable:
-            return None
-        vertex = self._force_method.solve(labels, waiting)
-        if vertex is None:
-            return None
-        proof = Proof()
-        proof.offer_motion(vertex.motion)
-        if vertex.state is not None:
-            proof.offer_state(vertex.state)
-        proof.status = self._analysis.judge(proof)
-        narrow = relative_width(proof.low, proof.high, 0.0) <= _GIVEN * self.settings.model.gap
-        if proof.status is Status.UNSTABLE or (proof.status is Status.COLLAPSE and narrow):
-            return self._evaluation(proof, vertex.proofs, start)
-        return None

@@ -1,17 +1,15 @@
-"""Write and compare rows of a record: checksums, rows of proofs, and the header check."""
+"""Write and compare rows of a record: checksums and the header check."""
 
 from __future__ import annotations
 
 import json
 import math
 import zlib
-from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 
 from jld_core.errors import InputError
-from jld_explore.evaluation.certificates import Proofs
 
 BOUND: Final = "bound"
 """Key of the proven bound in the table `meta`."""
@@ -30,19 +28,6 @@ def checksum(kind: str, value: float, *parts: bytes) -> int:
     """Return the checksum of a row: its kind, its number and the bytes of its other columns."""
     # SQLite does not store the sign of zero; adding 0.0 turns −0.0 into 0.0.
     return zlib.crc32(b"".join([kind.encode(), np.float64(value + 0.0).tobytes(), *parts]))
-
-
-def proof_rows(proofs: Proofs | None) -> Iterator[tuple[str, float, bytes, bytes, int]]:
-    """Yield the rows of a solve's proofs: kind, value, data per label (dry, inner), checksum."""
-    if proofs is None:
-        return
-    for forces in proofs.forces:
-        parts = np.packbits(forces.dry).tobytes(), np.packbits(forces.inner).tobytes()
-        yield "forces", forces.load, *parts, checksum("forces", forces.load, *parts)
-    for one in proofs.mechanisms:
-        kind = "falls" if one.falls else "mechanism"
-        parts = one.dry.astype("<f8").tobytes(), one.inner.astype("<f8").tobytes()
-        yield kind, one.constant, *parts, checksum(kind, one.constant, *parts)
 
 
 def parsed(value: object) -> Any:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,16 +38,6 @@ class Sent:
     run: Run | None
 
 
-class Evaluating(Protocol):
-    """Protocol of an evaluator for a study: send labellings, then take their evaluations."""
-
-    def send(self, labellings: Bits) -> Sent:
-        """Begin to evaluate labellings (k, m)."""
-
-    def take(self, sent: Sent) -> list[Evaluation] | None:
-        """Return the evaluations in the order sent; None if time ran out."""
-
-
 class RecordedEvaluator:
     """Evaluator that runs workers and records every evaluation.
 
@@ -64,8 +53,6 @@ class RecordedEvaluator:
         Time after which no further labelling is begun.
     front : IncumbentFront, optional
         Source of pruning thresholds; without it every labelling is solved to the end.
-    proofs : bool
-        Return recorded evaluations with the bounds they prove for other labellings.
     report : callable
         Function called with each list of evaluations as it becomes known.
 
@@ -83,37 +70,34 @@ class RecordedEvaluator:
         *,
         deadline: Deadline | None = None,
         front: IncumbentFront | None = None,
-        proofs: bool = False,
         report: Callable[[list[Evaluation]], None] = lambda found: None,
     ) -> None:
         self.records, self.solved = records, 0
         self._empty = not len(records)
         self._workers, self._group, self._deadline = workers, group, deadline
-        self._front, self._proofs, self._report = front, proofs, report
+        self._front, self._report = front, report
 
-    def send(self, labellings: Bits, waiting: Bits | None = None) -> Sent:
+    def send(self, labellings: Bits) -> Sent:
         """Begin to evaluate the labellings not on record.
 
         Parameters
         ----------
         labellings : (k, m) bool array
             Labels, True = dry.
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
 
         Returns
         -------
         Sent
             Labellings under evaluation, for `take`.
         """
-        found = self._recalled(labellings)
+        found = self.records.find_all(labellings)
         missing = _missing(found)
         run = None
         if missing.size:
             floors = None if self._front is None else self._front.below(labellings[missing])
             # A search with an empty record evaluates its first labelling in any case, so that it has a result.
             owed, self._empty = self._empty, False
-            run = self._workers.run(labellings[missing], self._deadline, floors, waiting, owed=owed)
+            run = self._workers.run(labellings[missing], self._deadline, floors, owed=owed)
         return Sent(labellings, found, missing, run)
 
     def take(self, sent: Sent) -> list[Evaluation] | None:
@@ -132,27 +116,6 @@ class RecordedEvaluator:
                     break
         complete = [evaluation for evaluation in found if evaluation is not None]
         return complete if len(complete) == len(found) else None
-
-    def settle(self, labellings: Bits, evaluations: list[Evaluation]) -> list[Evaluation]:
-        """Record evaluations (k) that needed no solve; return recorded ones where they exist."""
-        stored = self.records.find_all(labellings)
-        new = _missing(stored)
-        if new.size:
-            weights = orbit_sizes(labellings[new], self._group)
-            self.records.append(labellings[new], weights.tolist(), [evaluations[n] for n in new])
-        told = [old or made for old, made in zip(stored, evaluations, strict=True)]
-        self._report(told)
-        return told
-
-    def _recalled(self, labellings: Bits) -> list[Evaluation | None]:
-        """Return the recorded evaluation of each labelling, None if it is not on record."""
-        found = self.records.find_all(labellings)
-        if not self._proofs:
-            return found
-        return [
-            None if one is None else replace(one, proofs=self.records.proofs(labels))
-            for one, labels in zip(found, labellings, strict=True)
-        ]
 
 
 def _missing(found: list[Evaluation | None]) -> Ints:

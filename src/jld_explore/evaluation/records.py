@@ -1,6 +1,6 @@
-"""Keep the record of a study: one SQLite file of evaluations, proofs and conflicts.
+"""Keep the record of a study: one SQLite file of evaluations and conflicts.
 
-One transaction writes a labelling with all bounds that its solve proved.
+One transaction writes the evaluations of a batch.
 A kill at any moment therefore loses no finished evaluation and leaves no partial row.
 One process at a time has the file open for writing; any process may read it meanwhile.
 Tables, fronts and pictures are pure functions of the record, so resuming a study replays it.
@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Floats, Ints
 from jld_core.errors import InputError
-from jld_explore.evaluation.certificates import Forces, Mechanism, Proofs
 from jld_explore.evaluation.evaluation import Evaluation
 from jld_explore.evaluation.lock import FolderLock, busy
 from jld_explore.evaluation.record_rows import (
@@ -37,7 +36,6 @@ from jld_explore.evaluation.record_rows import (
     WITHDRAWN,
     checksum,
     parsed,
-    proof_rows,
     require_same,
 )
 from jld_explore.evaluation.rows import (
@@ -66,7 +64,7 @@ _PATIENCE: Final = 5.0
 _TOGETHER: Final = 1 << 15
 """Number of rows read at a time, which limits temporary memory."""
 
-_FORMAT: Final = 4
+_FORMAT: Final = 5
 """Version of the file format; a record of another version cannot be resumed."""
 _EVIDENCE: Final = {0: "", 1: "closed", 2: "possible blocks"}
 """Prefix of a conflict's checksum by the kind of its proof (`Evidence` of the exact driver)."""
@@ -80,12 +78,6 @@ CREATE TABLE evaluations (
   low REAL, high REAL, associative REAL, zero_dilation REAL, seconds REAL,
   governing INTEGER NOT NULL /* position of the load case that governs, -1 of one load alone */,
   cases BLOB NOT NULL /* a float64 for each load case: its load factor */, checksum INTEGER NOT NULL);
-CREATE TABLE proofs (
-  evaluation INTEGER NOT NULL, number INTEGER NOT NULL,
-  kind TEXT NOT NULL /* forces, a mechanism, or one that falls under the dead load alone */,
-  value REAL NOT NULL /* scaled load of forces, constant of a mechanism */,
-  dry BLOB NOT NULL, inner BLOB NOT NULL /* of forces a bit, of mechanisms a float64 for each face under that label */,
-  checksum INTEGER NOT NULL, PRIMARY KEY (evaluation, number)) WITHOUT ROWID;
 CREATE TABLE conflicts (
   id INTEGER PRIMARY KEY, decided BLOB NOT NULL, labels BLOB NOT NULL, bound REAL NOT NULL,
   closed INTEGER NOT NULL /* evidence: 0 a mechanism, 1 a cube that conflicts leave nothing of, 2 possible blocks */,
@@ -169,7 +161,7 @@ class Records:
                 rows = [(key, json.dumps(value)) for key, value in wanted.items()]
                 self._file.executemany("INSERT INTO meta VALUES (?, ?)", rows)
             return
-        if not names >= {"meta", "evaluations", "proofs", "conflicts"}:
+        if not names >= {"meta", "evaluations", "conflicts"}:
             raise self._damaged("it holds other tables")
         found = {key: parsed(value) for key, value in self._file.execute("SELECT key, value FROM meta")}
         self.bound = self._bound_of(found.get(BOUND))
@@ -210,42 +202,16 @@ class Records:
         return self._count
 
     def find(self, labelling: Bits) -> Evaluation | None:
-        """Return the evaluation of a labelling (m,) without its proofs; None if not on record."""
+        """Return the evaluation of a labelling (m,); None if not on record."""
         return self.find_all(labelling[None])[0]
 
     def find_all(self, labellings: Bits) -> list[Evaluation | None]:
-        """Return the evaluation of each labelling (k, m) without proofs; None if not on record."""
+        """Return the evaluation of each labelling (k, m); None if not on record."""
         places = [self._index.get(key) for key in keys(labellings)]
         return [None if place is None else evaluation_of(self._table[place]) for place in places]
 
-    def proofs(self, labelling: Bits) -> Proofs:
-        """Return the bounds that the recorded solve of a labelling (m,) proved for others.
-
-        Raises KeyError if the labelling is not on record, InputError if a row is damaged.
-        """
-        position = self._index[np.packbits(labelling).tobytes()]
-        columns = "kind, value, dry, inner, checksum"
-        with self._told():
-            found = self._file.execute(
-                f"SELECT {columns} FROM proofs WHERE evaluation = ? ORDER BY number", (position + 1,)
-            ).fetchall()
-        forces, mechanisms = [], []
-        try:
-            for kind, value, dry, inner, check in found:
-                if checksum(kind, value, dry, inner) != check:
-                    raise ValueError
-                if kind == "forces":
-                    masks = [np.unpackbits(np.frombuffer(x, np.uint8), count=self.faces) > 0 for x in (dry, inner)]
-                    forces.append(Forces(value, masks[0], masks[1]))
-                else:
-                    costs = [np.frombuffer(x, "<f8", self.faces) for x in (dry, inner)]
-                    mechanisms.append(Mechanism(value, costs[0], costs[1], kind == "falls"))
-        except (TypeError, ValueError):
-            raise self._damaged(f"a proof of record {position + 1} is not as it was written") from None
-        return Proofs(tuple(forces), tuple(mechanisms))
-
     def append(self, labellings: Bits, multiplicities: Sequence[int], evaluations: Sequence[Evaluation]) -> None:
-        """Write finished evaluations with their proofs; keep labellings already on record.
+        """Write finished evaluations; keep labellings already on record.
 
         The rows survive the end of this process at once, and a crash of the machine after at most `SYNC` seconds.
 
@@ -269,15 +235,8 @@ class Records:
         start = self._count
         end = start + len(rows)
         content = ((start + n, *columns) for n, columns in enumerate(columns_of(rows), 1))
-        proofs = [
-            (start + place + 1, number, *proof)
-            for place, n in enumerate(new)
-            for number, proof in enumerate(proof_rows(evaluations[n].proofs))
-        ]
         with self._told(), self._transaction():
             self._file.executemany(f"INSERT INTO evaluations VALUES ({', '.join('?' * 13)})", content)
-            if proofs:
-                self._file.executemany("INSERT INTO proofs VALUES (?, ?, ?, ?, ?, ?, ?)", proofs)
         if end > len(self._table):
             # Double the table, so that a million appends copy it only about twenty times.
             self._table = np.concatenate([self._table[:start], np.empty(max(1024, end), dtype=self.type)])
@@ -332,20 +291,6 @@ class Records:
         bits = np.unpackbits(packed, axis=2, count=self.faces).astype(bool)
         bounds, evidence = [row[2] for row in found], [row[3] for row in found]
         return bits[:, 0], bits[:, 1], np.array(bounds, dtype=np.float64), np.array(evidence, dtype=np.int64)
-
-    def add_conflict(self, decided: Bits, labels: Bits, bound: float) -> None:
-        """Write one conflict: no labelling that contains it has a λ above the bound.
-
-        Parameters
-        ----------
-        decided : (m,) bool array
-            Faces whose label belongs to the conflict.
-        labels : (m,) bool array
-            Labels of these faces, True = dry.
-        bound : float
-            Upper bound on λ.
-        """
-        self.add_conflicts(decided[None], labels[None], [bound], [0])
 
     def add_conflicts(self, decided: Bits, labels: Bits, bounds: Sequence[float], evidence: Sequence[int]) -> None:
         """Write conflicts in one transaction.

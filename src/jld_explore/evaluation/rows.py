@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from jld_core.arrays import Bits, Floats
 from jld_core.limit import Status
-from jld_explore.evaluation.evaluation import BOUND, CERTIFICATE, SOLVE, Evaluation
+from jld_explore.evaluation.evaluation import BOUND, SOLVE, Evaluation
 
 Rows = NDArray[np.void]
 """Structured array of evaluations with the fields of `record_type`."""
 
 _STATUSES: Final = tuple(Status)
 """Statuses; the position is the code in a row."""
-_SETTLED: Final = (SOLVE, CERTIFICATE, BOUND)
+_SETTLED: Final = (SOLVE, BOUND)
 """Ways in which a labelling is settled; the position is the code in a row."""
 _NUMBERS: Final = ("low", "high", "associative", "zero_dilation", "seconds")
 """Attributes of `Evaluation` that are stored as float64."""
@@ -172,7 +172,7 @@ def checksums(rows: Rows) -> list[int]:
 
 
 def evaluation_of(row: np.void) -> Evaluation:
-    """Convert a row to an evaluation without proofs."""
+    """Convert a row to an evaluation."""
     status, settled_by = _STATUSES[row["status"]], _SETTLED[row["settled"]]
     low, high, associative, zero_dilation, seconds = (float(row[name]) for name in _NUMBERS)
     cases, governing = tuple(row["cases"].tolist()), int(row["governing"])

@@ -46,7 +46,6 @@ class VoidCellsEvaluator:
         self,
         labellings: Bits,
         floors: Floats | None = None,
-        waiting: Bits | None = None,
         deadline: Deadline | None = None,
     ) -> list[Evaluation]:
         """Evaluate labellings, grouped by the cells they leave out.
@@ -57,8 +56,6 @@ class VoidCellsEvaluator:
             Labels of faces (True = dry), then of cells (True = stays).
         floors : (k,) float array, optional
             Pruning thresholds of λ, scene units (see `Evaluator.evaluate`).
-        waiting : optional
-            Ignored, since bounds do not transfer between structures.
         deadline : Deadline, optional
             Time after which no further labelling is begun.
 
@@ -76,16 +73,16 @@ class VoidCellsEvaluator:
                 break
             evaluator, kept = self._of(labellings[rows[0]])
             own = None if floors is None else floors[rows]
-            answers = evaluator.evaluate_all(labellings[rows][:, kept], own, None, deadline)
+            answers = evaluator.evaluate_all(labellings[rows][:, kept], own, deadline)
             for row, answer in zip(rows, answers, strict=False):
                 found[row] = answer
         done = next((row for row, answer in enumerate(found) if answer is None), len(found))
         return [answer for answer in found[:done] if answer is not None]
 
-    def evaluate(self, labels: Bits, floor: float = -math.inf, waiting: Bits | None = None) -> Evaluation:
-        """Evaluate one labelling (m + c,); `waiting` is ignored."""
+    def evaluate(self, labels: Bits, floor: float = -math.inf) -> Evaluation:
+        """Evaluate one labelling (m + c,); `floor` is the pruning threshold of λ."""
         evaluator, kept = self._of(labels)
-        answer: Evaluation = evaluator.evaluate(labels[kept], floor, None)
+        answer: Evaluation = evaluator.evaluate(labels[kept], floor)
         return answer
 
     def _of(self, labels: Bits) -> tuple[Any, Any]:

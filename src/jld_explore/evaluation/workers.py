@@ -149,7 +149,6 @@ def evaluate_batch(
     labellings: Bits,
     deadline: Deadline | None = None,
     floors: Floats | None = None,
-    waiting: Bits | None = None,
     owed: bool = False,
 ) -> tuple[int, list[Evaluation]]:
     """Evaluate one batch in this process with the evaluator of this thread.
@@ -166,8 +165,6 @@ def evaluate_batch(
         Time after which no further labelling is begun.
     floors : (k,) float array, optional
         Pruning thresholds (see `Evaluator.evaluate`).
-    waiting : (j, m) bool array, optional
-        Other labellings about which proofs should say as much as possible.
     owed : bool
         Evaluate all labellings regardless of the deadline.
         The deadline then limits only the search without dilation, whose result so far is used.
@@ -187,10 +184,10 @@ def evaluate_batch(
         try:
             # Use the results known when the deadline passes.
             with deadline.enforced():
-                return number, evaluator.evaluate_all(labellings, floors, waiting)
+                return number, evaluator.evaluate_all(labellings, floors)
         except DeadlinePassed:
             deadline = None
-    return number, evaluator.evaluate_all(labellings, floors, waiting, deadline)
+    return number, evaluator.evaluate_all(labellings, floors, deadline)
 
 
 class Workers:
@@ -206,10 +203,8 @@ class Workers:
         Number of faces of the scene.
     hang : float
         Seconds without any result after which workers count as hung.
-    quick : bool
-        Stay in this process, in a few threads, because solving is faster than sending.
     batch : bool
-        As `quick`, because the batch solver settles nearly all labellings.
+        Stay in this process, in a few threads, because the batch solver settles nearly all labellings.
 
     Attributes
     ----------
@@ -217,15 +212,12 @@ class Workers:
         Number of times that workers died or hung.
     """
 
-    def __init__(
-        self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, quick: bool = False, batch: bool = False
-    ) -> None:
+    def __init__(self, recipe: WorkerSpec, jobs: int, faces: int, hang: float = HANG, *, batch: bool = False) -> None:
         self.recipe, self.jobs, self.faces, self.hang = recipe, jobs, faces, hang
         self.deaths = 0
         self.outside = joblib.parallel.get_active_backend()[0].__class__.__name__ != "LokyBackend"
         self.batch = batch and not self.outside
-        self.quick = (quick or batch) and not self.outside
-        self.here = self.quick or (jobs == 1 and not self.outside)
+        self.here = self.batch or (jobs == 1 and not self.outside)
         self.begun: list[Run] = []
         self.threads = min(jobs, _THREADS) if self.here else 0
         self._threads = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
@@ -242,7 +234,6 @@ class Workers:
         labellings: Bits,
         deadline: Deadline | None = None,
         floors: Floats | None = None,
-        waiting: Bits | None = None,
         *,
         owed: bool = False,
     ) -> Run:
@@ -258,8 +249,6 @@ class Workers:
             Time after which no further labelling is begun.
         floors : (k,) float array, optional
             Pruning thresholds (see `Evaluator.evaluate`).
-        waiting : (j, m) bool array, optional
-            Other labellings about which proofs should say as much as possible.
         owed : bool
             Evaluate the first labelling regardless of the deadline.
 
@@ -269,7 +258,7 @@ class Workers:
             Iterator over the results.
         """
         floors = np.full(len(labellings), -np.inf) if floors is None else floors
-        run = Run(self, labellings, deadline, floors, waiting, owed)
+        run = Run(self, labellings, deadline, floors, owed)
         if self._threads is not None:
             run.submit()
         elif not self.here and not self.outside:
@@ -327,7 +316,6 @@ class Run:
         labellings: Bits,
         deadline: Deadline | None,
         floors: Floats,
-        waiting: Bits | None,
         owed: bool = False,
     ) -> None:
         self._workers, self._deadline, self._owed = (
@@ -335,13 +323,12 @@ class Run:
             deadline,
             owed and deadline is not None and deadline.limited,
         )
-        self._labellings, self._floors, self._waiting = labellings, floors, waiting
+        self._labellings, self._floors = labellings, floors
         size = batch_size(workers.faces, len(labellings))
-        if workers.quick:
+        if workers.batch:
             # Use as few tasks as threads, so that threads seldom wait.
-            most = max(_MOST, _IN_LANES // workers.faces) if workers.batch else _MOST
-            least = _FEWEST if workers.batch else 1
-            size = max(least, min(most, -(-len(labellings) // workers.threads)))
+            most = max(_MOST, _IN_LANES // workers.faces)
+            size = max(_FEWEST, min(most, -(-len(labellings) // workers.threads)))
         # The labelling to be evaluated in any case is a separate task, independent of the deadline.
         starts = [0, *range(1, len(labellings), size)] if self._owed else list(range(0, len(labellings), size))
         ends = [*starts[1:], len(labellings)]
@@ -358,8 +345,8 @@ class Run:
     def begin(self, numbers: list[int] | None = None) -> None:
         """Send tasks to the workers: those with the given numbers, or all unfinished ones."""
         # Evaluate the labelling needed in any case in this process, while the workers start.
-        waiting = [n for n in range(len(self._slices)) if n not in self._done and not (self._owed and n == 0)]
-        numbers = waiting if numbers is None else numbers
+        unfinished = [n for n in range(len(self._slices)) if n not in self._done and not (self._owed and n == 0)]
+        numbers = unfinished if numbers is None else numbers
         self._workers.begun.append(self)
         if self._workers.outside:
             self._sent = []
@@ -389,7 +376,7 @@ class Run:
         """Return the arguments of `evaluate_batch` for one task."""
         part = self._slices[number]
         owed, floors = self._owed and number == 0, self._floors[part]
-        return self._workers.recipe, number, self._labellings[part], self._deadline, floors, self._waiting, owed
+        return self._workers.recipe, number, self._labellings[part], self._deadline, floors, owed
 
     def _tasks(self, numbers: list[int]) -> Iterator[Any]:
         """Yield joblib tasks and note them as sent."""

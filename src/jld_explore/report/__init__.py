@@ -3,6 +3,7 @@
 - `CaseSolver`: solver of labellings under all load cases that reuses its templates
 - `Exploration`: finished search with its tables
 - `Page`: page of a search for a notebook
+- `PageData`: data of a page
 - `assembly`: describe an assembly and its search space for `jld check`
 - `asset`: return the text of a front-end file
 - `asset_names`: list the front-end files that a browser loads
@@ -42,6 +43,7 @@ from jld_explore.report.folder import (
 from jld_explore.report.front import on_front
 from jld_explore.report.notebook import Page, show_page
 from jld_explore.report.page import asset, asset_names, filled
+from jld_explore.report.page_contract import PageData
 from jld_explore.report.page_data import loads_of, page_data, solution_of
 from jld_explore.report.page_of_study import CaseSolver, scene_page, study_data, study_page, write_report
 from jld_explore.report.reading import read_folder
@@ -52,6 +54,7 @@ __all__ = [
     "CaseSolver",
     "Exploration",
     "Page",
+    "PageData",
     "assembly",
     "asset",
     "asset_names",

@@ -32,7 +32,7 @@ _RESULTS: Final = {
     "load_factor_zero_dilation": ("", "load factor found without dilation"),
     "meets": ("", "whether it is proven to carry the load factor that the scene requires"),
     "load_factor_nominal": ("", "load factor at the nominal values of materials; all others are at the low ones"),
-    "settled": ("", "solve, certificate (by what other solves prove) or bound (too weak to be solved)"),
+    "settled": ("", "solve, or bound (too weak to be solved)"),
     "seconds": ("s", "time of the evaluation"),
     "driver": ("", "what proposed it"),
     "experiment": ("", "load factor carried in the virtual experiment, where one was made"),

@@ -1,6 +1,6 @@
 """Assemble the data of a page as JSON: structure, loads and solutions.
 
-The format is documented in docs/guide/page.md.
+The format is stated in `page_contract` and described in docs/guide/page.md.
 Python computes everything that needs mechanics or geometry, and the page only draws.
 Numbers are rounded for drawings and tooltips; `results.csv` keeps full precision.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, Literal, cast
 
 import numpy as np
 
@@ -18,12 +18,21 @@ from jld_core.assembly import Assembly
 from jld_core.limit import LimitAnalysisResult
 from jld_core.scene import Scene
 from jld_core.views import look, quantities
+from jld_explore.report.page_contract import (
+    FORMAT,
+    VERSION,
+    CaseSolution,
+    Curve,
+    Edge,
+    Load,
+    Look,
+    PageData,
+    Solution,
+    Structure,
+    Table,
+)
 from jld_explore.space import beside_nothing, omitted, to_string
 
-FORMAT: Final = "jld-page"
-"""Identifier of the data format."""
-VERSION: Final = 1
-"""Version of the data format."""
 PLACES: Final = 9
 """Significant digits of coordinates and load factors."""
 DIGITS: Final = 6
@@ -32,19 +41,19 @@ DIGITS: Final = 6
 
 def page_data(
     *,
-    kind: str,
+    kind: Literal["report", "studio"],
     scene: Scene,
     assembly: Assembly,
     candidates: Bools,
     facts: Mapping[str, str],
     warnings: Sequence[str] = (),
     how: str = "",
-    table: dict[str, Any] | None = None,
-    solutions: Mapping[int, dict[str, Any]] | None = None,
-    convergence: Sequence[dict[str, Any]] = (),
+    table: Table | None = None,
+    solutions: Mapping[int, Solution] | None = None,
+    convergence: Sequence[Curve] = (),
     summary: Mapping[str, Any] | None = None,
     studio: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
+) -> PageData:
     """Assemble the data of a page.
 
     Parameters
@@ -76,7 +85,7 @@ def page_data(
 
     Returns
     -------
-    dict
+    PageData
         Data that can be written as JSON.
     """
     return {
@@ -87,7 +96,7 @@ def page_data(
         "facts": [{"name": name, "value": value} for name, value in facts.items()],
         "warnings": list(warnings),
         "how": how,
-        "look": look.rules(),
+        "look": cast(Look, look.rules()),
         "structure": structure_of(assembly, candidates),
         "cases": cases_of(assembly),
         "loads": loads_of(assembly),
@@ -100,13 +109,13 @@ def page_data(
     }
 
 
-def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
+def structure_of(assembly: Assembly, candidates: Bools) -> Structure:
     """Return elements and faces in the order of the assembly, coordinates in scene units."""
     elements, faces = assembly.elements, assembly.interfaces
     planar = assembly.dimension == 2
     weight = np.linalg.norm(elements.weight, axis=1)
     return {
-        "dimension": assembly.dimension,
+        "dimension": 2 if planar else 3,
         "units": {"length": assembly.units[0], "force": assembly.units[1]},
         "size": rounded(assembly.size),
         "typical": rounded(quantities.typical(assembly)),
@@ -138,7 +147,7 @@ def structure_of(assembly: Assembly, candidates: Bools) -> dict[str, Any]:
     }
 
 
-def _bare_edges(assembly: Assembly) -> list[dict[str, Any]]:
+def _bare_edges(assembly: Assembly) -> list[Edge]:
     """Return the pieces of the outlines of free elements that no interface covers.
 
     Each piece has the element and its two ends.
@@ -148,7 +157,7 @@ def _bare_edges(assembly: Assembly) -> list[dict[str, Any]]:
         touching[assembly.interfaces.a[k]].append(polygon)
         touching[assembly.interfaces.b[k]].append(polygon)
     near = 1e-6 * assembly.size
-    pieces = []
+    pieces: list[Edge] = []
     for element in assembly.elements.free:
         shape = assembly.elements.shape[element]
         for start, end in zip(shape, np.roll(shape, -1, axis=0), strict=True):
@@ -184,7 +193,7 @@ def cases_of(assembly: Assembly) -> list[str]:
     return [case.name for case in assembly.cases] or [""]
 
 
-def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
+def loads_of(assembly: Assembly) -> list[Load]:
     """List the live loads for drawing: on points, on all bodies together, and couples.
 
     Parameters
@@ -194,11 +203,11 @@ def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
 
     Returns
     -------
-    list of dict
+    list of Load
         Loads with case, kind, element, position and vector, scene units.
     """
     planar, ids, d = assembly.dimension == 2, assembly.elements.ids, assembly.dimension
-    found: list[dict[str, Any]] = []
+    found: list[Load] = []
     for name, case in zip(cases_of(assembly), assembly.by_case, strict=True):
         for at, vector in case.live_points:
             nearest = int(np.argmin(np.linalg.norm(assembly.elements.centroid - np.asarray(at), axis=1)))
@@ -212,12 +221,12 @@ def loads_of(assembly: Assembly) -> list[dict[str, Any]]:
     return found
 
 
-def _load(case: str, kind: str, element: str, at: Any, vector: Any) -> dict[str, Any]:
+def _load(case: str, kind: Literal["live", "body", "couple"], element: str, at: Any, vector: Any) -> Load:
     """Return one load as data."""
     return {"case": case, "kind": kind, "element": element, "at": rounded(at), "vector": rounded(vector, DIGITS)}
 
 
-def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
+def solution_of(result: LimitAnalysisResult) -> Solution:
     """Convert a limit analysis result to the data of a drawing, by load case.
 
     Parameters
@@ -227,7 +236,7 @@ def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
 
     Returns
     -------
-    dict
+    Solution
         λ (with load cases the governing factor), bracket and status, and for each case forces and mechanism.
     """
     cases = result.cases or {"": result}
@@ -239,13 +248,13 @@ def solution_of(result: LimitAnalysisResult) -> dict[str, Any]:
         "status": str(result.status),
         "governing": names.index(result.governing) if result.governing in names else 0,
         "cases": [
-            {**_case(name, one), "required": float(required)}
+            _case(name, one, float(required))
             for (name, one), required in zip(cases.items(), result.assembly.required, strict=True)
         ],
     }
 
 
-def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str, Any]:
+def within(solution: Solution, assembly: Assembly, text: str) -> Solution:
     """Extend a solution of the remaining structure to the faces and elements of the whole one.
 
     Omitted elements get zeros, and faces beside them get zeros as well.
@@ -267,30 +276,38 @@ def within(solution: dict[str, Any], assembly: Assembly, text: str) -> dict[str,
         "forces": [0.0] * freedoms, "utilisation": 0.0, "vectors": [0.0] * assembly.dimension, "on_face": False,
         "movements": "still", "pressure": [0.0] * assembly.dimension, "places": [0.0] * assembly.dimension,
     }  # fmt: skip
-    cases = []
+    cases: list[CaseSolution] = []
     for case in solution["cases"]:
-        wide = {name: spread(case[name], faces, len(text), none) for name, none in empty.items()}
+        values: dict[str, Any] = {**case}
+        wide = {name: spread(values[name], faces, len(text), none) for name, none in empty.items()}
         wide["mechanism"] = spread(case["mechanism"], elements, len(gone), [0.0] * freedoms)
-        cases.append({**case, **wide})
+        cases.append(cast(CaseSolution, values | wide))
     return {**solution, "labelling": text, "cases": cases}
 
 
-def _case(name: str, result: LimitAnalysisResult) -> dict[str, Any]:
+def _case(name: str, result: LimitAnalysisResult, required: float) -> CaseSolution:
     """Return the data of one load case: λ, forces, thrust and mechanism."""
     if result.falling is not None:
         result = replace(result, mechanism=result.falling)  # Show the mechanism that proves instability.
     assembly, forces, mechanism = result.assembly, result.forces, result.mechanism
-    found: dict[str, Any] = {
+    found: CaseSolution = {
         "name": name,
+        "required": required,
         "load_factor": rounded(result.load_factor),
         "bracket": [rounded(end, 15) for end in result.bracket],
         "gap": rounded(result.gap, DIGITS),
         "status": str(result.status),
         "friction": result.friction,
-        **dict.fromkeys(("forces", "utilisation", "pressure", "on_face", "vectors")),
+        "forces": None,
+        "utilisation": None,
+        "pressure": None,
+        "on_face": None,
+        "vectors": None,
         "thrust": [],
-        **dict.fromkeys(("mechanism", "movements", "places")),
+        "mechanism": None,
         "scale": 0.0,
+        "movements": None,
+        "places": None,
     }
     if forces is not None:
         pressure, on_face = quantities.pressure_points(assembly, forces)

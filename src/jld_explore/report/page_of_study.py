@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from jld_core.views import facts_of_assembly, facts_of_result
 from jld_explore.report import words
 from jld_explore.report.exploration import Exploration
 from jld_explore.report.page import page
+from jld_explore.report.page_contract import PageData, Solution
 from jld_explore.report.page_data import cases_of, page_data, solution_of, within
 from jld_explore.report.page_table import chosen_rows, curve_of, facts_of_summary, table_of
 from jld_explore.report.reading import history_of
@@ -99,10 +100,10 @@ def scene_page(scene: Scene, assembly: Assembly) -> str:
 def study_data(
     done: Exploration,
     patience: float = PATIENCE,
-    kind: str = "report",
+    kind: Literal["report", "studio"] = "report",
     studio: Mapping[str, Any] | None = None,
     dear: float = math.inf,
-) -> dict[str, Any]:
+) -> PageData:
     """Assemble the data of the page of a search (see `page_data`).
 
     Parameters
@@ -194,10 +195,10 @@ class CaseSolver:
         return governing_result(self.assembly, found) if self.assembly.cases else next(iter(found.values()))
 
 
-def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, dict[str, Any]]:
+def _solutions(rows: pd.DataFrame, done: Exploration, patience: float, dear: float) -> dict[int, Solution]:
     """Solve rows in order of importance until time runs out; return data by position."""
     start = time.perf_counter()
-    found: dict[int, dict[str, Any]] = {}
+    found: dict[int, Solution] = {}
     solver = CaseSolver(done.assembly, done.model)
     for place in _worth(rows, done.front):
         if (found and time.perf_counter() - start > patience) or float(rows["seconds"].iloc[place]) > dear:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 import numpy as np
 
 from jld_core.assembly import Assembly
 from jld_explore.report.columns import ranked_by
+from jld_explore.report.page_contract import Column, Curve, Table
 from jld_explore.report.page_data import rounded
 from jld_explore.space import Count, beside_nothing, dry_of, pack, registered
 
@@ -45,7 +46,7 @@ def chosen_rows(results: pd.DataFrame, front: pd.DataFrame, most: int = MOST) ->
 
 def table_of(
     results: pd.DataFrame, front: pd.DataFrame, assembly: Assembly, *, axes: Sequence[tuple[str, str]], left_out: int
-) -> dict[str, Any]:
+) -> Table:
     """Return the object `table` of a page's data.
 
     `results` holds the rows to show and `front` those on the front, with a column `evidence`.
@@ -74,10 +75,10 @@ def table_of(
         "rows": len(results),
         "columns": columns,
         "labellings": base64.b64encode(pack(bits).tobytes()).decode("ascii"),
-        "evidence": evidence.tolist(),
+        "evidence": cast(list[Any], evidence.tolist()),
         "beside": base64.b64encode(pack(beside.astype(bool)).tobytes()).decode("ascii"),
         "count": count,
-        "sense": sense,
+        "sense": "max" if sense == "max" else "min",
         "line": len(axes) == 1,
         "counts": sorted(counts, key=lambda name: name != count),
         "left_out": left_out,
@@ -91,13 +92,13 @@ def _ordered(names: list[str]) -> list[str]:
     return [*first, *(name for name in names if name not in first and name not in last), *last]
 
 
-def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> dict[str, Any]:
+def _column(name: str, title: str, values: pd.Series[Any], assembly: Assembly) -> Column:
     """Return one column as data."""
     kind, shown = _values(values, digits=4 if name == "seconds" else 10)
     return {"name": name, "title": title, "unit": _unit(name, assembly), "kind": kind, "values": shown}
 
 
-def _values(values: pd.Series[Any], digits: int) -> tuple[str, list[Any]]:
+def _values(values: pd.Series[Any], digits: int) -> tuple[Literal["integer", "number", "text"], list[Any]]:
     """Return the kind of a column ("integer", "number" or "text") and its values."""
     import pandas as pd
 
@@ -127,7 +128,7 @@ def _counts() -> dict[str, Count]:
     return {count.name: count for count in registered()}
 
 
-def curve_of(name: str, history: pd.DataFrame) -> dict[str, Any]:
+def curve_of(name: str, history: pd.DataFrame) -> Curve:
     """Return one convergence curve from the columns of convergence.csv."""
     found = history[np.isfinite(history["best"].astype(float))]
     return {

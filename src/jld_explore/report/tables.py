@@ -14,7 +14,7 @@ from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.limit import Status, load_scale, relative_width
 from jld_core.tolerances import GAP
-from jld_explore.evaluation import BOUND, CERTIFICATE, ORDER, Records, load_factors, settled, statuses
+from jld_explore.evaluation import BOUND, ORDER, Records, load_factors, settled, statuses
 from jld_explore.report import required
 from jld_explore.report.front import on_front
 from jld_explore.space import SearchSpace, counts, registered, to_strings, unpack
@@ -226,7 +226,7 @@ def summary(results: pd.DataFrame, study: Study, reason: StopReason, *, complete
         "labellings": int(results["multiplicity"].sum()),
         "evaluated": len(results),
         "solved": solved,
-        "settled": int((results["settled"] == CERTIFICATE).sum()),
+        "settled": 0,  # Former number settled by past solves; kept until version 0.4.
         "pruned": pruned,
         "counts_by_status": {str(s): int(tally[str(s)]) for s in ORDER if tally[str(s)]},
         "seconds": seconds,

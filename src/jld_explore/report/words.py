@@ -106,15 +106,13 @@ def facts_of_exploration(done: Exploration) -> dict[str, str]:
         most = "none stands" if tried["best"] is None else f"most carried {tried['best']:.6g}"
         most += ", no layout carries more" if tried["none_better"] else ""
         carried = {"experiments": f"{tried['runs']}: {most}; {tried['not_standing']} do not stand"}
-    spared = {"certificates of other solves": facts["settled"], "a bound": facts["pruned"]}
-    ways = " and ".join(f"{number} by {how}" for how, number in spared.items() if number)
     ended = STOPPED[facts["stop_reason"]]
     # those of the assembly were printed when the search began
     complaints = [line for line in facts.get("warnings", []) if line not in done.assembly.warnings]
     once = f"those alike by symmetry once ({facts['labellings']} labellings)"
     return {
         "classes": f"{facts['evaluated']} layouts, {once}: {counted or 'nothing was evaluated'}",
-        **({"settled": f"{ways}, without a solve of their own"} if ways else {}),
+        **({"pruned": f"{facts['pruned']} by a bound, without a solve of their own"} if facts["pruned"] else {}),
         "stopped": f"{ended} after {facts['seconds']:.1f} s, {facts['rate'] or 0.0:.0f} solves/s",
         **(
             {"required": required.words(facts["require"])}

@@ -20,7 +20,7 @@ from starlette.routing import Route
 
 from jld_core.errors import InputError, SolverError
 from jld_core.exchange import FORMATS, Layout, export
-from jld_explore.report import asset, asset_names, read_folder, study_data, study_page, write_text
+from jld_explore.report import PageData, asset, asset_names, read_folder, study_data, study_page, write_text
 from jld_explore.studio.guard import Guard
 from jld_explore.studio.jobs import Jobs, orders_for
 from jld_explore.studio.session import StudioSession
@@ -52,7 +52,7 @@ class Api:
         Function that returns the initial data of the page.
     """
 
-    def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], dict[str, Any]]) -> None:
+    def __init__(self, desk: StudioSession, jobs: Jobs, root: Path, first: Callable[[], PageData]) -> None:
         self.desk, self.jobs, self.root, self._first = desk, jobs, root, first
         self._newest: OrderedDict[str, int] = OrderedDict()
         self._counting, self._turn = threading.Lock(), threading.Lock()
@@ -113,7 +113,7 @@ class Api:
     def results(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Return the data of the page of a search that has stopped."""
         job = self.jobs.find(str(asked.get("name")))
-        return study_data(read_folder(job.results), patience=0.3)
+        return {**study_data(read_folder(job.results), patience=0.3)}
 
     def report(self, asked: dict[str, Any]) -> dict[str, Any]:
         """Return the page of a search that has stopped, as one file."""

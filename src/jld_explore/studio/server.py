@@ -14,7 +14,7 @@ from typing import Any
 from jld_core.errors import InputError
 from jld_core.exchange import FORMATS
 from jld_core.scene import Scene, load_scene, parse_scene
-from jld_explore.report import page_data, read_folder, solution_of, study_data
+from jld_explore.report import PageData, page_data, read_folder, solution_of, study_data
 from jld_explore.studio.session import StudioSession
 
 START: dict[str, Any] = {
@@ -107,7 +107,7 @@ def opened(source: Path | None) -> tuple[Scene, Path, Path | None]:
     return load_scene(source), source.with_name(f"{source.stem}_studio"), None
 
 
-def first_data(desk: StudioSession, root: Path, study: Path | None) -> dict[str, Any]:
+def first_data(desk: StudioSession, root: Path, study: Path | None) -> PageData:
     """Return the initial data of the page: a study's table, or the scene with its own labels."""
     extra: dict[str, Any] = {"folder": str(root), "formats": list(FORMATS)}
     extra |= {"changes": {key: desk.document.get(key, {}) for key in ("materials", "loads")}}

@@ -1,0 +1,286 @@
+"""State what Python sends to a page and what the page reads: the one statement of this contract.
+
+`page_schema` makes a JSON schema of it. `tools/page_contract.py` writes it into `assets/contract.js`, for the type
+checks of the page and for its check of keys. Lengths and forces are in the units of the scene. The text below a key
+says what it means.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter, with_config
+from typing_extensions import TypeAliasType, TypedDict
+
+FORMAT: Final = "jld-page"
+"""Identifier of the data format."""
+VERSION: Final = 1
+"""Version of the data format."""
+
+_EXACT: Final = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+"""Objects have all of their keys and no others."""
+
+Point = TypeAliasType("Point", Annotated[list[float], Field(min_length=2, max_length=3)])
+Bracket = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+Pair = Annotated[list[int], Field(min_length=2, max_length=2)]
+Base64 = Annotated[str, Field(json_schema_extra={"contentEncoding": "base64"})]
+
+
+@with_config(_EXACT)
+class Units(TypedDict):
+    """Names of the units of the scene."""
+
+    length: str
+    force: str
+
+
+Edge = TypedDict("Edge", {"element": int, "from": Point, "to": Point})  # "from" cannot name an attribute.
+Edge.__pydantic_config__ = _EXACT  # type: ignore[attr-defined]
+
+
+@with_config(_EXACT)
+class Fact(TypedDict):
+    """A fact of the scene or the search, shown by name."""
+
+    name: str
+    value: str
+
+
+@with_config(_EXACT)
+class Element(TypedDict):
+    """An element of the assembly."""
+
+    id: str
+    support: bool
+    shape: Annotated[list[Point], Field(min_length=3)]
+    """Planar: the outline, counter-clockwise; spatial: the vertices."""
+    faces: list[Annotated[list[int], Field(min_length=3)]]
+    """Spatial: vertex numbers of each face, outward; planar: empty."""
+    centroid: Point
+    weight: float
+    """Magnitude of its self-weight."""
+
+
+@with_config(_EXACT)
+class Face(TypedDict):
+    """An interface of the assembly."""
+
+    elements: Pair
+    """Numbers of its two elements; the normal runs from the first to the second."""
+    polygon: Annotated[list[Point], Field(min_length=2)]
+    origin: Point
+    normal: Point
+    area: float
+    """Planar: length times thickness."""
+    candidate: bool
+    """True if a search may choose its label."""
+
+
+@with_config(_EXACT)
+class Structure(TypedDict):
+    """Elements and faces in the order of the assembly."""
+
+    dimension: Literal[2, 3]
+    units: Units
+    size: float
+    """Largest side of the bounding box."""
+    typical: float
+    """Median size of a free element: the yardstick of marks."""
+    elements: list[Element]
+    faces: list[Face]
+    edges: list[Edge]
+    """Planar: pieces of outline that touch no other element."""
+    resultants: list[str]
+    """Names of the numbers in a row of forces."""
+    touching: list[Pair]
+    """Pairs of supports that share a face: they are of one block."""
+
+
+@with_config(_EXACT)
+class Load(TypedDict):
+    """A live load, as it is drawn."""
+
+    case: str
+    kind: Literal["live", "body", "couple"]
+    element: str
+    """Name of the element, or the empty string."""
+    at: Point
+    """Tip of the arrow, or middle of the couple."""
+    vector: Annotated[list[float], Field(min_length=1, max_length=3)]
+    """Force, or (for a couple) its moment."""
+
+
+@with_config(_EXACT)
+class CaseSolution(TypedDict):
+    """What is proven of one layout under one load case."""
+
+    name: str
+    """Name of the case; the empty string in a scene with a single load."""
+    required: float
+    """Required load factor, by which λ is divided."""
+    load_factor: float | None
+    bracket: Bracket
+    gap: float | None
+    status: str
+    friction: str
+    forces: list[list[float]] | None
+    """One row for each face."""
+    utilisation: list[float] | None
+    """0 … 1 for each face."""
+    pressure: list[Point] | None
+    """Centre of pressure of each face."""
+    on_face: list[bool] | None
+    """True if that centre lies on the face."""
+    vectors: list[Point] | None
+    """Force of each face, with the sign that runs down the load path."""
+    thrust: list[Annotated[list[Point], Field(min_length=2)]]
+    """Pieces of the thrust line."""
+    mechanism: list[list[float]] | None
+    """Velocities of each element about its centroid."""
+    scale: float
+    """Factor on the velocities for a picture."""
+    movements: list[str] | None
+    """What each face does in the mechanism."""
+    places: list[Point] | None
+    """Where it does that, at rest."""
+
+
+@with_config(_EXACT)
+class Solution(TypedDict):
+    """What is proven of one layout."""
+
+    labelling: Annotated[str, Field(pattern="^[div]*$")]
+    """Letters d, i and v (beside a cell that is left out), one for each face."""
+    load_factor: float | None
+    """Load factor λ; with several load cases the least λ over what is required."""
+    bracket: Bracket
+    status: str
+    governing: int
+    """Number of the case that governs."""
+    cases: Annotated[list[CaseSolution], Field(min_length=1)]
+
+
+@with_config(_EXACT)
+class Column(TypedDict):
+    """A column of the table of layouts."""
+
+    name: str
+    """Name as in results.csv."""
+    title: str
+    unit: str
+    kind: Literal["number", "integer", "text"]
+    values: list[float | str | None]
+
+
+@with_config(_EXACT)
+class Table(TypedDict):
+    """Table of layouts, with the bits of their labellings."""
+
+    rows: int
+    columns: list[Column]
+    labellings: Base64
+    """Base64 of the bits of all labellings, a whole number of bytes a row, 1 = dry."""
+    beside: Base64
+    """Base64 of bits like those of labellings, 1 = the face is beside a cell that is left out; "" where none is."""
+    evidence: list[Literal["proven", "found", "visited"]]
+    """Evidence of each row."""
+    count: str
+    """Name of the column that the picture weighs against λ."""
+    sense: Literal["max", "min"]
+    """Better direction of the count."""
+    line: bool
+    """True if the front is a line in that picture, because it weighs λ against one count."""
+    counts: list[str]
+    """Names of the columns that the picture may have across."""
+    left_out: int
+    """Rows of the results that the page does not hold."""
+
+
+@with_config(_EXACT)
+class Mark(TypedDict):
+    """A mark of the drawings."""
+
+    shape: Literal["circle", "diamond", "thin diamond", "triangle", "cross"]
+    fill: str
+    edge: str
+    meaning: str
+
+
+@with_config(_EXACT)
+class Look(TypedDict):
+    """Drawing rules, the same for the pictures of matplotlib."""
+
+    tints: Annotated[list[str], Field(min_length=1)]
+    plain: str
+    support: str
+    hatch: str
+    ink: str
+    soft: str
+    rest: str
+    load: str
+    press: str
+    used: Annotated[list[str], Field(min_length=2)]
+    thrust: str
+    thrust_dash: list[float]
+    inner_dash: list[float]
+    movements: dict[str, Mark]
+    yielding: dict[str, Mark]
+    evidence: dict[str, Mark]
+    front: str
+    small: float
+    """Share of the largest force below which an arrow is left out."""
+    yields: float
+    """Utilisation from which a face is marked."""
+    eye: Annotated[list[float], Field(min_length=2, max_length=2)]
+    """Azimuth and elevation of spatial views, degrees."""
+
+
+@with_config(_EXACT)
+class Curve(TypedDict):
+    """The best load factor of a search against solves and seconds."""
+
+    name: str
+    solves: list[int]
+    seconds: list[float]
+    best: list[float]
+
+
+@with_config(_EXACT)
+class PageData(TypedDict):
+    """All data of a page."""
+
+    format: Literal["jld-page"]
+    version: Literal[1]
+    kind: Literal["report", "studio"]
+    title: str
+    facts: list[Fact]
+    warnings: list[str]
+    how: str
+    """Sentence on how to get the forces of a layout that the page holds none of; {rank} stands for its rank."""
+    look: Look
+    structure: Structure
+    cases: Annotated[list[str], Field(min_length=1)]
+    """Names of the load cases; one empty name in a scene with a single load."""
+    loads: list[Load]
+    table: Table | None
+    solutions: dict[str, Solution]
+    """Solutions by number of the row."""
+    convergence: list[Curve]
+    scene: dict[str, Any]
+    """The scene file."""
+    summary: dict[str, Any]
+    """Content of summary.json, or empty."""
+    studio: dict[str, Any] | None
+    """Data that only the studio has."""
+
+
+def page_schema() -> dict[str, Any]:
+    """Return the JSON schema of the data of a page.
+
+    Returns
+    -------
+    dict
+        Schema in the draft 2020-12, with every other object of the contract under `$defs`.
+    """
+    schema = TypeAdapter(PageData).json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
