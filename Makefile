@@ -51,6 +51,7 @@ types:
 bench: setup
 	-JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
+	JLD_KILLS=20 JLD_MUTATIONS=3000 $(BIN)/python -m pytest -n 0 tests/conformance -k 'random_kills or mutated_scenes'
 
 # the kernel under the sanitizers of the compiler: addresses and undefined behaviour, then data races between threads
 sanitize: setup
