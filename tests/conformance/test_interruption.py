@@ -179,7 +179,7 @@ def test_workers_killed(scene: Path, deferred_signals: Path, tmp_path: Path) -> 
     """kill -9 of one worker, twice: the run goes on to the end by itself, and loses nothing."""
     folder = tmp_path / "out"
     with started("explore", scene, "--out", folder, "--jobs", "2", "--json") as run:
-        for count in (32, 200):
+        for count in (64, 480):
             wait_for_records(run, folder, count)
             victims = workers_of(run)
             assert victims
@@ -298,6 +298,7 @@ def test_torn_or_damaged(scene: Path, deferred_signals: Path, tmp_path: Path, jl
         assert [path.name for path in folder.iterdir()] == [RECORDS_FILE]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_begun_and_nothing_more(scene: Path, tmp_path: Path, jld: Command) -> None:
     """Killed before anything was written: nothing was finished, and --resume begins."""
     folder = tmp_path / "out"
@@ -382,6 +383,7 @@ def test_another_study_is_refused(scene: Path, deferred_signals: Path, tmp_path:
     assert "--resume" in outcome.err
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_notes_may_change_between_runs(scene: Path, deferred_signals: Path, tmp_path: Path, jld: Command) -> None:
     """What the numbers do not depend on does not stand in the way of going on."""
     folder = copy_of(deferred_signals, tmp_path / "out")

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.hard_scenes import (
+    UNITS,
     Entry,
     HardCase,
-    UNITS,
     block,
     bricks,
     ground,
