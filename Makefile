@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 SCENE ?= scenes/flat_beam_arch.json
 OUT ?= out/demo
+# what is imported is compiled then, so that most of what is installed never is
+PIP := --quiet --disable-pip-version-check --no-compile -c constraints.txt
 # the matrices are small and the cores are for labellings: one BLAS thread per process
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -13,9 +15,12 @@ export MKL_NUM_THREADS := 1
 
 setup: $(VENV)/.done
 
+# the compiler works beside the installation: one waits for processors, the other for files
 $(VENV)/.done: pyproject.toml setup.py constraints.txt $(wildcard src/jld_core/batch/source/*) src/jld_core/batch/build.py
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(PYTHON) src/jld_core/batch/build.py --in-place & compiler=$$!; \
+	JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev]' || { kill $$compiler; exit 1; }; \
+	wait $$compiler || echo "make: no compiled batch solver; the package is whole without it, and slower"
 	touch $@
 
 demo: setup
@@ -44,8 +49,9 @@ types:
 
 # without the programs to compare with, their benchmark says so and the others run
 bench: setup
-	-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,field]'
+	-JLD_COMPILED_APART=1 $(BIN)/python -m pip install $(PIP) -e '.[dev,field]'
 	$(BIN)/python -m benchmarks
+	JLD_KILLS=20 JLD_MUTATIONS=3000 $(BIN)/python -m pytest -n 0 tests/conformance -k 'random_kills or mutated_scenes'
 
 # the kernel under the sanitizers of the compiler: addresses and undefined behaviour, then data races between threads
 sanitize: setup

@@ -3,6 +3,7 @@ speed."""
 
 from __future__ import annotations
 
+import os
 import runpy
 from pathlib import Path
 
@@ -15,7 +16,11 @@ KNOWN = runpy.run_path(str(HERE / BATCH / "build.py"), run_name="build")
 
 
 class Build(build_ext):
-    """Plain shared libraries: no Python headers, no module to initialise."""
+    """Plain shared libraries: no Python headers, no module to initialise; variants are compiled at the same time."""
+
+    def finalize_options(self) -> None:
+        super().finalize_options()
+        self.parallel = self.parallel or os.cpu_count()
 
     def get_export_symbols(self, ext: Extension) -> list[str]:
         return list(ext.export_symbols)
@@ -33,4 +38,8 @@ def extension(variant: str) -> Extension:
     )
 
 
-setup(ext_modules=[extension(variant) for variant in KNOWN["variants"]()], cmdclass={"build_ext": Build})
+# `make setup` compiles beside the installation instead, by `build.py --in-place`
+APART = os.environ.get("JLD_COMPILED_APART") == "1"
+setup(
+    ext_modules=[] if APART else [extension(variant) for variant in KNOWN["variants"]()], cmdclass={"build_ext": Build}
+)

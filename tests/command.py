@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -13,6 +14,15 @@ from pathlib import Path
 import pytest
 
 from jld_explore.cli.command import main
+
+
+def leave_out_pictures(replace: Callable[[object, str, object], None] = setattr) -> None:
+    """Let searches in this process write tables only; `replace` sets an attribute of a module."""
+    # the package has a function of the name of this module
+    module = importlib.import_module("jld_explore.explore")
+    for name, nothing in (("write_pictures", ([], [])), ("write_report", None)):
+        assert callable(getattr(module, name))
+        replace(module, name, lambda *_, nothing=nothing, **__: nothing)
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out page and pictures of searches in this process: more than a second each, where only tables are read."""
+    from command import leave_out_pictures
+
+    leave_out_pictures(monkeypatch.setattr)
+
+
+@pytest.fixture
 def jld(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
     """The command line in this process: arguments → `command.Outcome`."""
     from command import call  # loads the package, for which the environment above must stand

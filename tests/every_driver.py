@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from command import leave_out_pictures
 from jld_explore.cli.command import main
 from jld_explore.drivers import DRIVERS
 
@@ -55,8 +56,5 @@ def run(kind: str, scene: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    import jld_explore.explore as module
-
-    module.write_pictures = lambda *_, **__: ([], [])
-    module.write_report = lambda *_, **__: Path()
+    leave_out_pictures()
     run(sys.argv[1], sys.argv[2], Path(sys.argv[3]))

@@ -301,7 +301,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def by_case(self) -> tuple[Assembly, ...]:
-        """This structure under each of its load cases alone; a tuple of itself without cases."""
+        """The structure under each of its load cases alone; a tuple of itself without cases."""
         if not self.cases:
             return (self,)
         return tuple(
@@ -318,7 +318,7 @@ class Assembly(NotebookRepr):
 
     @cached_property
     def at_nominal(self) -> Assembly:
-        """This structure with the nominal strengths of its materials; itself without such."""
+        """The structure with the nominal strengths of its materials; itself without such."""
         return self if self.nominal is None else replace(self, strengths=self.nominal, nominal=None)
 
     @property

@@ -96,6 +96,36 @@ def test_contributing_names_what_is_there() -> None:
         assert (ROOT / link).exists(), link
 
 
+KNOWING = {
+    "a yield criterion": ("cohesion", r"\bcohesion\b"),
+    "a search driver": ("hillclimb", r"\bhillclimb\b"),
+    "a count": ("dry_length", r"\bdry_length\b"),
+    "a file format": ("dxf", r"(?i)(?<![a-z])dxf(?![a-z])"),
+    "a kind of load": ("body", r"entry\.body\b|\bBodyLoad\b|[{\[ (]\"body\"(?! *:.*request)"),
+}
+"""Extension point → an example that is there already, and how code that knows it mentions it."""
+NO_PLACE = {"src/jld_core/scene/__init__.py", "src/jld_core/mechanics/__init__.py", "src/jld_explore/studio/guard.py"}
+"""Files that mention an example in passing: lists of names, and the body of a request."""
+NO_PLACE |= {"src/jld_explore/studio/server.py", "src/jld_core/samples", "tools/try_wheel.py"}
+"""Scenes that use the example as anybody's would."""
+
+
+@pytest.mark.parametrize("point", KNOWING)
+def test_lists_of_extension_points_are_complete(point: str) -> None:
+    """Files of the code that know an example are named in the list of its extension point."""
+    example, mention = KNOWING[point]
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    _, section = text.split(f"\n**{point}** (", 1)
+    section = section.split("\n**", 1)[0]
+    assert example in section.split(")", 1)[0].lower()
+    listed = {path.replace("NAME", example) for path in re.findall(r"`([\w./]+)`", section)}
+    sources = [*sorted((ROOT / "src").rglob("*.py")), *sorted((ROOT / "src").rglob("*.h"))]
+    sources += sorted((ROOT / "tools").glob("*.py"))
+    knowing = [str(path.relative_to(ROOT)) for path in sources if re.search(mention, path.read_text("utf-8"))]
+    assert [path for path in knowing if path not in listed and not path.startswith(tuple(NO_PLACE))] == []
+    assert len(set(knowing) & listed) >= 2
+
+
 def test_the_way_a_wheel_is_tried_works_here() -> None:
     """Not of a wheel, which takes a minute to install: of this environment, which must be called a checkout."""
     command = [sys.executable, "-m", "tools.try_wheel", "--installed"]

@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -74,9 +76,20 @@ def wing_of(module: str) -> str:
     return named[0] if named else module.removesuffix(".__init__")
 
 
-def imports(path: Path) -> Iterator[tuple[str, int, bool]]:
+@cache
+def parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a file, parsed once for all tests."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def imports(path: Path) -> list[tuple[str, int, bool]]:
     """Every module that a file imports, lazily or not: name, line, whether at the top of the file."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return list(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[tuple[str, int, bool]]:
+    tree = parsed(path)
     top = set(map(id, tree.body))
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
@@ -90,33 +103,37 @@ def imports(path: Path) -> Iterator[tuple[str, int, bool]]:
                 yield alias.name, node.lineno, id(node) in top
 
 
+@cache
 def _is_module(name: str) -> bool:
     places = [root.joinpath(*name.split(".")) for root in (SOURCES, ROOT)]
     return any(place.with_suffix(".py").exists() or (place / "__init__.py").exists() for place in places)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=MODULES.values())
-def test_imports_run_downwards(path: Path) -> None:
-    here = wing_of(MODULES[path])
-    for module, line, _ in imports(path):
-        if module.split(".")[0] not in ("jld_core", "jld_explore", "jld_experiment") or module == here:
-            continue
-        there = wing_of(module)
-        if there == here:
-            continue
-        assert here in FLOOR, f"{MODULES[path]} stands in no wing of ORDER"
-        assert FLOOR[there] < FLOOR[here], f"{path}:{line}: {here} may not use {there}"
+def test_imports_run_downwards() -> None:
+    against = []
+    for path, name in MODULES.items():
+        here = wing_of(name)
+        for module, line, _ in imports(path):
+            there = wing_of(module)
+            if module.split(".")[0] not in ("jld_core", "jld_explore", "jld_experiment") or here in (module, there):
+                continue
+            assert here in FLOOR, f"{name} stands in no wing of ORDER"
+            if FLOOR[there] >= FLOOR[here]:
+                against.append(f"{path}:{line}: {here} may not use {there}")
+    assert against == []
 
 
-@pytest.mark.parametrize("path", MODULES, ids=MODULES.values())
-def test_other_wings_are_entered_by_their_face(path: Path) -> None:
-    here = wing_of(MODULES[path])
-    for module, line, at_top in imports(path):
-        there = wing_of(module)
-        slow = module.startswith(tuple(SLOW))
-        if there in FLOOR and there != here and at_top and module != there and not slow:
-            text = path.read_text(encoding="utf-8").splitlines()[line - 1]
-            assert text.startswith(f"from {there} import"), f"{path}:{line}: {there} has a face, name it: {text}"
+def test_other_wings_are_entered_by_their_face() -> None:
+    beside = []
+    for path, name in MODULES.items():
+        here, lines = wing_of(name), path.read_text(encoding="utf-8").splitlines()
+        for module, line, at_top in imports(path):
+            there = wing_of(module)
+            if there not in FLOOR or there == here or not at_top or module.startswith(tuple(SLOW)):
+                continue
+            if module != there and not lines[line - 1].startswith(f"from {there} import"):
+                beside.append(f"{path}:{line}: {there} has a face, name it: {lines[line - 1]}")
+    assert beside == []
 
 
 def test_no_circle_of_files() -> None:
@@ -138,16 +155,19 @@ def test_no_circle_of_files() -> None:
 PROVING = ("fields", "limit", "models", "program", "mechanics", "drivers", "evaluation", "space", "study", "report")
 
 
-@pytest.mark.parametrize("path", [p for p in MODULES if MODULES[p].split(".")[1] in PROVING], ids=lambda p: MODULES[p])
-def test_tolerances_that_others_may_use_stand_in_one_place(path: Path) -> None:
+def test_tolerances_that_others_may_use_stand_in_one_place() -> None:
     """A public constant of the size of a tolerance; what steers a method alone is private to its module."""
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        target = (
-            node.target if isinstance(node, ast.AnnAssign) else node.targets[0] if isinstance(node, ast.Assign) else 0
-        )
-        value = getattr(node, "value", None)
-        if isinstance(target, ast.Name) and isinstance(value, ast.Constant) and isinstance(value.value, float):
-            assert target.id.startswith("_") or value.value > 1e-3, f"{path}: {target.id} belongs to tolerances.py"
+    elsewhere = []
+    for path in (path for path, name in MODULES.items() if name.split(".")[1] in PROVING):
+        for node in parsed(path).body:
+            if not isinstance(node, ast.AnnAssign | ast.Assign) or not isinstance(node.value, ast.Constant):
+                continue
+            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+            number = node.value.value
+            small = isinstance(number, float) and number <= 1e-3
+            if isinstance(target, ast.Name) and small and not target.id.startswith("_"):
+                elsewhere.append(f"{path}: {target.id} belongs to tolerances.py")
+    assert elsewhere == []
 
 
 @pytest.mark.parametrize("wing", sorted(set(FLOOR)))
@@ -160,6 +180,12 @@ def test_a_face_lists_what_it_hands_on(wing: str) -> None:
         assert getattr(module, name) is not None
     described = re.findall(r"^- `(\w+)`: \S", str(module.__doc__), flags=re.M)
     assert described == module.__all__, f"{wing}: one line per name in the docstring of its face, in the same order"
+
+
+def test_files_of_tests_have_names_of_their_own() -> None:
+    """Helpers and tests are imported by their base names: of two files with one name pytest takes one for the other."""
+    names = Counter(path.name for path in (ROOT / "tests").rglob("*.py") if path.name != "conftest.py")
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_public_names() -> None:

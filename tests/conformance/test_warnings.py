@@ -81,6 +81,7 @@ def test_other_units_are_not_judged() -> None:
     assert build_assembly(parse_scene({**document, "units": {"length": "mm", "force": "N"}})).warnings == ()
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_they_reach_whoever_asks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

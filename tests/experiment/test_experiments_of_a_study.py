@@ -32,6 +32,7 @@ def scene() -> Scene:
     return parse_scene(DOCUMENT)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_column_for_the_best(tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     """K experiments, at most λ each; gone on with, none is run again and the column stays."""
     path = tmp_path / "scene.json"

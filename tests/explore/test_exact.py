@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +57,27 @@ def search(rows: list[str], options: dict[str, Any], folder: Path, driver: str, 
     return explore(scene, folder, ExploreSettings(pictures=False, **settings), driver=Exact(space, **own))
 
 
+Enumerated = Callable[[list[str], dict[str, Any]], Exploration]
+
+
+@pytest.fixture(scope="module")
+def enumerated(tmp_path_factory: pytest.TempPathFactory) -> Enumerated:
+    """Enumerate the layouts of a scene, once for all tests."""
+    known: dict[str, Exploration] = {}
+
+    def found(rows: list[str], options: dict[str, Any]) -> Exploration:
+        key = json.dumps([rows, options])
+        if key not in known:
+            known[key] = search(rows, options, tmp_path_factory.mktemp("enumerated") / "every", "enumeration")
+        return known[key]
+
+    return found
+
+
 @pytest.mark.parametrize("name", SCENES)
-def test_exact_is_enumeration(name: str, tmp_path: Path) -> None:
+def test_exact_is_enumeration(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
-    every = search(rows, options, tmp_path / "every", "enumeration")
+    every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", aim="front")
     best = every.summary["best"]
     assert found.summary["stop_reason"] == "proven"
@@ -141,11 +160,11 @@ def test_exact_is_enumeration_in_space(
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_blocks_need_not_be_listed(name: str, tmp_path: Path) -> None:
+def test_blocks_need_not_be_listed(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
     if "blocks" in options:
         pytest.skip("blocks are counted where they are listed")
-    every = search(rows, options, tmp_path / "every", "enumeration")
+    every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", list_blocks=False)
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
@@ -255,9 +274,9 @@ def test_faces_no_block_contains_are_dry_in_every_bound(
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path) -> None:
+def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path, enumerated: Enumerated) -> None:
     rows, options = SCENES[name]
-    every = search(rows, options, tmp_path / "every", "enumeration")
+    every = enumerated(rows, options)
     found = search(rows, options, tmp_path / "exact", "exact", aim="front", search=0)
     assert found.summary["proven"] is True
     assert found.summary["best"] == pytest.approx(every.summary["best"], rel=1e-6)
@@ -265,7 +284,9 @@ def test_the_proof_alone_finds_the_best(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("searched", [0, 10])
 @pytest.mark.parametrize("name", [*SCENES, "very strong", "no friction", "overhang"])
-def test_the_tree_of_blocks_leaves_nothing_stronger(name: str, searched: int, tmp_path: Path) -> None:
+def test_the_tree_of_blocks_leaves_nothing_stronger(
+    name: str, searched: int, tmp_path: Path, enumerated: Enumerated
+) -> None:
     rows, options = {
         **SCENES,
         # bounds are too blunt there, and the tree is given up
@@ -273,7 +294,7 @@ def test_the_tree_of_blocks_leaves_nothing_stronger(name: str, searched: int, tm
         "no friction": (["aaa", "aaa", "###"], {"friction": 0.0, "block_cells": [1, 3]}),
         "overhang": (["aaa", "aa.", "#.."], {"block_cells": [1, 3], "live": [{"body": [-1, 1]}]}),
     }[name]
-    every = search(rows, options, tmp_path / "every", "enumeration").summary
+    every = enumerated(rows, options).summary
     # a tree wherever there is a relaxation by blocks
     found = search(rows, options, tmp_path / "exact", "exact", search=searched, by_blocks="on").summary
     assert found["proven"] is True

@@ -25,7 +25,8 @@ SCENE = {
 
 
 def searched(folder: Path, budget: int) -> None:
-    explore(parse_scene(SCENE), folder, ExploreSettings(driver="optuna", jobs=1, budget=budget, resume=folder.exists()))
+    settings = ExploreSettings(driver="optuna", jobs=1, budget=budget, resume=folder.exists(), pictures=False)
+    explore(parse_scene(SCENE), folder, settings)
 
 
 def trials(folder: Path) -> list[tuple[int, str | None, dict[str, float]]]:

@@ -101,6 +101,7 @@ def test_wrong_values(dry: dict[str, Any], words: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "scene.json"
     file.write_text(json.dumps(document()))

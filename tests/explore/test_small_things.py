@@ -140,6 +140,7 @@ def test_a_folder_whose_search_was_killed_says_how_to_go_on(tmp_path: Path) -> N
         read_folder(out)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_terminal_tables_shorten_long_labellings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

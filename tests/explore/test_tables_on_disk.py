@@ -80,7 +80,7 @@ def test_a_spreadsheet_keeps_labellings_and_runs_nothing(name: str, tmp_path: Pa
 
 
 def test_every_column_has_its_unit(tmp_path: Path) -> None:
-    explore(parse_scene(scene()), tmp_path / "out", ExploreSettings(driver="enumeration", jobs=1))
+    explore(parse_scene(scene()), tmp_path / "out", ExploreSettings(driver="enumeration", jobs=1, pictures=False))
     columns = json.loads((tmp_path / "out" / "columns.json").read_text("utf-8"))
     for file, known in columns.items():
         assert file in LISTED

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.hard_scenes import (
+    UNITS,
     Entry,
     HardCase,
     block,
+    bricks,
     ground,
     hard_cases,
     is_near,
@@ -26,6 +28,8 @@ from benchmarks.hard_scenes import (
 
 from cases import grid_assembly, grid_document
 from jld_core import Assembly, LimitAnalysisResult, Status, build_assembly, parse_scene, solve
+from jld_core.program import Template
+from jld_core.solvers import is_large
 from jld_explore.evaluation import Evaluator, EvaluatorSettings
 from reference_planar import reference_load_factor
 
@@ -38,7 +42,7 @@ def proven(result: LimitAnalysisResult, expected: float, rel: float = 1e-6, floo
     assert result.gap <= 1e-6
 
 
-@pytest.mark.parametrize("case", list(hard_cases()), ids=str)
+@pytest.mark.parametrize("case", [case for case in hard_cases() if not case.kind.startswith("1 640")], ids=str)
 @pytest.mark.filterwarnings("ignore")
 def test_hard_case(case: HardCase) -> None:
     """Seed 0 of the weights is one where Clarabel, given the unscaled program, says "optimal" of a λ 45 % too high."""
@@ -56,6 +60,15 @@ def test_hard_case(case: HardCase) -> None:
         assert result.gap <= 1e-6
     elif case.status is Status.UNSTABLE:
         assert math.isnan(result.load_factor)
+
+
+def test_a_large_wall_in_bad_units() -> None:
+    """420 bricks, which the solver for large structures takes; `benchmarks.hard_cases` solves 1 640."""
+    bad, good = (solve(bricks(20, 10, *UNITS[units])) for units in ("µN, mm", "kN, m"))
+    assert is_large(Template(bad.assembly).structure)
+    assert bad.status is good.status is Status.COLLAPSE
+    assert bad.load_factor == pytest.approx(good.load_factor, rel=1e-9)
+    assert bad.gap <= 1e-6
 
 
 @pytest.mark.parametrize(("halvings", "expected"), [(16, 10.899063770712107), (23, 0.08514948818601104)])

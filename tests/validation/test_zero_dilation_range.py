@@ -209,7 +209,7 @@ def column() -> Scene:
 def search_by(scene: Scene, tmp_path: Path, floor_seconds: float) -> pd.DataFrame:
     """Every segmentation, ranked by the lowest λ without dilation or by its floor."""
     model = SolveOptions(friction="zero-dilation", range=True, floor_seconds=floor_seconds)
-    settings = ExploreSettings(driver="enumeration", model=model, jobs=1)
+    settings = ExploreSettings(driver="enumeration", model=model, jobs=1, pictures=False)
     return explore(scene, tmp_path / f"{floor_seconds:g}", settings).results
 
 

@@ -1,7 +1,8 @@
 """Compile the batch solver: one shared library per variant, by the system's compiler or that of `ziglang`.
 
-`setup.py` compiles all variants of a processor family into the package. Where that failed, the first use compiles the
-best variant of this processor into the user's cache. `python -m jld_core.batch.build` compiles into that cache by hand.
+`setup.py` compiles all variants of a processor family into the package. `make setup` lets this module compile them
+beside the installation (``--in-place``). Where that failed, the first use compiles the best variant of this processor
+into the user's cache. `python -m jld_core.batch.build` compiles into that cache by hand.
 This module imports nothing of the package, because `setup.py` loads it before the package exists.
 """
 
@@ -15,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
@@ -106,27 +108,53 @@ def compile_variant(variant: str, folder: Path, compiler: list[str], extra: tupl
     return target
 
 
-def main() -> None:
-    """Compile variants of this machine into the cache, or a sanitized one into a folder.
+def compile_by_any(variant: str, folder: Path, extra: tuple[str, ...] = ()) -> tuple[Path | None, list[str]]:
+    """Compile one variant with the first compiler that works; return its path, and one line per compiler that failed.
 
-    Command-line arguments: names of variants (default: all); or --sanitized FOLDER (addresses and undefined behaviour);
-    or --thread-sanitized FOLDER (data races). The last two use the compiler's sanitizers.
+    The path is None if no compiler works.
+    """
+    problems = []
+    for compiler in compilers():
+        try:
+            return compile_variant(variant, folder, compiler, extra), problems
+        except (OSError, subprocess.CalledProcessError) as problem:
+            problems.append(f"{variant} by {' '.join(compiler)}: {problem}")
+    return None, problems
+
+
+def remove_others(library: Path) -> None:
+    """Remove the libraries of the same variant under other names, which would be found before this one."""
+    for other in library.parent.glob(f"{library.stem}.*"):
+        if other != library:
+            other.unlink()
+
+
+def main() -> None:
+    """Compile variants of this machine into the cache or the package, or a sanitized one into a folder.
+
+    Command-line arguments: names of variants (default: all); or --in-place (all, into the package); or
+    --sanitized FOLDER (addresses and undefined behaviour); or --thread-sanitized FOLDER (data races). The last two use
+    the compiler's sanitizers.
     """
     extra: tuple[str, ...] = ()
     folder, wanted = cache(), sys.argv[1:] or list(variants())
-    if wanted[0] in SANITIZED:
+    in_place = wanted == ["--in-place"]
+    if in_place:
+        folder, wanted = Path(__file__).parent, list(variants())
+    elif wanted[0] in SANITIZED:
         folder, extra, wanted = Path(wanted[1]), SANITIZED[wanted[0]], [variants()[-1]]
-    for variant in wanted:
-        for compiler in compilers():
-            try:
-                made = compile_variant(variant, folder, compiler, extra)
-            except (OSError, subprocess.CalledProcessError) as problem:
-                sys.stderr.write(f"{variant} by {' '.join(compiler)}: {problem}\n")
-                continue
+    # Each compiler is a process of its own, so threads keep all cores busy.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        compiled = list(pool.map(lambda variant: compile_by_any(variant, folder, extra), wanted))
+    for variant, (made, problems) in zip(wanted, compiled, strict=True):
+        sys.stderr.writelines(f"{line}\n" for line in problems)
+        if made is not None:
+            if in_place:
+                remove_others(made)
             sys.stdout.write(f"{variant}: {made}\n")
-            break
-        else:
-            sys.exit(f"{variant}: no compiler that works; pip install jld[compiler] brings one")
+    missing = ", ".join(variant for variant, (made, _) in zip(wanted, compiled, strict=True) if made is None)
+    if missing:
+        sys.exit(f"{missing}: no compiler that works; pip install jld[compiler] brings one")
 
 
 if __name__ == "__main__":

@@ -227,7 +227,7 @@ def _step(problem: Problem, stress: StressField | None, velocity: VelocityField 
 def _finer(
     mesh: Mesh, problem: Problem, stress: StressField | None, velocity: VelocityField | None, adaptive: bool
 ) -> Mesh:
-    """The next mesh: refined where it matters, or everywhere."""
+    """Return the next mesh: refined where it matters, or everywhere."""
     if not adaptive:
         return refine(mesh, np.ones(len(mesh), dtype=bool))
     return refine(mesh, _marks(problem, stress, velocity), _singular_corners(problem, stress))

@@ -207,7 +207,7 @@ def _face_of(assembly: Assembly, faces: list[_FreeFace], place: Floats, vector: 
 def _segments(
     assembly: Assembly, face: _FreeFace, forces: list[tuple[float, Floats]], patch: float | None
 ) -> list[Segment]:
-    """Loaded segments of one free face under forces at distances from its start."""
+    """Return the loaded segments of one free face under forces at distances from its start."""
     thickness = thickness_of(assembly)
     if patch is not None:
         return _stated(assembly, face, forces, patch)
@@ -281,7 +281,7 @@ def _tagged(mesh: Mesh, segments: list[Segment], faces: int) -> Mesh:
 
 
 def _body(assembly: Assembly, mesh: Mesh, loads: Floats) -> Floats:
-    """Forces per volume (t, 2) in root triangles, equivalent to forces and moments (n, 3) about centroids."""
+    """Return forces per volume (t, 2) in root triangles, equivalent to forces and moments (n, 3) about centroids."""
     thickness = thickness_of(assembly)
     middle = mesh.corners.mean(axis=1)
     body = np.zeros((len(mesh), 2))

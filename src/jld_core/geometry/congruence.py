@@ -85,7 +85,7 @@ class Kinds:
 
 
 def shape_numbers(outlines: Sequence[Outline], reach: float, *, rotate: bool = True, flip: bool = False) -> list[int]:
-    """Number outlines by shape, from 1 by first appearance.
+    """Assign numbers to outlines by shape, from 1 by first appearance.
 
     Parameters
     ----------

@@ -122,7 +122,7 @@ def snap_paths(
 
 
 def merge_points(points: Floats, tolerance: float) -> Ints:
-    """Number points, where a point joins the first node within the tolerance.
+    """Assign points to numbered nodes; a point joins the first node within the tolerance.
 
     Nodes are more than the tolerance apart, and no point is further than the tolerance from its node: chains of
     points do not merge.

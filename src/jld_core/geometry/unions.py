@@ -280,7 +280,7 @@ def _with_nodes(loop: list[int], points: Floats, tree: cKDTree, reach: float) ->
 
 
 def _numbered(rings: Sequence[Floats]) -> list[list[int]]:
-    """Number the corners of several rings consecutively."""
+    """Return the numbers of the corners of several rings, counted consecutively."""
     stops = np.cumsum([0, *(len(ring) for ring in rings)])
     return [list(range(a, b)) for a, b in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True)]
 

@@ -212,7 +212,7 @@ def prove_effective_area(
 
 
 def _falls(analysis: LimitAnalysis, labels: Bits, motion: Motion) -> bool:
-    """Is there an instability whatever areas are pressed: a motion, or that and a little opening of all joints?"""
+    """Test for an instability whatever areas are pressed: a motion, or that and a little opening of all joints."""
     opening = analysis.repair.opening()
     for share in (0.0, *_OPENINGS):
         tried = motion

@@ -21,6 +21,7 @@ class Spread(float):
     low: float
 
     def __new__(cls, nominal: float, low: float) -> Spread:
+        """Make a spread from its nominal and its low value."""
         self = super().__new__(cls, nominal)
         self.low = low
         return self

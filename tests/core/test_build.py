@@ -1,0 +1,56 @@
+"""The batch solver is compiled beside an installation: all variants, into the package, by a compiler that works."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from jld_core.batch import build
+
+COMPILER = """
+import pathlib, sys
+target = pathlib.Path(sys.argv[sys.argv.index("-o") + 1])
+if "{fails_on}" in sys.argv:
+    sys.exit("cannot compile")
+target.write_text(" ".join(sys.argv))
+"""
+
+
+def compile_in_place(folder: Path, monkeypatch: pytest.MonkeyPatch, *fails_on: str) -> None:
+    """Run `build.py --in-place` in a folder, with one made-up compiler per flag that it cannot take."""
+    names = []
+    for number, flag in enumerate(fails_on):
+        script = folder / f"compiler{number}.py"
+        script.write_text(COMPILER.format(fails_on=flag))
+        names.append([sys.executable, str(script)])
+    monkeypatch.setattr(build, "compilers", lambda: names)
+    monkeypatch.setattr(build, "variants", lambda: ("avx2", "base"))
+    monkeypatch.setattr(build, "__file__", str(folder / "build.py"))
+    monkeypatch.setattr(sys, "argv", ["build.py", "--in-place"])
+    build.main()
+
+
+def test_every_variant_is_compiled_into_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Libraries under other names, as an installation leaves them, would be found first and are removed."""
+    for name in ("_avx2.cpython-311-x86_64-linux-gnu.so", "_avx512.so"):
+        (tmp_path / name).write_text("old")
+    compile_in_place(tmp_path, monkeypatch, "-mavx2", "none")
+    assert sorted(path.name for path in tmp_path.glob("*.so")) == ["_avx2.so", "_avx512.so", "_base.so"]
+    assert "-mavx2" in (tmp_path / "_avx2.so").read_text()
+    assert "-mavx2" not in (tmp_path / "_base.so").read_text()
+    assert build.digest() in (tmp_path / "_base.so").read_text()
+    printed = capsys.readouterr()
+    assert printed.out == f"avx2: {tmp_path / '_avx2.so'}\nbase: {tmp_path / '_base.so'}\n"
+    assert printed.err.count("avx2 by ") == printed.err.count("\n") == 1
+
+
+def test_what_could_not_be_compiled_is_named_after_the_rest_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(SystemExit, match=r"^avx2: no compiler that works; pip install jld\[compiler\] brings one$"):
+        compile_in_place(tmp_path, monkeypatch, "-mavx2")
+    assert [path.name for path in tmp_path.glob("*.so")] == ["_base.so"]
