@@ -67,7 +67,13 @@ def case(seed: int, tally: Tally) -> str:
 
 
 def drawn(seed: int) -> tuple[Assembly, NDArray[np.bool_]]:
-    """Draw the assembly of a seed and a labelling of it; numbers that draw no scene are drawn again."""
+    """Draw the assembly of a seed and a labelling of it."""
+    document, labels = drawn_document(seed)
+    return build_assembly(parse_scene(document)), labels
+
+
+def drawn_document(seed: int) -> tuple[Document, NDArray[np.bool_]]:
+    """Draw the scene of a seed and a labelling of it; numbers that draw no scene are drawn again."""
     rng = np.random.default_rng([seed, 45])
     draw = (_spatial, _planar, _bonded)[seed % 3]
     while True:
@@ -77,7 +83,7 @@ def drawn(seed: int) -> tuple[Assembly, NDArray[np.bool_]]:
         except InputError:
             continue
         share = float(rng.choice([1.0, 0.7, 0.4])) if seed % 3 != 2 else float(rng.choice([1.0, 0.6]))
-        return assembly, rng.random(len(assembly.interfaces)) < share
+        return document, rng.random(len(assembly.interfaces)) < share
 
 
 # --- scenes -------------------------------------------------------------------------------------------------

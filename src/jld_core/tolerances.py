@@ -19,6 +19,12 @@ space other solvers reach 1e-8 and the batch solver 3e-8 (benchmarks/results/lan
 """
 
 
+DIGITS: Final = 1e-9
+"""Width of a bracket, relative to λ, above which one labelling alone is solved once more. Within a bracket λ may depend
+on the position of a scene and on the order of its elements.
+"""
+
+
 @dataclass(frozen=True)
 class Precision:
     """Accuracy that an interior-point method should reach on a scaled program.

@@ -196,6 +196,16 @@ class ProofAttempt:
         return self._collapses and self._width(0.0) > self.analysis.gap
 
     @property
+    def wide_alone(self) -> bool:
+        """Return True if the bracket of a labelling solved alone leaves digits of λ open.
+
+        Where λ is in a wide bracket depends on the order of the elements. Searches do not need these digits.
+        """
+        analysis = self.analysis
+        small = not is_large(self.template.structure)
+        return analysis.single and small and self._collapses and self._width(analysis.floor) > tolerances.DIGITS
+
+    @property
     def _collapses(self) -> bool:
         """Return True if the status is collapse."""
         return self.proof.status is Status.COLLAPSE
@@ -372,6 +382,15 @@ class ProofAttempt:
         """
         self._refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
 
+    def narrow(self) -> None:
+        """Narrow a bracket by the most accurate solver of each kind of program."""
+        if self.linear:
+            self.vertex()
+        elif self.template.precision is tolerances.CRUSHING:
+            self.less_margin()
+        else:
+            self._refined(tolerances.LINEAR.residual, 0.0)
+
     def _refined(self, tolerance: float, margin: float) -> None:
         """Solve with refined linear systems and repair the answer.
 
@@ -446,6 +465,7 @@ FALLBACKS: Final = (
     Fallback(
         "less margin", lambda c: c.crushed_wide, ProofAttempt.less_margin, "a narrower bracket of crushable scenes"
     ),
+    Fallback("narrow", lambda c: c.wide_alone, ProofAttempt.narrow, "digits of λ that a wide bracket leaves open"),
     Fallback("small λ", lambda c: c.wide_beside_load and c.linear, ProofAttempt.vertex, "whether λ is small or zero"),
 )
 """Solution methods that `LimitAnalysis.prove` tries by default, in order."""
