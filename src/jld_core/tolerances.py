@@ -57,6 +57,11 @@ CRUSHING_WIDTH: Final = 3e-8
 ROUNDING: Final = 1e-12
 """Largest value of a jump or force that is zero by construction, relative to its vector, in floating point."""
 
+EXACT: Final = 3e-14
+"""Largest violation of a yield condition by a ray, a self-stress or a jump that meets it exactly but for rounding,
+relative to the forces or velocities at its face: a hundred last digits. Friction this close to 45° counts as 45°.
+"""
+
 VERTEX_ROUNDING: Final = 1e-13
 """Largest value of a jump that counts as zero at a vertex of a linear program, relative to the largest velocity. It is
 smaller than `ROUNDING` because the equations of a vertex hold exactly.

@@ -267,7 +267,7 @@ class ProofAttempt:
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
             ray = self.prover.ray(raw.point, self.labels)
-            proof.ray = ray if ray.to_rounding else None
+            proof.ray = ray if self.prover.is_ray(ray) else None
         else:
             proof.guess = float(raw.point[-1])
             proof.offer_state(self.prover.state(raw.point, self.labels))
@@ -364,6 +364,16 @@ class ProofAttempt:
         self.proof.route.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)
 
+    def ray_beside_self_stress(self) -> None:
+        """Find a ray that a self-stress at the boundary of the friction cones makes admissible."""
+        self.proof.solves += 2
+        self.proof.route.append("ray beside self-stress")
+        self.proof.ray = self.repair.ray_beside_self_stress(self.labels)
+        if self.proof.ray is not None:
+            self.proof.notes.append(
+                "locked by forces that grow with the square of the load factor: friction of exactly 45° leaves no room"
+            )
+
     def lean(self) -> None:
         """Offer states that rely on a self-stress at the boundary of the friction cones."""
         self.proof.solves += 2
@@ -449,6 +459,12 @@ FALLBACKS: Final = (
     ),
     Fallback("edge", lambda c: c.open_inside, ProofAttempt.edge, "a state where yield sets leave no room"),
     Fallback("ray", lambda c: c.grows, ProofAttempt.ray, "a ray where the solver stopped on its way to infinity"),
+    Fallback(
+        "ray beside self-stress",
+        lambda c: c.grows and bool(c.template.structure.cones),
+        ProofAttempt.ray_beside_self_stress,
+        "a ray that is admissible beside a self-stress that grows faster",
+    ),
     Fallback(
         "self-stress",
         lambda c: c.reduced,
