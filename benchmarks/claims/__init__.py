@@ -21,6 +21,7 @@ FAMILIES: Final[dict[str, int]] = {
     "laying": 1000,
     "proofs": 3000,
     "time_limits": 200,
+    "units": 1000,
 }
 """Module of this package → number of cases of a whole run."""
 

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from benchmarks.claims.tally import Tally, run_cases
 from jld_core import Assembly, InputError, LimitAnalysisResult, build_assembly, parse_scene, solve
@@ -67,7 +68,13 @@ def case(seed: int, tally: Tally) -> str:
 
 
 def drawn(seed: int) -> tuple[Assembly, NDArray[np.bool_]]:
-    """Draw the assembly of a seed and a labelling of it; numbers that draw no scene are drawn again."""
+    """Draw the assembly of a seed and a labelling of it."""
+    document, labels = drawn_document(seed)
+    return build_assembly(parse_scene(document)), labels
+
+
+def drawn_document(seed: int) -> tuple[Document, NDArray[np.bool_]]:
+    """Draw the scene of a seed and a labelling of it; numbers that draw no scene are drawn again."""
     rng = np.random.default_rng([seed, 45])
     draw = (_spatial, _planar, _bonded)[seed % 3]
     while True:
@@ -77,7 +84,7 @@ def drawn(seed: int) -> tuple[Assembly, NDArray[np.bool_]]:
         except InputError:
             continue
         share = float(rng.choice([1.0, 0.7, 0.4])) if seed % 3 != 2 else float(rng.choice([1.0, 0.6]))
-        return assembly, rng.random(len(assembly.interfaces)) < share
+        return document, rng.random(len(assembly.interfaces)) < share
 
 
 # --- scenes -------------------------------------------------------------------------------------------------
@@ -348,9 +355,13 @@ def _room(assembly: Assembly, labels: NDArray[np.bool_], forces: Array, effectiv
         shear = shear + abs(forces[:, 5]) / faces.c_t
     room = capacity - shear
     for k, polygon in enumerate(faces.polygon):
+        if not faces.rectangle[k]:
+            # dry: the centre of pressure within the hull, by its edges; inner faces bend by their kern, not stated here
+            room[k] = min(room[k], _pressed(assembly, k, forces[k])) if labels[k] else room[k]
+            continue
         corners = np.column_stack([(polygon - faces.origin[k]) @ axis[k] for axis in (faces.e1, faces.e2)])
         tension = 0.0 if labels[k] else s.tension[k] * faces.area[k]
-        # rectangles only here: stress by Navier for inner faces, both bendings apart; lever for dry ones
+        # stress by Navier for inner faces, both bendings apart; lever for dry ones
         share = 1.0 if labels[k] else 3.0
         half1, half2 = (0.5 * np.ptp(corners[:, axis]) for axis in (0, 1))
         pressed = (n[k] + tension) / share
@@ -359,6 +370,15 @@ def _room(assembly: Assembly, labels: NDArray[np.bool_], forces: Array, effectiv
             rest = (s.crush_inner[k] * faces.area[k] - n[k]) / 3.0
             room[k] = min(room[k], rest - abs(forces[k, 3]) / half2, rest - abs(forces[k, 4]) / half1)
     return np.asarray(room)
+
+
+def _pressed(assembly: Assembly, k: int, forces: Array) -> float:
+    """Room of the centre of pressure within the hull of a face: N times its distance from the edges, over the size."""
+    faces = assembly.interfaces
+    corners = np.column_stack([(faces.polygon[k] - faces.origin[k]) @ axis[k] for axis in (faces.e1, faces.e2)])
+    edges = ConvexHull(corners).equations
+    lever = edges[:, 0] * -forces[4] + edges[:, 1] * forces[3]
+    return float(-(lever + edges[:, 2] * forces[0]).max() / np.ptp(corners, axis=0).max())
 
 
 def _work(assembly: Assembly, labels: NDArray[np.bool_], velocity: Array) -> tuple[float, float]:

@@ -19,6 +19,12 @@ space other solvers reach 1e-8 and the batch solver 3e-8 (benchmarks/results/lan
 """
 
 
+DIGITS: Final = 1e-9
+"""Width of a bracket, relative to λ, above which one labelling alone is solved once more. Within a bracket λ may depend
+on the position of a scene and on the order of its elements.
+"""
+
+
 @dataclass(frozen=True)
 class Precision:
     """Accuracy that an interior-point method should reach on a scaled program.
@@ -50,6 +56,11 @@ CRUSHING_WIDTH: Final = 3e-8
 
 ROUNDING: Final = 1e-12
 """Largest value of a jump or force that is zero by construction, relative to its vector, in floating point."""
+
+EXACT: Final = 3e-14
+"""Largest violation of a yield condition by a ray, a self-stress or a jump that meets it exactly but for rounding,
+relative to the forces or velocities at its face: a hundred last digits. Friction this close to 45° counts as 45°.
+"""
 
 CONTACT: Final = 1e-7
 """Largest gap, offset and misalignment of two faces that touch, relative to the shorter edge."""

@@ -14,6 +14,7 @@ import cases_spatial
 from jld_core import Assembly, Status, solve
 from jld_core.limit import LimitAnalysis
 from jld_core.limit.facial_reduction import FacialReduction
+from jld_core.limit.self_stress import SelfStress
 
 TURNS = {"upright": np.eye(3), "turned": cases_spatial.rotation(0.3, 0.2, 0.5)}
 
@@ -88,12 +89,69 @@ def test_ray_on_the_boundary_of_friction() -> None:
     assert solve(analysis.assembly).status is Status.LOCKED
     ray = analysis.repair.ray(labels)
     assert ray is not None
-    assert ray.to_rounding
+    assert analysis.prover.is_ray(ray)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_forces_that_grow_with_the_square_of_the_load_factor_lock(turn: str) -> None:
+    """Along the wall λ grows without end, though no direction of forces carries it: more of it needs a wedge as λ²."""
+    result = solve(corner([0, 1, 0], turn))
+    assert result.status is Status.LOCKED
+    assert "ray beside self-stress" in result.route
+    assert any("square of the load factor" in note for note in result.notes)
+
+
+def test_square_growth_is_admissible_at_every_load_factor() -> None:
+    """F + λ R₁ + t R is within both cones for t ~ λ², weighed here by the formula of the cones."""
+    analysis = LimitAnalysis(corner([0, 1, 0]))
+    labels = np.ones(2, dtype=bool)
+    beside = SelfStress(analysis.prover, labels)
+    ray, inside = beside.ray(), analysis.repair.state(labels)
+    assert ray is not None
+    assert inside is not None
+    stress = beside.stages[0].stresses[0][:12].reshape(2, 6)
+    assert analysis.prover.imbalance(stress.ravel(), np.zeros(6)) < 1e-14
+    for load in (1e1, 1e2, 1e3):
+        forces = inside.forces + (load - inside.load) * ray.forces + 10.0 * load**2 * stress
+        left = analysis.template.matrix @ forces.ravel() + analysis.template.dead + load * analysis.template.live
+        assert abs(left).max() < 1e-15 * abs(forces).max()
+        assert analysis.template.yield_set.slack(forces, labels).min() > 0.0
+
+
+def test_state_beside_self_stress_reaches_the_load_factor() -> None:
+    """λ = 1/(lx + lz) needs a self-stress without end; with one of 1e8 the lower bound stays 2e-7 below."""
+    analysis = LimitAnalysis(corner([0.3, 1, -0.2]))
+    labels = np.ones(2, dtype=bool)
+    answer = analysis.repair._deepest_answer(labels).point[: analysis.template.columns]
+    loads = [
+        state.load * analysis.template.scaling.load
+        for state in SelfStress(analysis.prover, labels).states(answer)
+        if state.admissible
+    ]
+    assert max(loads) <= 10.0
+    assert max(loads) == pytest.approx(10.0, rel=5e-8)
+
+
+@pytest.mark.parametrize("live", [[0, 1, 0], [1, 0, -1], [0.3, 1, -0.3]])
+@pytest.mark.parametrize("friction", [1.0 - 1e-13, 1.0 - 1e-9])
+def test_friction_below_45_degrees_is_not_locked(friction: float, live: list[float]) -> None:
+    """A ray along the angle of friction is outside of both cones by 1e-13, and λ is 1e13: neither locked nor proven."""
+    assert solve(corner([1, 0, -1])).status is Status.LOCKED
+    result = solve(corner(live, friction=friction))
+    assert result.status is Status.UNCERTIFIED
+    assert result.reason is not None
+
+
+def test_friction_above_45_degrees_does_not_collapse() -> None:
+    """At 1 + 2e-12 the block is wedged, by forces of 1e12: λ = 1 of 45° is no upper bound."""
+    for friction in (1.0 + 1e-13, 1.0 + 2e-12, 1.0 + 1e-9):
+        result = solve(corner([1, 0, 0], friction=friction))
+        assert result.status is not Status.COLLAPSE
+        assert not result.bracket[1] <= 1.0 + 1e-6
 
 
 def test_reason_is_given_where_a_bound_is_missing() -> None:
-    """Along the wall λ grows without end, though no direction of forces carries it: more of it needs a wedge as λ²."""
-    result = solve(corner([0, 1, 0]))
+    result = solve(corner([0, 1, 0], friction=1.0 - 1e-9))
     assert result.status is Status.UNCERTIFIED
     assert result.reason is not None
     assert result.reason.startswith("no upper bound: ")

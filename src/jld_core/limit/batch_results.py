@@ -32,7 +32,7 @@ def offer(
     proof.offer_state(prover.state(np.append(found.forces[0], found.low[0]), labels))
     if found.verdict[0] == LOCKED and found.rays is not None:
         ray = prover.ray(np.append(found.rays[0], 1.0), labels)
-        proof.ray = ray if ray.to_rounding else proof.ray
+        proof.ray = ray if prover.is_ray(ray) else proof.ray
     elif found.velocity is not None:
         motion = prover.motion(found.velocity[0], labels)
         wider = opening() if motion.margin < 0.0 else None

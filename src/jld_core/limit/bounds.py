@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,9 @@ from jld_core.program import Template
 
 _FAINT_SHARES: Final = (1e-12, 1e-9)
 """Share of the largest force up to which the forces of a ray are taken out, in turn, where it is none otherwise."""
+
+_LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
+"""Rounding of a difference of two coordinates, relative to the larger one."""
 
 _LAST_DIGIT: Final = 8.0 * float(np.finfo(float).eps)
 """Share of the largest force of a ray up to which those of a face are zero."""
@@ -53,11 +57,6 @@ class State:
     def admissible(self) -> bool:
         """Return True if the exact solution next to the rounded forces lies in every yield set."""
         return self.slack >= 2.0 * self.error
-
-    @property
-    def to_rounding(self) -> bool:
-        """Return True if equilibrium and cones hold to rounding, as a ray must."""
-        return self.slack >= -tolerances.ROUNDING and self.error <= tolerances.ROUNDING
 
 
 @dataclass(frozen=True)
@@ -107,6 +106,32 @@ class Prover:
         self._projectors: dict[bytes, Projector] = {}
         self._columns = template.matrix.shape[1]
         self._everything = np.ones((len(template.assembly.interfaces), template.assembly.freedoms), dtype=bool)
+
+    @cached_property
+    def exact(self) -> float:
+        """Largest violation that rounding of exact forces and velocities leaves, relative to those of their face.
+
+        It is `EXACT`, or the last digits of the coordinates relative to the size of the assembly, if those are larger.
+        """
+        elements = self.template.assembly.elements
+        far = max(float(abs(elements.lower).max()), float(abs(elements.upper).max()))
+        return max(tolerances.EXACT, _LAST_DIGITS * far / self.template.assembly.size)
+
+    def is_ray(self, ray: State) -> bool:
+        """Return True if equilibrium and cones hold as exactly as input is known.
+
+        Parameters
+        ----------
+        ray : State
+            Ray as `ray` returns it.
+
+        Returns
+        -------
+        bool
+            True if the cones hold to `exact`, and equilibrium as well or within the slack of all cones.
+        """
+        left = tolerances.ROUNDING if ray.slack >= 2.0 * tolerances.ROUNDING else self.exact
+        return ray.slack >= -self.exact and ray.error <= left
 
     def under(self, template: Template) -> Prover:
         """Return this prover for another template of the same matrix, with shared projectors.
@@ -204,7 +229,7 @@ class Prover:
         active = self.template.yield_set.recession_active(labels)
         found = self._ray(point[: self._columns] / point[-1], active, labels)
         for share in _FAINT_SHARES:
-            if found.to_rounding:
+            if self.is_ray(found):
                 break
             # forces that are rounding of others are taken out, where the live load can do without them
             largest = abs(found.forces).max(axis=1)
@@ -224,12 +249,30 @@ class Prover:
         largest = abs(table).max(axis=1)
         slack = self.template.yield_set.recession_slack(table, labels)
         slack = np.where(largest > 0.0, slack / np.where(largest > 0.0, np.minimum(largest, 1.0), 1.0), slack)
-        met = self._magnitudes @ abs(forces) + abs(live)
-        # element by element: a moment that is zero may be rounding of forces times arms
-        met = np.minimum(_of_elements(met, table.shape[1]).max(axis=1, initial=0.0), 1.0)
-        gone = _of_elements(abs(left), table.shape[1]).max(axis=1, initial=0.0)
-        share = float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
+        share = self.imbalance(forces, live)
         return State(table, 1.0, float(slack.min()), max(_trusted(error, left, forces), share))
+
+    def imbalance(self, forces: Floats, load: Floats) -> float:
+        """Return the largest residual of A F + load, relative to what meets at its element.
+
+        Parameters
+        ----------
+        forces : (q·m,) float array
+            Forces F, scaled.
+        load : (q·free,) float array
+            Load on the elements, scaled.
+
+        Returns
+        -------
+        float
+            Residual over the largest number at its element where that is below 1, else the residual itself.
+        """
+        freedoms = self._everything.shape[1]
+        left, met = self.template.matrix @ forces + load, self._magnitudes @ abs(forces) + abs(load)
+        # Judge element by element: a moment that is zero may be rounding of forces times arms.
+        met = np.minimum(_of_elements(met, freedoms).max(axis=1, initial=0.0), 1.0)
+        gone = _of_elements(abs(left), freedoms).max(axis=1, initial=0.0)
+        return float((gone / np.where(met > 0.0, met, 1.0)).max(initial=0.0))
 
     def _nothing(self) -> State:
         """Return the state that proves no bound."""

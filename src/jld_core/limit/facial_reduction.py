@@ -33,7 +33,7 @@ from jld_core.limit.bounds import Motion, Prover, State
 from jld_core.program import ConicProgram, Template, pack
 from jld_core.solvers import ClarabelSolver, RawStatus
 
-_DENSE: Final = 4000  # Number of velocities up to which dense algebra is used.
+DENSE: Final = 4000  # Number of velocities up to which dense algebra is used.
 _ROUNDS: Final = 8  # Largest number of successive self-stresses.
 _ROUNDED: Final = 1e-9  # Allowed rounding of jumps per unit of live work, relative to the largest live load.
 # Slip, relative to the largest velocity, above which the direction of a ray is taken from the motion.
@@ -48,7 +48,7 @@ _LAST_DIGIT: Final = 16.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class _Reduced:
+class Reduced:
     """Rows of a program whose multipliers may differ from zero.
 
     linear: (k,) kept inequalities, as rows of the program. cones: indices of the kept cones.
@@ -94,7 +94,7 @@ class FacialReduction:
             Motion whose margin is not negative, up to rounding on faces without slack. None if none was found, or if
             the assembly is too large.
         """
-        if self.template.matrix.shape[0] > _DENSE:
+        if self.template.matrix.shape[0] > DENSE:
             return None
         # The sign of a live work that is zero up to the solver's residual decides the proof: make it exactly zero. Try
         # first with rays of the live load treated as self-stress.
@@ -110,26 +110,31 @@ class FacialReduction:
         """
         program = self.template.program(labels)
         columns = program.structure.shape[1] - (0 if loaded else 1)
-        for search in _SEARCHES if program.structure.cones else _SEARCHES[-1:]:
+        for search in SEARCHES if program.structure.cones else SEARCHES[-1:]:
             for reduced in _rounds(program, columns, search):
-                inside = motion_inside(_of_rows(program, reduced), columns)
+                inside = motion_inside(program_of_rows(program, reduced), columns)
                 if inside is None:
                     continue
                 step = self.prover.motion(inside, labels, normalise=False)
-                for given in (motion, self._solved(program, reduced, labels, normalise)):
-                    found = given and self._blended(given, step, program, reduced, labels, normalise, idle)
-                    if found:
-                        return found
+                # A motion that needs a large share of the step inside is a poor bound: try all, and keep the best.
+                tried = [
+                    given and self._blended(given, step, program, reduced, labels, normalise, idle, turned)
+                    for given in (motion, self._solved(program, reduced, labels, normalise))
+                    for turned in ((False, True) if reduced.rays else (False,))
+                ]
+                found = [one for one in tried if one is not None]
+                if found:
+                    return min(found, key=lambda one: one.bound)
         return None
 
-    def _solved(self, program: ConicProgram, reduced: _Reduced, labels: Bits, normalise: bool) -> Motion | None:
+    def _solved(self, program: ConicProgram, reduced: Reduced, labels: Bits, normalise: bool) -> Motion | None:
         """Solve the reduced program, which has an interior, for its mechanism; None without rays.
 
         Where a cone is reduced to one ray, the multipliers of the full program are accurate to half their digits only.
         """
         if not reduced.rays:
             return None
-        left = _of_rows(program, reduced, right=True)
+        left = program_of_rows(program, reduced, right=True)
         raw = ClarabelSolver(iterative_refinement_enable=True).solve(left)
         velocity = raw.dual[: self.template.matrix.shape[0]]
         size = float(abs(velocity).max())
@@ -155,15 +160,15 @@ class FacialReduction:
             States found, not necessarily admissible; empty if the assembly is too large or has no cones.
         """
         template = self.template
-        if template.matrix.shape[0] > _DENSE or not template.structure.cones:
+        if template.matrix.shape[0] > DENSE or not template.structure.cones:
             return []
         program = template.program(labels, _KEPT)
         columns, resultants = program.structure.shape[1] - 1, template.matrix.shape[1]
         found: list[State] = []
-        for search in _SEARCHES:
-            whole = _whole(program)
-            support = search(_of_rows(program, whole), columns)
-            reduced = support and _left_by(support, program, whole)
+        for search in SEARCHES:
+            whole = kept_rows(program)
+            support = search(program_of_rows(program, whole), columns)
+            reduced = support and reduced_by(support, program, whole)
             if support is None or not reduced or not reduced.rays:
                 continue
             stress = on_faces(program, support, np.zeros(program.structure.equalities), 0.0)
@@ -183,21 +188,23 @@ class FacialReduction:
         motion: Motion,
         step: Motion,
         program: ConicProgram,
-        reduced: _Reduced,
+        reduced: Reduced,
         labels: Bits,
         normalise: bool,
         idle: bool,
+        turned: bool,
     ) -> Motion | None:
         """Project a motion onto the jumps that the kept rows allow.
 
-        The result is moved inside these jumps just far enough.
+        The result is moved inside these jumps just far enough. turned: take the direction of rays from the slip.
         """
         live = self.template.live
         velocity = motion.velocity
-        for _ in range(3 if reduced.rays else 1):
+        for _ in range(3 if turned else 1):
             # Where faces slide, jumps stay on a curved cone: take Newton steps along its tangent at the present slip.
             jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
-            bases = self._allowed_jumps(program, reduced, jumps, float(abs(velocity).max()))
+            speed = float(abs(velocity).max()) if turned else np.inf
+            bases = self._allowed_jumps(program, reduced, jumps, speed)
             forbid = self._forbidden(bases)
             if idle:
                 forbid = np.vstack([forbid, live / np.linalg.norm(live)])
@@ -220,13 +227,11 @@ class FacialReduction:
                 return found
         return None
 
-    def _allowed_jumps(
-        self, program: ConicProgram, reduced: _Reduced, jumps: Floats, speed: float
-    ) -> dict[int, Floats]:
+    def _allowed_jumps(self, program: ConicProgram, reduced: Reduced, jumps: Floats, speed: float) -> dict[int, Floats]:
         """Return a basis (q, k) of the allowed jumps of each face with reduced rows.
 
         Reduced rows are removed or replaced by a ray. The bases are orthonormal.
-        jumps: (m, q) of the present motion. speed: its largest velocity.
+        jumps: (m, q) of the present motion. speed: its largest velocity; infinite: no face counts as sliding.
         """
         s, q = program.structure, self.template.assembly.freedoms
         yields = program.matrix.tocsr()
@@ -274,7 +279,7 @@ class FacialReduction:
         jumps = (self.prover.transposed @ velocity).reshape(len(labels), -1)
         # of each face: self-stress bounds no force here, so fast motions elsewhere excuse no closing jump
         met = (abs(self.prover.transposed) @ abs(velocity)).reshape(jumps.shape).max(axis=1)
-        noise = tolerances.ROUNDING * met + _LAST_DIGIT * max(float(abs(velocity).max()), 1.0)
+        noise = self.prover.exact * met + _LAST_DIGIT * max(float(abs(velocity).max()), 1.0)
         for face, basis in bases.items():
             snapped = basis @ (basis.T @ jumps[face])
             if abs(snapped - jumps[face]).max() > noise[face]:
@@ -285,24 +290,24 @@ class FacialReduction:
         sets = self.template.yield_set
         margin = sets.margin(jumps, labels)
         edge: Ints = np.array(sorted(bases), dtype=np.int64)
-        own = tolerances.ROUNDING * abs(jumps[edge]).max(axis=1)
+        own = self.prover.exact * abs(jumps[edge]).max(axis=1)
         margin[edge] = np.where(abs(margin[edge]) <= own, 0.0, margin[edge])
         bound = float(sets.dissipation(jumps, labels).sum() - self.template.dead @ velocity)
         return Motion(velocity, jumps, work, float(margin.min()), bound, self.prover.noise(velocity, bound))
 
 
-def _whole(program: ConicProgram) -> _Reduced:
-    """Return all rows except that of λ."""
+def kept_rows(program: ConicProgram) -> Reduced:
+    """Return all rows except that of λ, before any self-stress is found."""
     s = program.structure
-    return _Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
+    return Reduced(tips_of(s)[: s.linear - 1], tuple(range(len(s.cones))))
 
 
-def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[_Reduced]:
+def _rounds(program: ConicProgram, columns: int, search: _Search) -> list[Reduced]:
     """Return the rows kept after each successive self-stress, the last first."""
-    found = [_whole(program)]
+    found = [kept_rows(program)]
     for _ in range(_ROUNDS):
-        support = search(_of_rows(program, found[-1]), columns)
-        after = support and _left_by(support, program, found[-1])
+        support = search(program_of_rows(program, found[-1]), columns)
+        after = support and reduced_by(support, program, found[-1])
         if not after:
             break
         found.append(after)
@@ -316,7 +321,7 @@ def _projected(velocity: Floats, forbid: Floats, inverse: Floats) -> Floats:
     return velocity
 
 
-def _of_rows(program: ConicProgram, reduced: _Reduced, right: bool = False) -> ConicProgram:
+def program_of_rows(program: ConicProgram, reduced: Reduced, right: bool = False) -> ConicProgram:
     """Return the program of the kept rows, with rays as the last inequalities.
 
     Right-hand sides are zero, unless `right` keeps those of the program.
@@ -340,13 +345,13 @@ def _of_rows(program: ConicProgram, reduced: _Reduced, right: bool = False) -> C
     return pack(chosen @ program.matrix.tocsr(), rhs, program.objective, s.equalities, linear, sizes, s.places)
 
 
-def _leaning(program: ConicProgram, reduced: _Reduced, stress: Floats) -> ConicProgram:
+def _leaning(program: ConicProgram, reduced: Reduced, stress: Floats) -> ConicProgram:
     """Return the program of forces that are admissible with a large self-stress added.
 
     stress: (columns,) the self-stress. In a cone with R = stress on its boundary, along d: s (2 |R|) ≥ |V across d|², s
     = t − d·V.
     """
-    left = _of_rows(program, reduced, right=True)
+    left = program_of_rows(program, reduced, right=True)
     s, matrix, own = program.structure, program.matrix.tocsr(), left.structure
     rows, ends = [left.matrix.tocsr()], [left.rhs]
     last = own.equalities + own.linear - len(reduced.rays)
@@ -362,7 +367,7 @@ def _leaning(program: ConicProgram, reduced: _Reduced, stress: Floats) -> ConicP
     return pack(tall, np.concatenate(ends), program.objective, own.equalities, own.linear, sizes, own.places)
 
 
-def _left_by(found: LargestSupport, program: ConicProgram, reduced: _Reduced) -> _Reduced | None:
+def reduced_by(found: LargestSupport, program: ConicProgram, reduced: Reduced) -> Reduced | None:
     """Return the rows kept after a self-stress is found; None if they are unchanged."""
     sizes = [program.structure.cones[cone] for cone in reduced.cones]
     linear = len(reduced.linear) + len(reduced.rays)
@@ -382,7 +387,7 @@ def _left_by(found: LargestSupport, program: ConicProgram, reduced: _Reduced) ->
             rays[cone] = way
     if len(kept) == len(reduced.linear) and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
         return None
-    return _Reduced(kept, tuple(cones), rays)
+    return Reduced(kept, tuple(cones), rays)
 
 
 def _along_axes(program: ConicProgram, columns: int) -> LargestSupport | None:
@@ -402,7 +407,7 @@ def _plainly(program: ConicProgram, columns: int) -> LargestSupport | None:
 
 _Search = Callable[[ConicProgram, int], LargestSupport | None]
 """Function that finds a self-stress from a program and its number of columns."""
-_SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _plainly)
+SEARCHES: Final[tuple[_Search, ...]] = (polygonal_support, _along_axes, _plainly)
 """Searches for a self-stress in the order tried; programs without cones use the last one only."""
 
 

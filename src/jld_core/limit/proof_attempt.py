@@ -196,6 +196,16 @@ class ProofAttempt:
         return self._collapses and self._width(0.0) > self.analysis.gap
 
     @property
+    def wide_alone(self) -> bool:
+        """Return True if the bracket of a labelling solved alone leaves digits of λ open.
+
+        Where λ is in a wide bracket depends on the order of the elements. Searches do not need these digits.
+        """
+        analysis = self.analysis
+        small = not is_large(self.template.structure)
+        return analysis.single and small and self._collapses and self._width(analysis.floor) > tolerances.DIGITS
+
+    @property
     def _collapses(self) -> bool:
         """Return True if the status is collapse."""
         return self.proof.status is Status.COLLAPSE
@@ -257,7 +267,7 @@ class ProofAttempt:
             self._offer_instability(raw.dual)
         elif raw.status is RawStatus.UNBOUNDED:
             ray = self.prover.ray(raw.point, self.labels)
-            proof.ray = ray if ray.to_rounding else None
+            proof.ray = ray if self.prover.is_ray(ray) else None
         else:
             proof.guess = float(raw.point[-1])
             proof.offer_state(self.prover.state(raw.point, self.labels))
@@ -354,6 +364,16 @@ class ProofAttempt:
         self.proof.route.append("ray inside")
         self.proof.ray = self.repair.ray(self.labels)
 
+    def ray_beside_self_stress(self) -> None:
+        """Find a ray that a self-stress at the boundary of the friction cones makes admissible."""
+        self.proof.solves += 2
+        self.proof.route.append("ray beside self-stress")
+        self.proof.ray = self.repair.ray_beside_self_stress(self.labels)
+        if self.proof.ray is not None:
+            self.proof.notes.append(
+                "locked by forces that grow with the square of the load factor: friction of exactly 45° leaves no room"
+            )
+
     def lean(self) -> None:
         """Offer states that rely on a self-stress at the boundary of the friction cones."""
         self.proof.solves += 2
@@ -371,6 +391,15 @@ class ProofAttempt:
         The margin is ten times that of linear programs.
         """
         self._refined(tolerances.LINEAR.residual, 10.0 * tolerances.LINEAR.margin)
+
+    def narrow(self) -> None:
+        """Narrow a bracket by the most accurate solver of each kind of program."""
+        if self.linear:
+            self.vertex()
+        elif self.template.precision is tolerances.CRUSHING:
+            self.less_margin()
+        else:
+            self._refined(tolerances.LINEAR.residual, 0.0)
 
     def _refined(self, tolerance: float, margin: float) -> None:
         """Solve with refined linear systems and repair the answer.
@@ -431,6 +460,12 @@ FALLBACKS: Final = (
     Fallback("edge", lambda c: c.open_inside, ProofAttempt.edge, "a state where yield sets leave no room"),
     Fallback("ray", lambda c: c.grows, ProofAttempt.ray, "a ray where the solver stopped on its way to infinity"),
     Fallback(
+        "ray beside self-stress",
+        lambda c: c.grows and bool(c.template.structure.cones),
+        ProofAttempt.ray_beside_self_stress,
+        "a ray that is admissible beside a self-stress that grows faster",
+    ),
+    Fallback(
         "self-stress",
         lambda c: c.reduced,
         ProofAttempt.lean,
@@ -446,6 +481,7 @@ FALLBACKS: Final = (
     Fallback(
         "less margin", lambda c: c.crushed_wide, ProofAttempt.less_margin, "a narrower bracket of crushable scenes"
     ),
+    Fallback("narrow", lambda c: c.wide_alone, ProofAttempt.narrow, "digits of λ that a wide bracket leaves open"),
     Fallback("small λ", lambda c: c.wide_beside_load and c.linear, ProofAttempt.vertex, "whether λ is small or zero"),
 )
 """Solution methods that `LimitAnalysis.prove` tries by default, in order."""

@@ -34,7 +34,9 @@ def reason_of(status: Status, bracket: tuple[float, float], gap: float, asked: f
         return ""
     low, high = (math.isfinite(end) for end in bracket)
     lower = "no lower bound: no forces were found that balance the loads in every yield set, within rounding (1e-12)"
-    upper = "no upper bound: no mechanism was found whose jumps all faces allow, within rounding (1e-12)"
+    upper = (
+        f"no upper bound: no mechanism was found whose jumps all faces allow, within rounding ({tolerances.EXACT:.0e})"
+    )
     areas = extra.get("effective_area")
     if isinstance(areas, dict) and areas["fixed_point"] > tolerances.FIXED_POINT:
         least = tolerances.FIXED_POINT

@@ -26,6 +26,7 @@ from jld_core.limit.auxiliary_programs import (
 )
 from jld_core.limit.bounds import Motion, Prover, State, usable
 from jld_core.limit.facial_reduction import FacialReduction
+from jld_core.limit.self_stress import SelfStress
 from jld_core.program import Structure, Template
 from jld_core.solvers import RawSolution, auxiliary, is_large
 
@@ -33,8 +34,8 @@ _DENSE = 4000  # Number of velocities up to which equations are solved by dense 
 _LEAST_SLACK = 1e-5  # Slack, scaled, that every row can have at once if it can have any.
 _TIMES = (1.0, 10.0, 100.0)  # Factors on the velocity component along gravity, tried for a simple opening motion.
 # Bounds on the force of a ray, and slacks below which a row counts as tight, both scaled, in the order tried. Force 0:
-# solve by simplex and take the vertex without projection.
-_RAYS = ((0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
+# solve by simplex; slack 0: take the vertex without projection.
+_RAYS = ((0.0, 0.0), (0.0, 1e-5), (1e3, 1e-5), (1e2, 1e-4), (1e1, 1e-6))
 _SNAP = 1e-4  # Component of a direction on the boundary of a cone below which it is set to zero.
 _NO_FORCE = 1e-3  # Head of a cone, scaled, below which a point counts as the tip of the cone.
 _OPENS = 1e-6  # Margin, at speeds up to 1, above which a motion counts as opening.
@@ -246,7 +247,11 @@ class Repair:
         list of State
             States found, not necessarily admissible, see `FacialReduction.states`.
         """
-        return FacialReduction(self.template, self.prover).states(labels)
+        inside = self._deepest_answer(labels).point[: self.template.columns]
+        return [
+            *FacialReduction(self.template, self.prover).states(labels),
+            *SelfStress(self.prover, labels).states(inside),
+        ]
 
     # --- rays and self-stress ---------------------------------------------------------------------------
 
@@ -285,9 +290,25 @@ class Repair:
             whole = np.zeros(len(bears))
             whole[bears] = point[: int(bears.sum())]
             ray = self.prover.ray(np.append(whole, 1.0), labels)
-            if ray.to_rounding:
+            if self.prover.is_ray(ray):
                 return ray
         return None
+
+    def ray_beside_self_stress(self, labels: Bits) -> State | None:
+        """Find a ray that is admissible together with a self-stress that grows faster.
+
+        Parameters
+        ----------
+        labels : (m,) bool array
+            Labels, True = dry.
+
+        Returns
+        -------
+        State or None
+            Ray that holds to rounding, see `SelfStress.ray`; None where no proof is found.
+        """
+        inside = self.state(labels)
+        return None if inside is None or inside.slack < _OPENS else SelfStress(self.prover, labels).ray()
 
     # --- motions ----------------------------------------------------------------------------------------
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import scipy.sparse as sp
 
-from jld_core.arrays import Floats
+from jld_core import tolerances
+from jld_core.arrays import Floats, Ints
 from jld_core.assembly import Assembly
 from jld_core.geometry import moment_about
+
+_LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
+"""Rounding of a difference of two coordinates, relative to the larger one."""
 
 
 def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
@@ -28,7 +34,8 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
 
     Notes
     -----
-    Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (1.1), (1.2).
+    Source: Iannuzzo et al. 2024, eq. (2); docs/method.md (1.1), (1.2). Entries that are zero by construction are
+    exactly zero, see `_cleared`, so that the sparsity does not depend on units, position or order.
     """
     faces, elements, q, d = assembly.interfaces, assembly.elements, assembly.freedoms, assembly.dimension
     count = len(faces)
@@ -41,6 +48,7 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
         free = row_of[element] >= 0
         base = q * row_of[element[free]]
         arm = faces.origin[free] - elements.centroid[element[free]]
+        unit, least = np.ones(len(base)), _least_arm(assembly, element[free])
         for j in range(q):
             column = q * np.flatnonzero(free) + j
             block = np.zeros((len(base), q))
@@ -48,10 +56,12 @@ def equilibrium_matrix(assembly: Assembly) -> sp.csc_array:
                 along = directions[j][free]
                 block[:, :d] = along
                 block[:, d:] = moment_about(arm, along)
+                block = _cleared(block, unit, least)
             elif d == 2:
                 block[:, 2] = 1.0
             else:
                 block[:, 3:] = couples[j - d][free]  # type: ignore[index]
+                block = _cleared(block, unit, tolerances.ROUNDING * unit)
             rows.append((base[:, None] + np.arange(q)).ravel())
             columns.append(np.repeat(column, q))
             values.append((sign * block).ravel())
@@ -75,4 +85,29 @@ def load_vectors(assembly: Assembly) -> tuple[Floats, Floats]:
         Forces, then moments about the centroid, of each free element, scene units.
     """
     free = assembly.elements.free
-    return assembly.dead[free].ravel(), assembly.live[free].ravel()
+    vectors = []
+    for load in (assembly.dead[free], assembly.live[free]):
+        force = np.linalg.norm(load[:, : assembly.dimension], axis=1)
+        vectors.append(_cleared(load, force, force * _least_arm(assembly, free)).ravel())
+    return vectors[0], vectors[1]
+
+
+def _cleared(block: Floats, force: Floats, moment: Floats) -> Floats:
+    """Set forces and moments (k, q) to zero where they are rounding of a force.
+
+    force: (k,) size of the force. moment: (k,) moment below which the moment of that force is rounding.
+    """
+    d = 2 if block.shape[1] == 3 else 3
+    least = np.repeat(np.column_stack([tolerances.ROUNDING * force, moment]), [d, block.shape[1] - d], axis=1)
+    return np.where(abs(block) <= least, 0.0, block)
+
+
+def _least_arm(assembly: Assembly, element: Ints) -> Floats:
+    """Return the arm (k,) below which a lever arm about the centroid of an element is rounding.
+
+    It is `ROUNDING` times the radius of the element, or the last digits of its coordinates if those are larger.
+    """
+    lower, upper = assembly.elements.lower[element], assembly.elements.upper[element]
+    radius = 0.5 * np.linalg.norm(upper - lower, axis=1)
+    digits = _LAST_DIGITS * np.maximum(abs(lower), abs(upper)).max(axis=1, initial=0.0)
+    return np.asarray(np.maximum(tolerances.ROUNDING * radius, digits))

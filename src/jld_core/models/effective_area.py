@@ -266,7 +266,7 @@ def ray_under_own_areas(analysis: LimitAnalysis, labels: Bits, ray: State | None
         areas = areas_under(analysis.assembly, ray.forces, labels)
         frozen = analysis.under(frozen_areas(analysis.template, areas), labels)
         own = frozen.prover.ray(np.append(ray.forces.ravel(), 1.0), labels)
-        if own.to_rounding and change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME:
+        if analysis.prover.is_ray(own) and change(areas, areas_under(analysis.assembly, own.forces, labels)) <= _SAME:
             return own
         ray = frozen.repair.ray(labels)
     return None

@@ -6,9 +6,9 @@ minimise  q·y   subject to   M y + s = r,   s in {0} × R₊ × second-order co
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import scipy.sparse as sp
@@ -106,6 +106,19 @@ def pack(
     return ConicProgram(structure, np.asarray(matrix.data, dtype=float), rhs, objective)
 
 
+_SHARED_BITS: Final = 43
+"""Leading bits of a number that scenes share if they differ by units alone.
+
+With 42 bits all of 180 programs of random scenes are the same in other units, with 44 bits 97 % of them.
+"""
+
+
+def _round(values: Floats) -> Floats:
+    """Round to `_SHARED_BITS` bits, by Veltkamp's splitting."""
+    high = (2.0 ** (53 - _SHARED_BITS) + 1.0) * values
+    return np.asarray(high - (high - values))
+
+
 @dataclass(frozen=True)
 class ConicProgram:
     """Numbers of one conic program.
@@ -126,6 +139,15 @@ class ConicProgram:
     data: Floats
     rhs: Floats
     objective: Floats
+
+    @cached_property
+    def rounded(self) -> ConicProgram:
+        """This program with M and r rounded to `_SHARED_BITS` bits, as solvers see it.
+
+        A solver's path, and with it the last digits of its answer, then depends neither on units nor on the order of a
+        sum. What is proven from that answer is computed from the numbers as they are.
+        """
+        return replace(self, data=_round(self.data), rhs=_round(self.rhs))
 
     @cached_property
     def matrix(self) -> sp.csc_array:

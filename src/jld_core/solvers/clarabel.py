@@ -91,7 +91,7 @@ class ClarabelSolver(Solver):
     def prepare(self, structure: Structure, reference: Callable[[], ConicProgram]) -> None:
         """Set up on the reference program if the structure is new."""
         if self._structure is not structure:
-            program = reference()
+            program = reference().rounded
             self._set_up(program, program.objective)
 
     def solve(self, program: ConicProgram, centre: Floats | None = None) -> RawSolution:
@@ -110,6 +110,7 @@ class ClarabelSolver(Solver):
             Unverified solution.
         """
         start = time.perf_counter()
+        program = program.rounded
         objective = program.objective
         if self._proximal is not None and centre is not None:
             count, weight = self._proximal

@@ -63,6 +63,7 @@ class HighsSolver(Solver):
         s = program.structure
         self.require(s)
         start = time.perf_counter()
+        program = program.rounded
         free = np.full(s.shape[1], np.inf)
         lower = np.full(s.shape[0], -np.inf)
         lower[: s.equalities] = program.rhs[: s.equalities]

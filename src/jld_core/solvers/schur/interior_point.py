@@ -62,6 +62,7 @@ class SchurSolver(Solver):
     def solve(self, program: ConicProgram) -> RawSolution:
         """Solve a program; analyse its structure if it differs from that of the previous one."""
         start = time.perf_counter()
+        program = program.rounded
         if self._system is None or self._structure is not program.structure:
             self._system = SchurSystem(program.structure)
             self._structure = program.structure

@@ -1,0 +1,230 @@
+"""Forces beside self-stresses that may be as large as they need to be (docs/method.md (3.14a)).
+
+At friction of exactly 45° a self-stress R may lie on the boundary of friction cones. With t R added, t large, such a
+cone restricts other forces to the half-space that touches it along R: |V across|²/(2 t |R|) ≤ slack. Rows in which R
+has slack do not restrict other forces. The rows that are left may have a self-stress of their own, and so on. In them
+
+- a ray carries every λ, by forces that grow with a power of λ: no ray (3.14) may exist
+- forces with slack prove a lower bound on λ, which is reached by no forces of a given size
+
+Every self-stress and every row that it removes is checked here.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jld_core.arrays import Bits, Floats
+from jld_core.limit.auxiliary_programs import largest_support, on_faces, polygonal_support
+from jld_core.limit.bounds import Prover, State, usable
+from jld_core.limit.facial_reduction import DENSE, SEARCHES, Reduced, kept_rows, program_of_rows
+from jld_core.program import ConicProgram
+from jld_core.solvers import ClarabelSolver
+
+_ROUNDS: Final = 4  # Largest number of successive self-stresses.
+_STRICT: Final = 1e-6  # Slack, relative to the largest force of a vector, that is no rounding.
+_SNAP: Final = 1e-4  # Component of a direction on the boundary of a cone below which it is set to zero.
+_LEFT: Final = 2e-9  # Slack of a state in all rows that are left, scaled.
+_ACCURACIES: Final = ((1e-9, 2e-8), (1e-12, 4e-9))  # Residual to reach, and slack to keep while solving, in turn.
+_CALM: Final = 1e-10  # Weight of |F|² next to λ, scaled; without it forces may grow along a self-stress.
+_TIMES: Final = np.logspace(0.0, 14.0, 57)  # Factors of a self-stress, scaled, tried in turn.
+_LAST_DIGITS: Final = 4.0 * float(np.finfo(float).eps)
+_RAYS: Final = ((0.0, 1e-5), (0.0, 0.0), (1e3, 1e-5), (1e2, 1e-4))
+"""Bounds on the forces, scaled, and slacks below which a row counts as tight, in the order tried; 0: by simplex."""
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """Self-stresses found so far, (columns,) each, the rows of each before it, and the rows that are left."""
+
+    stresses: tuple[Floats, ...]
+    before: tuple[Reduced, ...]
+    left: Reduced
+
+
+@dataclass(frozen=True)
+class _Room:
+    """Position of a vector in rows: slack (k,) of linear ones, heads (c,) and tails (c, 2) of cones."""
+
+    linear: Floats
+    head: Floats
+    tail: Floats
+
+    @property
+    def inside(self) -> Floats:
+        """Slack (c,) of each cone."""
+        return np.asarray(self.head - np.linalg.norm(self.tail, axis=1))
+
+    @property
+    def least(self) -> float:
+        """Least slack of all rows."""
+        return float(min(self.linear.min(initial=np.inf), self.inside.min(initial=np.inf)))
+
+
+class SelfStress:
+    """Rays and states of one labelling beside large self-stresses.
+
+    Parameters
+    ----------
+    prover : Prover
+        Checks forces of one assembly in space.
+    labels : (m,) bool array
+        Labels, True = dry.
+    """
+
+    def __init__(self, prover: Prover, labels: Bits) -> None:
+        self.prover, self.labels = prover, labels
+        self.template = prover.template
+        self.program = self.template.program(labels)
+        self.columns = self.program.structure.shape[1] - 1
+        small = self.template.matrix.shape[0] <= DENSE and set(self.program.structure.cones) == {3}
+        self.stages = list(self._reduced())[::-1] if small else []
+
+    def ray(self) -> State | None:
+        """Find a ray that is admissible beside self-stresses that grow faster.
+
+        Returns
+        -------
+        State or None
+            R₁ with A R₁ + b_λ = 0, its slack measured in the rows that the self-stresses leave; None where no proof is
+            found. It proves every λ above that of a state with positive slack in all yield sets.
+        """
+        for stage in self.stages:
+            left = program_of_rows(self.program, stage.left)
+            for largest, least in _RAYS:
+                target = -self.template.live
+                found = (
+                    largest_support(left, self.columns, target, largest)
+                    if largest
+                    else polygonal_support(left, self.columns, target)
+                )
+                if found is None:
+                    continue
+                ray = _cleared(on_faces(left, found, target, _SNAP, least) if least else found.point)
+                size = min(1.0, float(abs(ray).max()) or 1.0)
+                forces = ray[: self.template.matrix.shape[1]]
+                slack = min(0.0, _room(left, ray).least) / size
+                state = State(self._table(forces), 1.0, slack, self.prover.imbalance(forces, self.template.live))
+                if self.prover.is_ray(state):
+                    return state
+        return None
+
+    def states(self, inside: Floats) -> Iterator[State]:
+        """Find states of large λ whose self-stresses are as large as their slack asks.
+
+        Parameters
+        ----------
+        inside : (columns + 1,) float array
+            Forces with slack in every yield set, further variables, and λ as the last entry, scaled.
+
+        Yields
+        ------
+        State
+            Admissible state. Its error is that of its large forces: the exact forces next to them are admissible.
+        """
+        resultants = self.template.matrix.shape[1]
+        inner = self._balanced(inside)
+        for stage, (tolerance, kept) in itertools.product(self.stages, _ACCURACIES):
+            stated = program_of_rows(self.template.program(self.labels, kept), stage.left, right=True)
+            outer = self._balanced(ClarabelSolver(tolerance, proximal=(resultants, _CALM)).solve(stated).point)
+            if inner is None or outer is None:
+                continue
+            point = _blended(program_of_rows(self.program, stage.left, right=True), outer[0], inner[0])
+            forces = None if point is None else self._with_stresses(point, stage)
+            error = max(inner[1], outer[1])
+            if point is not None and forces is not None and error <= 1e-3 * _LEFT:
+                error = max(error, _LAST_DIGITS * float(abs(forces).max()))
+                yield State(self._table(forces[:resultants]), float(point[-1]), 2.0 * error, error)
+
+    def _balanced(self, point: Floats) -> tuple[Floats, float] | None:
+        """Project forces onto equilibrium, further variables left as they are; return them with the error left."""
+        if not usable(point):
+            return None
+        resultants = self.template.matrix.shape[1]
+        state = self.prover.state(np.append(point[:resultants], point[-1]), self.labels, 3)
+        return np.concatenate([state.forces.ravel(), point[resultants : self.columns], [state.load]]), state.error
+
+    def _table(self, forces: Floats) -> Floats:
+        """Return resultants (m, q) from (q·m,)."""
+        return forces.reshape(len(self.labels), -1)
+
+    def _with_stresses(self, point: Floats, stage: _Stage) -> Floats | None:
+        """Add each self-stress, the last first, so large that the rows before it hold; None if none is large enough."""
+        for stress, before in zip(stage.stresses[::-1], stage.before[::-1], strict=True):
+            rows = program_of_rows(self.program, before, right=True)
+            for times in _TIMES:
+                tried = point + times * np.append(stress, 0.0)
+                if _room(rows, tried).least >= -_LAST_DIGITS * float(abs(tried).max()):
+                    point = tried
+                    break
+            else:
+                return None
+        return point
+
+    def _reduced(self) -> Iterator[_Stage]:
+        """Reduce the rows by one self-stress after the other; yield what is left each time."""
+        stage = _Stage((), (), kept_rows(self.program))
+        for _ in range(_ROUNDS):
+            for search in SEARCHES[:2]:
+                left = program_of_rows(self.program, stage.left)
+                support = search(left, self.columns)
+                if support is None:
+                    continue
+                stress = _cleared(on_faces(left, support, np.zeros(left.structure.equalities), _SNAP))
+                after = self._left_by(stress, left, stage.left)
+                if after is not None:
+                    stage = _Stage((*stage.stresses, stress), (*stage.before, stage.left), after)
+                    if after.rays:
+                        yield stage
+                    break
+            else:
+                return
+
+    def _left_by(self, stress: Floats, left: ConicProgram, reduced: Reduced) -> Reduced | None:
+        """Return the rows that a self-stress leaves; None if it is none, or leaves all."""
+        room, size = _room(left, stress), float(abs(stress).max())
+        exact = self.prover.exact * max(1.0, size)
+        balance = self.prover.imbalance(stress[: self.template.matrix.shape[1]], np.zeros_like(self.template.live))
+        if balance > self.prover.exact * max(1.0, size) or room.least < -exact:
+            return None
+        strict = _STRICT * size
+        count = len(reduced.linear)
+        kept = reduced.linear[room.linear[:count] <= strict]
+        tight = room.linear[count:] <= strict
+        rays = {cone: way for (cone, way), holds in zip(reduced.rays.items(), tight, strict=True) if holds}
+        cones = []
+        for cone, head, tail, slack in zip(reduced.cones, room.head, room.tail, room.inside, strict=True):
+            if head > strict and slack <= strict:
+                rays[cone] = tail / np.linalg.norm(tail)
+            elif head <= strict:
+                cones.append(cone)
+        if len(kept) == count and len(cones) == len(reduced.cones) and len(rays) == len(reduced.rays):
+            return None
+        return Reduced(kept, tuple(cones), rays)
+
+
+def _cleared(point: Floats) -> Floats:
+    """Set entries to zero that are last digits of the largest one, as in elements that bear nothing."""
+    return np.where(abs(point) <= _LAST_DIGITS * abs(point).max(initial=0.0), 0.0, point)
+
+
+def _blended(rows: ConicProgram, outer: Floats, inner: Floats) -> Floats | None:
+    """Move a point towards an inner one until all rows have the slack `_LEFT`; None if the inner one has less."""
+    out, within = _room(rows, outer).least, _room(rows, inner).least
+    if within <= _LEFT:
+        return None
+    share = max(0.0, (_LEFT - out) / (within - out))
+    return (1.0 - share) * outer + share * inner
+
+
+def _room(program: ConicProgram, point: Floats) -> _Room:
+    """Return the position of a vector in all rows but that of λ; a shorter vector: without its last columns."""
+    s = program.structure
+    values = program.rhs - program.matrix.tocsr()[:, : len(point)] @ point
+    tails = [values[s.heads + k] for k in (1, 2)] if s.cones else [np.zeros(0)] * 2
+    return _Room(values[s.equalities + 1 : s.equalities + s.linear], values[s.heads], np.column_stack(tails))
