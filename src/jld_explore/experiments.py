@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -56,8 +56,6 @@ class Experiments:
         Number of processes.
     deadline : Deadline
         Time after which no experiment is begun.
-    say : callable or None
-        Function for messages; unused at present.
     rows : dict of str to dict
         Results by the text of the labelling.
     """
@@ -66,7 +64,6 @@ class Experiments:
     folder: Path
     jobs: int = 1
     deadline: Deadline = field(default_factory=Deadline)
-    say: Callable[[str], None] | None = None
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -13,7 +13,9 @@ import pytest
 from cases import grid_document
 from command import call
 from jld_core import InputError, Status, build_assembly, parse_scene, solve
-from jld_core.limit import CaseRelaxation, Known, LimitAnalysis, Relaxation, governing
+from jld_core.errors import SolverError
+from jld_core.limit import CaseRelaxation, Known, LimitAnalysis, Relaxation, SolveOptions, governing
+from jld_core.models import require_model
 from jld_core.program import Template
 
 ROWS = ["aab", "cbb", "###"]
@@ -133,3 +135,19 @@ def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     checked = call(monkeypatch, capsys, "check", file).out
     assert "live load l" in checked
     assert "symmetries" in checked
+
+
+def test_every_case_is_asked_whether_the_solver_takes_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the first load case was asked before the work began."""
+    cases = [{"name": "right", "live": RIGHT}, {"name": "left", "live": LEFT}]
+    assembly = build_assembly(parse_scene(document(cases)))
+    asked: list[Any] = []
+
+    def refuse_second(_: Any, structure: Any) -> None:
+        asked.append(structure)
+        if len(asked) > 1:
+            raise SolverError("the second case is too much")
+
+    monkeypatch.setattr("jld_core.solvers.highs.HighsSolver.require", refuse_second)
+    with pytest.raises(InputError, match="--solver: the second case is too much"):
+        require_model(assembly, SolveOptions(solver="highs"), assembly.labels)

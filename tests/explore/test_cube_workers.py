@@ -24,8 +24,11 @@ from jld_core.build import build_assembly
 from jld_core.scene import Scene, parse_scene
 from jld_explore import ExploreSettings, Progress, explore
 from jld_explore.drivers import Exact, Formula, certify
+from jld_explore.drivers.exact.cube_workers import CubeWorkers
 from jld_explore.drivers.exact.cubes import EVERYTHING, split_cube
 from jld_explore.drivers.exact.minimum_count import MinimumCount
+from jld_explore.drivers.exact.proof_state import ProofState
+from jld_explore.drivers.exact.worker_tasks import TaskResult
 from jld_explore.report import Exploration
 from jld_explore.space import search_space
 from jld_explore.verification import verify
@@ -155,6 +158,32 @@ def test_what_is_closed_is_on_record_and_spares_the_search(tmp_path: Path, monke
     assert again.summary["bound"] == pytest.approx(whole.summary["bound"], rel=1e-9)
     certify(driver, scene, tmp_path / "proof.jld", None)
     assert verify(tmp_path / "proof.jld", scene).claim.bound == pytest.approx(whole.summary["best"], rel=2e-6)
+
+
+def test_workers_are_at_work_once_one_has_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A target that changes sends a second task to a process that still starts; nobody must wait for that process."""
+    held: list[tuple[Future[Any], tuple[Any, ...]]] = []
+
+    class Starting(ThreadPoolExecutor):
+        def submit(self, *task: Any) -> Future[Any]:  # type: ignore[override]
+            held.append((Future(), task))
+            return held[-1][0]
+
+    monkeypatch.setattr("jld_explore.evaluation.worker_pool._process", lambda: Starting(1))
+    scene = scene_of([*["aaaa"] * 3, "####"], WEAK)
+    space = search_space(scene, build_assembly(scene))
+    formula = Formula(space, None)
+    formula.aim(0.0)
+    workers = CubeWorkers(space, None, space.candidates, 0, 2, ProofState(space))
+    for _ in range(2):
+        workers.begin(formula, None, 0.0)
+        workers.pump()
+    assert max(told.orders for told in workers._told.values()) > 1
+    assert not workers.at_work
+    held[0][0].set_result(TaskResult())
+    workers.pump()
+    assert workers.at_work
+    workers.close(0.0)
 
 
 def test_parts_of_a_cube_are_all_of_it() -> None:

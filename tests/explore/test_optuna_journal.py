@@ -8,10 +8,15 @@ import optuna
 import pytest
 from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
+from optuna.trial import TrialState
 
+from jld_core.build import build_assembly
+from jld_core.limit import Status
 from jld_core.scene import parse_scene
 from jld_explore import ExploreSettings, explore
-from jld_explore.drivers.optuna import FILE
+from jld_explore.drivers.optuna import FILE, Optuna
+from jld_explore.evaluation import Evaluation
+from jld_explore.space import search_space
 
 SCENE = {
     "grid": {"cell": [1, 1], "thickness": 1, "rows": ["aab", "ccb", "###"]},
@@ -54,3 +59,15 @@ def test_a_damaged_journal_is_written_again(content: bytes, tmp_path: Path) -> N
     (tmp_path / "a" / FILE).write_bytes(content)
     searched(tmp_path / "a", 20)
     assert trials(tmp_path / "a") == trials(tmp_path / "whole")
+
+
+def test_every_trial_of_a_class_is_finished() -> None:
+    """Trials of a class that were asked for while another of it was evaluated stayed running for ever."""
+    scene = parse_scene(SCENE)
+    space = search_space(scene, build_assembly(scene))
+    driver = Optuna(space, 0, size=16)  # few classes: many trials propose one that is waiting
+    rows = driver.propose()
+    waiting = driver._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+    assert len(waiting) > len(driver._waiting)
+    driver.tell(rows, [Evaluation(Status.COLLAPSE, 1.0, 1.0, 1.0)] * len(rows))
+    assert driver._study.get_trials(deepcopy=False, states=(TrialState.RUNNING,)) == []

@@ -137,7 +137,7 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
     Parameters
     ----------
     assembly : Assembly
-        Assembly to be solved. The first load case stands for all of them.
+        Assembly to be solved, with all its load cases.
     options : SolveOptions
         Options to check. Only effective areas and a solver other than "auto" can fail.
     dry : (m,) bool array
@@ -152,11 +152,12 @@ def require_model(assembly: Assembly, options: SolveOptions, dry: Bits) -> None:
         require_rectangles(assembly, dry)
     if options.solver == "auto":
         return
-    analysis = limit_analysis(assembly.by_case[0], options)
-    try:
-        analysis.route.require(analysis.template.structure)
-    except SolverError as error:
-        raise InputError("--solver", str(error), "a solver that takes this scene") from None
+    for case in assembly.by_case:
+        analysis = limit_analysis(case, options)
+        try:
+            analysis.route.require(analysis.template.structure)
+        except SolverError as error:
+            raise InputError("--solver", str(error), "a solver that takes this scene") from None
 
 
 def solve_labelling(

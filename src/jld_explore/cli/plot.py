@@ -46,8 +46,7 @@ def plot_command(
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
         if kind == "html":
-            page = write_report(done, out)
-            written = [] if page is None else [page]
+            written = [write_report(done, out)]
         else:
             written = write_pictures(done, kind, out)[0]
         for path in written:

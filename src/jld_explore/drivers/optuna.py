@@ -204,16 +204,16 @@ class Optuna(Searcher):
         return np.concatenate(rows)
 
     def tell(self, labellings: Bits, evaluations: Sequence[Evaluation]) -> None:
-        """Finish the first waiting trial of each labelling, or add a trial if none waits."""
+        """Finish all waiting trials of each labelling, or add a trial if none waits."""
         if not len(labellings):
             return
         values = objectives(self.space, labellings, evaluations)[:, : self.aims].tolist()
         for key, labels, found, value in zip(keys(labellings), labellings, evaluations, values, strict=True):
             self._known[key] = found, value
-            for trial in self._waiting.pop(key, []):
+            trials = self._waiting.pop(key, [])
+            for trial in trials:
                 self._finish(trial, key, labels)
-                break
-            else:
+            if not trials:
                 self._add(labels, found, value)
         self._copy.write()
 

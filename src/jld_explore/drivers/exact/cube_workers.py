@@ -60,11 +60,12 @@ _DEATHS: Final = (BrokenExecutor, CancelledError, OSError)
 
 @dataclass
 class _WorkerState:
-    """Numbers of tasks, conflicts and handed-over labellings that a worker has received."""
+    """Numbers of tasks, conflicts and handed-over labellings that a worker has received, and of its results."""
 
     orders: int = 0
     conflicts: int = 0
     passed: int = 0
+    results: int = 0
 
 
 @dataclass(frozen=True)
@@ -135,11 +136,8 @@ class CubeWorkers:
 
     @property
     def at_work(self) -> bool:
-        """Whether any worker has received more than one task.
-
-        With several workers the second task usually follows the first answer, so the worker has started.
-        """
-        return any(told.orders > 1 for told in self._told.values())
+        """Whether any worker has returned a result, so that it has started."""
+        return any(told.results > 0 for told in self._told.values())
 
     @property
     def expected(self) -> bool:
@@ -286,6 +284,8 @@ class CubeWorkers:
             self._return(one)
             self._told.pop(one.seat.name, None)
             return
+        if one.seat.name in self._told:
+            self._told[one.seat.name].results += 1
         self.solves += answer.solves
         self.moments.append(answer.seconds)
         new = self._state.hand_over(answer.unrefuted) + self._state.add_conflicts(answer.conflicts)
