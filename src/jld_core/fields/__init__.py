@@ -9,6 +9,7 @@
 - `Velocities`: a certified velocity field
 - `bounds_by_fields`: bounds on λ of one labelling
 - `material_of`: the material of the blocks of an assembly
+- `require_fields`: refuse an assembly that fields cannot bound
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 from jld_core.fields.bounds import FieldBounds, FieldStatus, FieldStep, Stresses, Velocities, bounds_by_fields
 from jld_core.fields.material import Material, material_of
 from jld_core.fields.mesh import Mesh
+from jld_core.fields.requirements import require_fields
 
 __all__ = [
     "FieldBounds",
@@ -27,4 +29,5 @@ __all__ = [
     "Velocities",
     "bounds_by_fields",
     "material_of",
+    "require_fields",
 ]

@@ -17,6 +17,7 @@ from jld_core.fields.lower import LowerBound, StressField
 from jld_core.fields.material import material_of
 from jld_core.fields.mesh import Mesh, refine, subdivide
 from jld_core.fields.problem import Problem, problem_of, units_of
+from jld_core.fields.requirements import require_labels, require_planar
 from jld_core.fields.upper import UpperBound, VelocityField
 
 _MOST_TRIANGLES = 20_000
@@ -234,8 +235,8 @@ def _finer(
 
 
 def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, patch: float | None) -> Bits:
-    if assembly.dimension != 2:
-        raise InputError("cracks", "fields are for planar scenes, and this one is spatial", "cracks by faces")
+    """Return the labels; raise InputError for what cannot be bounded."""
+    require_planar(assembly)
     if len(assembly.cases) > 1:
         raise InputError("loads.cases", "fields take one load case", "one of Assembly.by_case")
     if not gap > 0.0:
@@ -244,13 +245,7 @@ def _require(assembly: Assembly, labels: Bits | None, gap: float, parts: int, pa
         raise InputError("patch", f"{patch:g} is wrong", "a length above 0")
     if parts < 1:
         raise InputError("parts", f"{parts} is wrong", "a whole number of at least 1")
-    given = np.asarray(assembly.labels if labels is None else labels)
-    if given.shape != (len(assembly.interfaces),) or given.dtype != bool:
-        raise InputError("labels", f"shape {given.shape} of {given.dtype}", f"({len(assembly.interfaces)},) of bool")
-    missing = np.flatnonzero(given & np.isnan(assembly.strengths.friction))
-    if missing.size:
-        raise InputError("materials.dry", f"face {assembly.pair(int(missing[0]))} is dry", "a friction coefficient")
-    return given
+    return require_labels(assembly, labels)
 
 
 class _Best:
