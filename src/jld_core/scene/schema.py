@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from jld_core.errors import InputError
 from jld_core.scene.complaints import first_complaint
-from jld_core.scene.cracks import FORMS, CellCracks, CrackModel, FieldCracks, cracks_by_kind
+from jld_core.scene.cracks import FORMS, CrackModel, cracks_by_kind
 from jld_core.scene.part import Angle, LabelName, NonNegative, Pair, Part, Positive, PositiveValue, Value, Vector
 from jld_core.scene.search import Labels, Search
 

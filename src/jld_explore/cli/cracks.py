@@ -70,7 +70,7 @@ def rigid_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembl
 
 
 def of_cells(scene: Scene, assembly: Assembly, labels: Bits) -> tuple[Assembly, Bits]:
-    """Return assembly and labels with which a labelling is solved: those of the finer cells where cracks are by cells."""
+    """Return assembly and labels with which a labelling is solved, of finer cells where cracks are by cells."""
     if not isinstance(scene.cracks, CellCracks):
         return assembly, labels
     cells = crack_cells(scene, assembly, scene.cracks.cell)
